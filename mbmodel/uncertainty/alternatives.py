@@ -4,7 +4,8 @@ The density of a magnitude is a mixture of normal ones, one for each alternative
 
     P(|H| <= m) = sum_i w_i Phi((m - |H_i|) / s_i),
 
-with the probability w_i of the alternative, its FRF H_i and its standard deviation s_i. Its 2.5 and
+with the probability w_i of the alternative, its FRF H_i and its standard deviation s_i: below |H_i|
+that of the magnitude, above it that which gives the upper end of its own interval. The 2.5 and
 97.5 % quantiles are the ends of the interval, found by bisection.
 """
 
@@ -14,7 +15,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from identification.words import Real, UsageError
-from mbmodel.uncertainty.frf_bands import FrfBands
+from mbmodel.uncertainty.frf_bands import NORMAL_QUANTILE_95, FrfBands
 
 _LOW_PROBABILITY, _HIGH_PROBABILITY = 0.025, 0.975
 _WIDEST_SIGMA = 10.0  # beyond which no density is left
@@ -43,22 +44,24 @@ class AlternativePlants:
     def magnitude_interval(self) -> tuple[Real, Real]:
         """Return both ends of the 95 % interval of |H|; (n_freq, n_out, n_in) each."""
         sizes = np.array([np.abs(band.values) for band in self.bands])
-        spreads = np.array([band.magnitude_deviation for band in self.bands])
+        below = np.array([band.magnitude_deviation for band in self.bands])
+        upper = np.array([band.magnitude_interval()[1] for band in self.bands])
+        above = (upper - sizes) / NORMAL_QUANTILE_95
         return (
-            self._quantile(sizes, spreads, _LOW_PROBABILITY),
-            self._quantile(sizes, spreads, _HIGH_PROBABILITY),
+            self._quantile(sizes, below, above, _LOW_PROBABILITY),
+            self._quantile(sizes, below, above, _HIGH_PROBABILITY),
         )
 
-    def _quantile(self, sizes: Real, spreads: Real, probability: float) -> Real:
+    def _quantile(self, sizes: Real, below: Real, above: Real, probability: float) -> Real:
         """Return a quantile of the mixture, at least zero."""
-        low = (sizes - _WIDEST_SIGMA * spreads).min(axis=0)
-        high = (sizes + _WIDEST_SIGMA * spreads).max(axis=0)
-        units = np.where(spreads > 0, spreads, np.finfo(float).tiny)
+        low = (sizes - _WIDEST_SIGMA * below).min(axis=0)
+        high = (sizes + _WIDEST_SIGMA * above).max(axis=0)
         for _ in range(_BISECTIONS):
             middle = (low + high) / 2
+            units = np.maximum(np.where(middle < sizes, below, above), np.finfo(float).tiny)
             with np.errstate(over="ignore"):
-                below = np.tensordot(self.weights, ndtr((middle - sizes) / units), 1)
-            low = np.where(below < probability, middle, low)
-            high = np.where(below < probability, high, middle)
+                share = np.tensordot(self.weights, ndtr((middle - sizes) / units), 1)
+            low = np.where(share < probability, middle, low)
+            high = np.where(share < probability, high, middle)
         quantile: Real = np.maximum((low + high) / 2, 0.0)
         return quantile

@@ -11,10 +11,10 @@ REQUEST = FrfRequest(
 )
 
 
-def bands(sizes, deviations):
+def bands(sizes, deviations, across=0.0):
     values = np.array(sizes, complex)[:, None, None]
     deviation = np.array(deviations)[:, None, None]
-    return FrfBands(REQUEST, values, deviation, deviation, 0 * deviation)
+    return FrfBands(REQUEST, values, deviation, across * deviation, 0 * deviation)
 
 
 def test_the_interval_is_that_of_samples_of_the_mixture():
@@ -33,13 +33,13 @@ def test_the_interval_is_that_of_samples_of_the_mixture():
 
 
 def test_a_certain_plant_has_its_own_interval():
-    single = bands([10.0, 5.0], [0.5, 0.1])
+    single = bands([10.0, 5.0], [0.5, 0.1], across=3.0)
     plants = AlternativePlants(("a", "b"), np.array([1.0, 0.0]), (single, bands([90, 80], [1, 1])))
     for mixed, alone in zip(plants.magnitude_interval(), single.magnitude_interval(), strict=True):
         np.testing.assert_allclose(mixed, alone, rtol=1e-6)
 
 
 def test_weights_are_probabilities():
-    single = bands([10.0, 5.0], [0.5, 0.1])
+    single = bands([10.0, 5.0], [0.5, 0.1], across=3.0)
     with pytest.raises(UsageError, match="sum one"):
         AlternativePlants(("a", "b"), np.array([0.9, 0.9]), (single, single))

@@ -59,7 +59,7 @@ def test_a_planted_leak_is_found(campaigns, planted):
         if planted == "averages" and missing == "nothing":
             one["test 0 averages"] += 1
         if planted == "name":
-            one["name 1"] = one["name 1"] + (missing == "nothing")
+            one["name 0"] = one["name 0"] + (missing == "nothing")
         leaking.append(one)
     found = seen(leaking, [one[1] for one in campaigns], [one[3] for one in campaigns])
     assert found.low > found.chance

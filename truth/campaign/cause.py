@@ -155,8 +155,8 @@ def _with_parameter(effect: Effect, name: str, value: float) -> Effect | None:
     """Return the effect at the size at which its answer has a parameter; None if none has it."""
 
     def off(logarithm: float) -> float:
-        stated = effect.sized(float(np.exp(logarithm))).answer().parameters[name]
-        return float(np.linalg.norm(np.asarray(stated))) - value  # of a vector its length
+        stated = np.asarray(effect.sized(float(np.exp(logarithm))).answer().parameters[name])
+        return float(np.linalg.norm(stated) if stated.ndim else stated) - value  # a vector's length
 
     if effect.limits is None:
         return None

@@ -142,8 +142,8 @@ def _results():
     )
     write_case(
         "files/campaign_as_model",
-        "a folder where a model is due",
-        "exit 3, saying that it is a folder",
-        [{"command": ["predict", "."], "exit_code": 3, "says": ["folder"]}],
+        "a campaign without a model where a model is due",
+        "exit 3, saying that it names no model",
+        [{"command": ["predict", "."], "exit_code": 3, "says": ["names no model"]}],
         {"campaign.toml": campaign(ARRAYS)},
     )
