@@ -186,8 +186,8 @@ def _list_untestable(diagnosis: Diagnosis) -> list[str]:
     """Return the effects that this kind of data cannot show."""
     tests = diagnosis.session.campaign.tests
     levels = list_levels(diagnosis.session.campaign)
-    known = load_catalogue()
-    missing = [effect for effect in LAW_EFFECTS if len(levels) < 2 or effect not in known]
+    catalogue = load_catalogue()
+    missing = [effect for effect in LAW_EFFECTS if len(levels) < 2 or effect not in catalogue]
     references = {str(test.condition.reference) for test in tests}
     setups = {test.condition.setup for test in tests}
     if len(references) < 2 and len(setups) < 2 and len(levels) < 2:

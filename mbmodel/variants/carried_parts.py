@@ -66,8 +66,8 @@ class CarriedPart:
         if change.slot in ("sensor", "hammer"):
             return replace(change, right=transposed @ change.right)
         if change.slot == "path":
-            left = np.asarray(np.linalg.solve(self.to_nominal, change.left), np.float64)
-            return replace(change, left=left)
+            columns = np.asarray(np.linalg.solve(self.to_nominal, change.left), np.float64)
+            return replace(change, left=columns)
         return change
 
 

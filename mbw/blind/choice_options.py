@@ -28,8 +28,8 @@ def read_choice(
     """
     for name in effects or ():
         if name not in known_effects() or name == "none":
-            known = ", ".join(effect for effect in known_effects() if effect != "none")
-            raise UsageError(f"--effect {name!r} is unknown: choose from {known}")
+            choices = ", ".join(effect for effect in known_effects() if effect != "none")
+            raise UsageError(f"--effect {name!r} is unknown: choose from {choices}")
     if not effects and (places or ratios or size):
         raise UsageError("--place, --ratio and --size need an effect: name it by --effect")
     if ratios and size:

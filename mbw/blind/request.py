@@ -1,4 +1,6 @@
-"""What determines the cases of a blind test, kept in its folder so that no other test continues it.
+"""Request of a blind test: all that determines its cases, kept in the folder of the test.
+
+A folder with another request is refused, so that no test continues the cases of another one.
 
 A shard is every n-th case of a test: shards run apart, and ``mbw blind merge`` joins them.
 """

@@ -25,7 +25,7 @@ _MIN_CAUSE_PROBABILITY = 0.5  # of a cause that the augmented machine holds
 
 @dataclass(frozen=True)
 class BudgetRequest:
-    """What ``mbw predict`` is asked for of errors and struts.
+    """Error budget and struts that ``mbw predict`` computes.
 
     Args:
         file: budget.toml; None for no budget.

@@ -27,10 +27,10 @@ def run() -> list[dict[str, object]]:
         (_drawn, (names[number % len(names)], RATIOS[number // len(names) % 4], FIRST + number))
         for number in range(CASES)
     ]
-    found = list(run_in_parallel(calls, JOBS))
+    timed_draws = list(run_in_parallel(calls, JOBS))
     whole = time.perf_counter() - start
     by_name: dict[str, list[tuple[float, int]]] = defaultdict(list)
-    for name, seconds, discarded in found:
+    for name, seconds, discarded in timed_draws:
         by_name[name].append((seconds, discarded))
     rows = [_row(name, by_name[name]) for name in names]
     return [

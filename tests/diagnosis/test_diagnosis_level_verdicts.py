@@ -1,25 +1,20 @@
 """Whole diagnoses of one mass at several levels: laws, drift between the levels, and nothing."""
 
-from pathlib import Path
-
 import pytest
 
 from diagnosis import build_verdict, diagnose
 from mbmodel import Model, as_drawn, load_machine
-from tests.helpers.nonlinear_mass import MJCF, drifting_campaign, level_campaign
-from tuning import Session, build_toleranced_model, parametrise
+from tests.helpers.nonlinear_mass import (
+    drifting_campaign,
+    level_campaign,
+    nonlinear_block,
+    session_of,
+)
 
 
 @pytest.fixture(scope="module")
 def block(tmp_path_factory) -> Model:
-    path = tmp_path_factory.mktemp("mass") / "mass.xml"
-    path.write_text(MJCF, encoding="utf-8")
-    return as_drawn(load_machine(path))
-
-
-def session_of(model, campaign) -> Session:
-    whole = build_toleranced_model(model.machine, campaign)
-    return Session(Path("mass"), whole, campaign, parametrise(whole, campaign.tolerance))
+    return nonlinear_block(tmp_path_factory.mktemp("mass"))
 
 
 def test_a_spring_that_stiffens_with_the_level_is_hardening(block):

@@ -1,7 +1,6 @@
 """Laws of joints that depend on the level: steps, transients, Parts, and a whole diagnosis."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +28,7 @@ from diagnosis.search.refit_round import _select_promising
 from diagnosis.search.score_test import Score
 from diagnosis.settings import SETTINGS
 from identification.words import Controller
-from mbmodel import Change, Model, PartContext, as_drawn, load_machine
+from mbmodel import Change, Model, PartContext
 from mbmodel.assembly import FrequencyDependentTerm, Matrices
 from mbmodel.control_loops.loop_law import LoopLaw
 from mbmodel.mjcf.edit import write_mjcf
@@ -39,14 +38,14 @@ from tests.helpers.nonlinear_mass import (
     DAMPING,
     FREQ_HZ,
     MASS_KG,
-    MJCF,
     PULSE_S,
     STIFFNESS,
     half_sine,
     level_campaign,
+    nonlinear_block,
+    session_of,
     vertical_accelerance,
 )
-from tuning import Session, build_toleranced_model, parametrise
 
 COMPLIANCE = 3e-10  # of one step [m/N]
 JOINT = JointDirection("block", "tz", "block_tz")
@@ -54,14 +53,7 @@ JOINT = JointDirection("block", "tz", "block_tz")
 
 @pytest.fixture(scope="module")
 def block(tmp_path_factory) -> Model:
-    path = tmp_path_factory.mktemp("mass") / "mass.xml"
-    path.write_text(MJCF, encoding="utf-8")
-    return as_drawn(load_machine(path))
-
-
-def session_of(model, campaign) -> Session:
-    whole = build_toleranced_model(model.machine, campaign)
-    return Session(Path("mass"), whole, campaign, parametrise(whole, campaign.tolerance))
+    return nonlinear_block(tmp_path_factory.mktemp("mass"))
 
 
 def sliding_force(law, stretch, slip):
@@ -159,12 +151,12 @@ def test_receptances_of_a_mass_in_a_loop_hold_its_controller_and_delay():
     change = Change("bodies_and_joints", one, one, core, shape=LoopLaw(controller, delay))
     loop = FrequencyDependentTerm(one, one, change, np.zeros((6, 1)), np.zeros((6, 1)))
     matrices = Matrices(MASS_KG * one, DAMPING * one, STIFFNESS * one)
-    found = JointTransient.of_matrices(matrices, np.ones(1), one, FREQ_HZ, (loop,))
+    transient = JointTransient.of_matrices(matrices, np.ones(1), one, FREQ_HZ, (loop,))
     s = 2j * np.pi * FREQ_HZ
     law = gain / (1 + s / corner) * np.exp(-s * delay)
     expected = 1 / (MASS_KG * s**2 + DAMPING * s + STIFFNESS + law)
-    near = found.receptances(FREQ_HZ)[:, 0]
-    np.testing.assert_allclose(near, expected, rtol=2e-4)
+    receptance = transient.receptances(FREQ_HZ)[:, 0]
+    np.testing.assert_allclose(receptance, expected, rtol=2e-4)
 
 
 def test_the_peak_of_the_linear_stretch_is_that_of_an_integrator():
@@ -267,11 +259,11 @@ def test_tests_with_the_same_hits_have_one_stiffness(block):
     session = session_of(block, replace(campaign, tests=tuple(twice)))
     tested = tested_joint.TestedJoint.of_scene(Scene(session, session.model.drawn), JOINT)
     theta = np.array([2e14, STIFFNESS, 1.0])
-    found = tested.compute_stiffness(HARDENING[0], [(theta, 1.0)])
+    stiffness = tested.compute_stiffness(HARDENING[0], [(theta, 1.0)])
     case = LawUnderHits(tested.transient(), CubicLaw(2e14), tested.hits)
     expected = compute_equivalent_stiffness([case], tested.freq_hz)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
-    np.testing.assert_array_equal(found[:, :6], found[:, 6:])
+    np.testing.assert_allclose(stiffness, expected, rtol=1e-9)
+    np.testing.assert_array_equal(stiffness[:, :6], stiffness[:, 6:])
 
 
 def test_laws_of_one_joint_are_one_of_the_promising_hypotheses():

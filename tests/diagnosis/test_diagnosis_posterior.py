@@ -130,7 +130,7 @@ def test_a_cause_that_closes_less_than_a_fifth_is_not_material_at_the_same_model
     beside = fitted((B, C), -1.5, 5.5)
     rest = fitted((C, A), -2.0, 0.05)
     material = select_material_sets(null, [little, enough, most, beside, rest], SETTINGS)
-    assert [one.keys for one in material] == [(B,), (C,), (B, C)]
+    assert [fitted_set.keys for fitted_set in material] == [(B,), (C,), (B, C)]
 
 
 def test_a_weak_cause_beside_a_strong_one_is_material_if_the_model_error_falls_to_a_fifth():
@@ -140,7 +140,7 @@ def test_a_weak_cause_beside_a_strong_one_is_material_if_the_model_error_falls_t
     small_error = fitted((A, C), -2.0, 2.0, floor=0.011)
     beside_nothing = fitted((A, B, C), -3.1, 0.0, floor=0.001)  # no gap was visible before
     material = select_material_sets(null, [strong, weak, small_error, beside_nothing], SETTINGS)
-    assert [one.keys for one in material] == [(A,), (A, B)]
+    assert [fitted_set.keys for fitted_set in material] == [(A,), (A, B)]
 
 
 def test_outliers_of_tolerances_are_no_causes_and_explain_what_they_close():

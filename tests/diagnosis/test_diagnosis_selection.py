@@ -102,9 +102,11 @@ def test_a_cause_at_a_wrong_place_is_replaced_once_the_others_are_known(two_effe
     drift, coupling = ((cause["effect"], cause["location"]) for cause in answer["cause"])
     scene, null = found.scene, found.search.null
     wrong = next(
-        one for one in EFFECTS[coupling[0]](scene) if one.location not in (coupling[1], drift[1])
+        hypothesis
+        for hypothesis in EFFECTS[coupling[0]](scene)
+        if hypothesis.location not in (coupling[1], drift[1])
     )
-    (right,) = (one for one in found.search.selected.causes if one.effect == drift[0])
+    (right,) = (cause for cause in found.search.selected.causes if cause.effect == drift[0])
     best = refit_with(scene, refit_with(scene, null, wrong), right)
     # It is not more probable than itself, so that nothing is dropped.
     search = Search(null, best, scores=found.search.scores, refits=(best,))

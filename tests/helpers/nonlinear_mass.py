@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
 from mbmodel import Evaluator, FrfRequest, Model, as_drawn, load_machine
+from tuning import Session, build_toleranced_model, parametrise
 
 MASS_KG, DAMPING = 40.0, 900.0  # the motion ends within a record
 STIFFNESS = MASS_KG * (2 * np.pi * 67.9) ** 2
@@ -40,6 +41,19 @@ MJCF = f"""
 </mujoco>
 """
 Force = Callable[[float], float]
+
+
+def nonlinear_block(folder: Path) -> Model:
+    """Write the mass as MJCF and return its linear model."""
+    path = folder / "mass.xml"
+    path.write_text(MJCF, encoding="utf-8")
+    return as_drawn(load_machine(path))
+
+
+def session_of(model: Model, campaign: Campaign) -> Session:
+    """Return a campaign and its model with all tolerances, ready to be tuned or diagnosed."""
+    whole = build_toleranced_model(model.machine, campaign)
+    return Session(Path("mass"), whole, campaign, parametrise(whole, campaign.tolerance))
 
 
 def half_sine(time: float, peak: float) -> float:

@@ -6,6 +6,7 @@ import shutil
 import tomllib
 
 import pytest
+from blind_verdicts import empty_verdict
 from browser import CHROMIUM, browse, data_of
 from typer.testing import CliRunner
 
@@ -62,19 +63,7 @@ def quick(monkeypatch):
         assert [line.split()[0] for line in published].count(task.name) == 1
         if task.number in quick.failing:
             raise RuntimeError("the diagnosis fell\nover")
-        verdict = {
-            "verdict": "none",
-            "probability": {"none": 1.0, "unexplained": 0.0, "several": 0.0},
-            "gap": {
-                "as_drawn": {"error": 1.0, "excess": 2.0},
-                "retuned": {"error": 0.1, "excess": 1.0},
-                "after": {"error": None, "excess": None},
-                "noise": 0.1,
-                "closed": None,
-                "interval": {"closed": None, "after": None},
-            },
-            "where": [], "causes": [], "twins": [], "not_testable": [], "next_experiment": "",
-        }  # fmt: skip
+        verdict = empty_verdict()
         task.verdict.write_text(json.dumps(verdict))
         task.refit.write_text(json.dumps({"excess": 1.0}))
 

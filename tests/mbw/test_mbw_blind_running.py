@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blind_verdicts import empty_verdict
 from typer.testing import CliRunner
 
 from mbw.blind import case as blind_case
@@ -80,20 +81,7 @@ def model(drawn, monkeypatch):
     def judge(case):
         if case.number == 5:
             raise RuntimeError("the diagnosis fell over")
-        none = 1 / (1 + case.number)
-        verdict = {
-            "verdict": "none" if none > 0.5 else "unexplained",
-            "probability": {"none": none, "unexplained": 1 - none, "several": 0.0},
-            "gap": {
-                "as_drawn": {"error": 1.0, "excess": 2.0 + case.number},
-                "retuned": {"error": 0.1, "excess": 1.0},
-                "after": {"error": None, "excess": None},
-                "noise": 0.1,
-                "closed": None,
-                "interval": {"closed": None, "after": None},
-            },
-            "where": [], "causes": [], "twins": [], "not_testable": [], "next_experiment": "",
-        }  # fmt: skip
+        verdict = empty_verdict(1 / (1 + case.number), 2.0 + case.number)
         case.verdict.write_text(json.dumps(verdict))
         case.refit.write_text(json.dumps({"excess": 1.0}))
         case.checksum.write_text(blind_case._hash_files(*case.results))

@@ -276,8 +276,8 @@ def test_the_floor_bounds_what_random_changes_of_all_forces_do(folder, model):
         power = np.einsum("fes,st,fet->e", scaled, definition.coherence, scaled.conj()).real
         logs.append(np.log(power) / 2)
     posterior = posterior_of(model, 0.0)
-    known = replace(posterior, posterior=replace(posterior.posterior, discrepancy=error))
-    bound = rms_interval(budget, known).deviation
+    with_error = replace(posterior, posterior=replace(posterior.posterior, discrepancy=error))
+    bound = rms_interval(budget, with_error).deviation
     spread = np.std(logs, axis=0)
     assert (spread < bound).all()
     assert (spread > bound / 30).all()
