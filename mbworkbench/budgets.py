@@ -9,7 +9,12 @@ from mbworkbench.labels import AnyPath, as_path
 from mbworkbench.model import MachineModel, read_model
 from mbworkbench.tables import html_table
 from tuning.control_loops.loops_file import choose_loops, known_loops
-from tuning.error_budget.machine_files import model_with_posterior, tuned_file
+from tuning.error_budget.loop_margins import BudgetMargins
+from tuning.error_budget.machine_files import (
+    model_with_posterior,
+    tuned_file,
+    tuning_beside,
+)
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
 
@@ -49,6 +54,11 @@ class ErrorBudgetResult:
             error: dict(zip(names, row, strict=True))
             for error, row in zip(self.rms, rows, strict=True)
         }
+
+    @property
+    def margins(self) -> BudgetMargins | None:
+        """Stability margins of the loops; None without any."""
+        return self.plant.margins
 
     def _rows(self) -> list[tuple[str, str, str, str]]:
         """Return name, rms, interval and largest source of each error."""
@@ -112,4 +122,5 @@ def error_budget(
     definition = read_definition(as_path(budget), with_loops(model.machine, loops), controllers)
     fitted, posterior = model_with_posterior(model.machine, source)
     reference = None if before is None else as_drawn(before.machine)
-    return ErrorBudgetResult(plant_budget(fitted, definition, reference, posterior))
+    tuning = None if posterior is None else tuning_beside(source)
+    return ErrorBudgetResult(plant_budget(fitted, definition, reference, posterior, tuning))

@@ -8,12 +8,12 @@ import numpy as np
 from identification.words import Real
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
 from mbw.page.numbers import format_percent
+from mbw.plant.margin_section import margin_data, margin_section
 from mbw.plant.rows import thin_cumulative
 from mbw.plant.schema import BudgetRow, ErrorRow
 from mbw.plant.sentences import mode_name
 from mbw.plant.struts import StrutsResult
 from tuning.error_budget.budget import ErrorBudget
-from tuning.error_budget.closed_loop_states import loop_states
 from tuning.error_budget.frequency_grid import trapezoid_weights
 from tuning.error_budget.plant_budget import PlantBudget
 from tuning.error_budget.plant_curves import PlantCurves
@@ -54,9 +54,10 @@ def render_plant(
         note=escape(_note(plant)),
         legend=escape(f"Dashed or crosses: {before}.") if has_other else "",
         bands=escape(_bands_note(plant)),
+        margins=_margin_section(plant, row),
         loops=escape(loops),
         struts="" if struts is None else struts.section(),
-        scripts=["page/bode.js", "plant/page.js"],
+        scripts=["page/bode.js", "plant/page.js", "plant/margins.js"],
     )
 
 
@@ -77,6 +78,13 @@ def _bands_note(plant: PlantBudget) -> str:
     return (
         bands if plant.interval is not None else ""
     ) + "Errors per source are with the loops closed; the plant of a loop is with all loops open."
+
+
+def _margin_section(plant: PlantBudget, row: BudgetRow) -> str:
+    """Return HTML of the section on stability margins; empty without loops."""
+    if row.margins is None or plant.margins is None:
+        return ""
+    return margin_section(row.margins, has_weight=any(plant.margins.held_out))
 
 
 def _error_table(plant: PlantBudget, row: BudgetRow) -> str:
@@ -119,6 +127,9 @@ def _data(plant: PlantBudget, row: BudgetRow, names: tuple[str, str]) -> dict[st
         if counterpart is None
         else _shown_poles(counterpart.states.poles(), row.band[1]),
         "samples": _sample_poles(plant, row.band[1]),
+        "margins": None
+        if plant.margins is None or row.margins is None
+        else margin_data(plant.margins, row.margins, row.band),
     }
 
 
@@ -196,14 +207,8 @@ def _shown_poles(poles: np.ndarray, highest_hz: float) -> list[list[float]]:
 
 def _sample_poles(plant: PlantBudget, highest_hz: float) -> list[list[float]]:
     """Return the poles of some machines of the posterior."""
-    if plant.thetas is None:
-        return []
-    budget = plant.budget
-    model, definition = budget.linearised.model, budget.definition
     return [
         pole
-        for theta in plant.thetas[:_MAX_SHOWN_SAMPLES]
-        for pole in _shown_poles(
-            loop_states(model, theta, definition, budget.ports).poles(), highest_hz
-        )
+        for poles in plant.sample_poles[:_MAX_SHOWN_SAMPLES]
+        for pole in _shown_poles(poles, highest_hz)
     ]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from identification.words import Complex, Real
+from mbw.plant.margin_rows import margins_row
 from mbw.plant.schema import (
     BudgetRow,
     ErrorRow,
@@ -38,6 +39,7 @@ def budget_row(plant: PlantBudget, file: str, before: str | None, remarks: list[
         remarks=remarks,
         errors=[_error_row(plant, number) for number in range(len(definition.errors))],
         poles=pole_rows(budget),
+        margins=None if plant.margins is None else margins_row(plant.margins),
     )
 
 

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
+from mbw.plant.margin_schema import MarginsRow
+
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -150,6 +152,7 @@ class BudgetRow(BaseModel):
         remarks: sentences.
         errors: budget of each error.
         poles: of the machine with its loops, up to twice the band.
+        margins: stability margins of the loops; null without loops.
     """
 
     file: str
@@ -160,3 +163,4 @@ class BudgetRow(BaseModel):
     remarks: list[str]
     errors: list[ErrorRow]
     poles: list[PoleRow]
+    margins: MarginsRow | None

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from mbw.page.numbers import format_percent
+from mbw.plant.margin_sentences import margin_lines
 from mbw.plant.schema import BudgetRow, ErrorRow, ShareOfPoleRow
 
 _MAX_SHOWN_SHARES = 4  # of sources, modes, joints and springs in a line
@@ -21,7 +22,7 @@ def budget_lines_of_text(row: BudgetRow, units: Sequence[float]) -> list[str]:
     lines += [f"  {remark}" for remark in row.remarks]
     for error, unit in zip(row.errors, units, strict=True):
         lines += [f"  {headline(error, unit)}", *(f"    {text}" for text in _details(error, unit))]
-    return lines
+    return lines if row.margins is None else [*lines, *margin_lines(row.margins)]
 
 
 def headline(error: ErrorRow, unit: float) -> str:

@@ -10,12 +10,18 @@ from identification.words import UsageError
 from mbmodel import Machine, Model, load_machine
 from mbw.diagnose.files import AUGMENTED, VERDICT
 from mbw.output_folder import folder_beside, source_of
+from mbw.plant.margin_files import write_margins
 from mbw.plant.page import PLANT_PAGE, render_plant
 from mbw.plant.rows import budget_row
 from mbw.plant.schema import BudgetRow, StrutsRow
 from mbw.plant.sentences import budget_lines_of_text, cause_sentences
 from mbw.plant.struts import StrutsResult, compute_struts
-from tuning.error_budget.machine_files import fitted_model, model_with_posterior, tuned_file
+from tuning.error_budget.machine_files import (
+    fitted_model,
+    model_with_posterior,
+    tuned_file,
+    tuning_beside,
+)
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
 from tuning.files.result import TUNED_MJCF
@@ -110,10 +116,13 @@ class PlantStudy:
         return rows
 
     def write_page(self, folder: Path) -> None:
-        """Write plant.html, which a budget has."""
+        """Write plant.html, which a budget has, and the loop gains that it draws."""
         if self.budget is not None:
             text = self.budget.page(self.struts)
             (folder / PLANT_PAGE).write_text(text, encoding="utf-8")
+            plant = self.budget.plant
+            if plant.margins is not None:
+                write_margins(plant.margins, plant.budget.definition.loops, folder)
 
 
 def study_plant(
@@ -157,7 +166,8 @@ def _compute_budget(
         before = tuned_file(before)
         counterpart, _ = model_with_posterior(load_machine(before), before)
         read_definition(file, counterpart.machine)  # refuses labels that it lacks
-    plant = plant_budget(fitted, definition, counterpart, posterior)
+    tuning = None if posterior is None else tuning_beside(path)
+    plant = plant_budget(fitted, definition, counterpart, posterior, tuning)
     remarks = list(definition.remarks)
     if plant.before_failure and before is not None:
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")

@@ -12,6 +12,7 @@ from mbmodel.geometry.surfaces import machine_geometry
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
+from mbw.plant.margin_files import MARGINS_MAT, MARGINS_NPZ
 from mbw.plant.page import PLANT_PAGE
 from mbw.plant.task import BudgetRequest, PlantStudy, study_plant
 from mbw.predict.additions import parse_additions
@@ -221,7 +222,7 @@ def _open_output(
     options = targets.options
     if not (options.pictures or request.additions or targets.plant.has_folder):
         return nullcontext()
-    names: tuple[str, ...] = (PAGE, PLANT_PAGE, *FOLDER_NAMES)
+    names: tuple[str, ...] = (PAGE, PLANT_PAGE, MARGINS_NPZ, MARGINS_MAT, *FOLDER_NAMES)
     if request.additions:
         names = (*names, COMBINED_NAME, STAGE_COPY_NAME)
     if options.out is not None:

@@ -1,6 +1,11 @@
 """A machine of two masses, and an error budget of it with a loop and correlated sources."""
 
+import json
+
 import numpy as np
+
+from mbmodel import ParameterPosterior, load_machine, machine_model
+from tuning.files.posterior_file import write_posterior
 
 TWO = """
 <mujoco model="two"><option gravity="0 0 0"/><worldbody>
@@ -46,3 +51,25 @@ coherence = 0.6
 phase_deg = 40.0
 """
 FLOOR_HZ, FLOOR = np.array([1.0, 9.0, 60.0]), np.array([1e-4, 4e-3, 8e-4])
+
+
+def write_tuned_case(place, extra=""):
+    """Write a tuned machine with its posterior, its nominal one, and a budget with a loop."""
+    (place / "two.xml").write_text(TWO.format(**{**VALUES, "k1": 7e5}), encoding="utf-8")
+    (place / "campaign.toml").write_text('model = "two.xml"\n', encoding="utf-8")
+    tuned = place / "x-tuned"
+    tuned.mkdir()
+    (tuned / "tuned.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
+    record = {"tuned.xml": {"verb": "tune", "source": "../campaign.toml"}}
+    (tuned / ".mbw.json").write_text(json.dumps(record), encoding="utf-8")
+    model = machine_model(load_machine(tuned / "tuned.xml"))
+    names = tuple(p.name for p in model.parameters[:4])
+    posterior = ParameterPosterior(
+        names, names, model.drawn[:4], np.arange(4), np.ones(4), np.ones(4, bool),
+        0.03**2 * np.eye(4), 0.02, 0.01,
+    )  # fmt: skip
+    write_posterior(posterior, tuned / "posterior.npz")
+    rows = "\n".join(f"{f},{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
+    (place / "floor.csv").write_text(f"f,x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
+    text = BUDGET.format(gain=3e5, delay=3e-4, lines="") + extra
+    (place / "budget.toml").write_text(text, encoding="utf-8")

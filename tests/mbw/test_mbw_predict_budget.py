@@ -6,16 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import CHROMIUM, browse, data_of, unpacked
-from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES
+from budget_case import TWO, VALUES, write_tuned_case
 from typer.testing import CliRunner
 
-from mbmodel import ParameterPosterior, load_machine, machine_model
+from mbmodel import load_machine, machine_model
 from mbw.command import app
 from tuning import read_posterior
 from tuning.error_budget.budget import error_budget
 from tuning.error_budget.read_definition import read_definition
 from tuning.error_budget.rms_interval import rms_interval
-from tuning.files.posterior_file import write_posterior
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 RUNNER = CliRunner()
@@ -42,24 +41,8 @@ def run(*arguments):
 def folder(tmp_path_factory):
     """A tuned machine with its posterior, its nominal one, and a budget with a loop."""
     place = tmp_path_factory.mktemp("plant")
-    (place / "two.xml").write_text(TWO.format(**{**VALUES, "k1": 7e5}), encoding="utf-8")
-    (place / "campaign.toml").write_text('model = "two.xml"\n', encoding="utf-8")
+    write_tuned_case(place)
     tuned = place / "x-tuned"
-    tuned.mkdir()
-    (tuned / "tuned.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
-    record = {"tuned.xml": {"verb": "tune", "source": "../campaign.toml"}}
-    (tuned / ".mbw.json").write_text(json.dumps(record), encoding="utf-8")
-    model = machine_model(load_machine(tuned / "tuned.xml"))
-    names = tuple(p.name for p in model.parameters[:4])
-    posterior = ParameterPosterior(
-        names, names, model.drawn[:4], np.arange(4), np.ones(4), np.ones(4, bool),
-        0.03**2 * np.eye(4), 0.02, 0.01,
-    )  # fmt: skip
-    write_posterior(posterior, tuned / "posterior.npz")
-    rows = "\n".join(f"{f},{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
-    (place / "floor.csv").write_text(f"f,x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
-    text = BUDGET.format(gain=3e5, delay=3e-4, lines="")
-    (place / "budget.toml").write_text(text, encoding="utf-8")
     result = run(
         "predict", tuned / "tuned.xml", "--budget", place / "budget.toml",
         "--out", place / "out", "--json", place / "out.json",

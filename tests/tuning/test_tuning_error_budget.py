@@ -15,9 +15,9 @@ from tuning.error_budget.loop_algebra import close_loops
 from tuning.error_budget.read_definition import read_definition
 from tuning.error_budget.rms_interval import (
     log_rms_gradient,
-    refuse_unstable_samples,
     rms_interval,
     sample_rms,
+    stable_poles_of_samples,
 )
 
 
@@ -287,7 +287,7 @@ def test_loops_that_some_machine_of_the_posterior_does_not_bear_are_refused(fold
     budget = budget_of(folder, model, closed_text(gain=9e5, delay=2.2e-3))
     thetas = posterior_of(model, 0.3).sample(60, seed=1)
     with pytest.raises(InputError, match=r"unstable in \d+ of 60 machines of the posterior"):
-        refuse_unstable_samples(budget, thetas)
+        stable_poles_of_samples(budget, thetas)
 
 
 SENSORS = """<sensor><jointpos name="encoder" joint="head_tx"/>

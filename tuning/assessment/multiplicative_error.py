@@ -11,13 +11,15 @@ without it is
     e = sqrt(largest eigenvalue of E E' - S), or 0.
 
 In a window around each line the quantile of e over lines and files is what a weight has to bound.
+
+A control loop whose own plant was measured has the error of that one FRF, e^2 = |E|^2 - var/|G|^2.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Complex, InputError, Integers, Real
+from identification.words import Complex, InputError, Integers, Loop, Real, split_label
 from tuning.files.result import LevelFrfs, TuningResult
 
 _WINDOW_SHARE = 0.05  # of the lines, where no held-out block says how wide a resonance is
@@ -58,13 +60,50 @@ def held_out_input_error(result: TuningResult, probability: float = 0.95) -> Mul
             "the tuning predicted no held-out lines, so that the error of its model is not known: "
             "tune with residual log in a wider band"
         )
+    columns = _columns_of_files(frfs)
+    errors = [_errors_of_file(frfs, frfs.held_out, each) for each in columns]
+    return _with_quantile(result, np.array(errors), probability)
+
+
+def held_out_loop_error(
+    result: TuningResult, loop: Loop, probability: float = 0.95
+) -> MultiplicativeError | None:
+    """Return the held-out error of the plant of a control loop.
+
+    It is that of the FRF from the loop's input to what it measures, if a file holds it. Else it is
+    the error at the inputs, which has a meaning if all inputs have one unit.
+
+    Args:
+        result: the tuning as read from its folder.
+        loop: its input, and what it measures.
+        probability: of the quantile over the lines of a window.
+
+    Returns:
+        None where the tuning knows nothing of it.
+    """
+    frfs = result.levels["sensors"]
+    if frfs.held_out is None:
+        return None
+    of_plant = [
+        _error_of_sum(frfs, frfs.held_out, columns) for columns in _columns_of_loop(frfs, loop)
+    ]
+    if of_plant:
+        return _with_quantile(result, np.array(of_plant), probability)
+    inputs = {test.partition(" in ")[0] for test in frfs.tests}
+    kinds = {split_label(label)[1][:1] or label for label in inputs}
+    return held_out_input_error(result, probability) if len(kinds) == 1 else None
+
+
+def _with_quantile(result: TuningResult, every: Real, probability: float) -> MultiplicativeError:
+    """Return errors with their quantile in a window around each line.
+
+    Args:
+        result: the tuning.
+        every: e of each file at all lines; (n_file, n_line).
+        probability: of the quantile.
+    """
     lines = np.flatnonzero(result.freq_hz > 0)
-    errors = np.array(
-        [
-            _errors_of_file(frfs, frfs.held_out, columns)[lines]
-            for columns in _columns_of_files(frfs)
-        ]
-    )
+    errors = every[:, lines]
     blocks = len(result.summary.held_out_blocks)
     width = len(lines) // blocks if blocks else max(3, int(_WINDOW_SHARE * len(lines)))
     quantile = np.empty(len(lines))
@@ -76,6 +115,34 @@ def held_out_input_error(result: TuningResult, probability: float = 0.95) -> Mul
     return MultiplicativeError(
         result.freq_hz[lines], errors, np.maximum(quantile, least), probability
     )
+
+
+def _columns_of_loop(frfs: LevelFrfs, loop: Loop) -> list[list[tuple[int, float]]]:
+    """Return, for each file with all FRFs of a loop's plant, their columns and weights."""
+    files: dict[str, dict[str, int]] = {}
+    for column, (output, test) in enumerate(zip(frfs.outputs, frfs.tests, strict=True)):
+        reference, _, file = test.partition(" in ")
+        if reference == str(loop.input):
+            files.setdefault(file, {})[output] = column
+    terms = [(str(port), weight) for port, weight in loop.measured.terms]
+    return [
+        [(columns[output], weight) for output, weight in terms]
+        for columns in files.values()
+        if all(output in columns for output, _ in terms)
+    ]
+
+
+def _error_of_sum(frfs: LevelFrfs, predicted: Complex, columns: list[tuple[int, float]]) -> Real:
+    """Return e of a weighted sum of FRFs; (n_freq,)."""
+    numbers = [column for column, _ in columns]
+    weights = np.array([weight for _, weight in columns])
+    model = predicted[:, numbers].astype(complex) @ weights
+    error = frfs.measured[:, numbers] @ weights - model
+    variance = np.asarray(frfs.noise, float)[:, numbers] ** 2 @ weights**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        size = np.sqrt(np.maximum(np.abs(error) ** 2 - variance, 0.0)) / np.abs(model)
+    errors: Real = np.nan_to_num(size)
+    return errors
 
 
 def _columns_of_files(frfs: LevelFrfs) -> list[Integers]:

@@ -108,6 +108,30 @@ def controller_response(definition: BudgetDefinition, laplace: Complex) -> Compl
     return np.stack(columns, axis=-1) if columns else np.zeros((len(laplace), 0), complex)
 
 
+def loop_gains(
+    definition: BudgetDefinition, ports: PortMap, frfs: Complex, laplace: Complex
+) -> Complex:
+    """Return the loop gains GK, G from the controls to what the loops measure.
+
+    Args:
+        definition: loops.
+        ports: labels of the FRFs.
+        frfs: H, receptances or what sensors read; (n_freq, n_out, n_in).
+        laplace: s of every line [rad/s]; (n_freq,).
+
+    Returns:
+        (n_freq, n_loop, n_loop).
+    """
+    plants = measured_rows(definition, ports, laplace) @ (frfs @ ports.controls)
+    return np.asarray(plants * controller_response(definition, laplace)[:, None, :])
+
+
+def measured_rows(definition: BudgetDefinition, ports: PortMap, laplace: Complex) -> Complex:
+    """Return C_y with time derivatives; (n_freq, n_loop, n_out)."""
+    derivatives = np.array([loop.measured.derivative for loop in definition.loops], int)
+    return np.asarray(ports.measured * laplace[:, None, None] ** derivatives[:, None])
+
+
 def close_loops(
     definition: BudgetDefinition, ports: PortMap, frfs: Complex, laplace: Complex
 ) -> LoopResponse:
@@ -119,14 +143,13 @@ def close_loops(
         frfs: H, receptances or what sensors read; (n_freq, n_out, n_in).
         laplace: s of every line [rad/s]; (n_freq,).
     """
-    derivatives = np.array([loop.measured.derivative for loop in definition.loops], int)
-    measured = ports.measured * laplace[:, None, None] ** derivatives[:, None]
+    measured, count = measured_rows(definition, ports, laplace), len(definition.loops)
     to_controls = frfs @ ports.controls
     gains = controller_response(definition, laplace)
-    return_difference = np.eye(len(derivatives)) + (measured @ to_controls) * gains[:, None, :]
+    return_difference = np.eye(count) + (measured @ to_controls) * gains[:, None, :]
     # T = K (1 + G K)^-1 solves T (1 + G K) = K, K diagonal.
     effort = np.linalg.solve(
-        return_difference.transpose(0, 2, 1), gains[:, :, None] * np.eye(len(derivatives))
+        return_difference.transpose(0, 2, 1), gains[:, :, None] * np.eye(count)
     ).transpose(0, 2, 1)
     right = ports.disturbances - ports.controls @ (
         effort @ (measured @ (frfs @ ports.disturbances) + ports.noise)

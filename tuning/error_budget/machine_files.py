@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from mbmodel import Machine, Model, PosteriorOfModel, SpringPart, as_drawn, machine_model
+from tuning.control_loops.loops_file import LOOPS_JSON
 from tuning.files.posterior_file import POSTERIOR_NPZ, read_posterior
-from tuning.files.result import TUNED_MJCF
+from tuning.files.result import FRF_NPZ, TUNED_JSON, TUNED_MJCF, TuningResult, read_result
 
 
 def tuned_file(path: Path) -> Path:
@@ -43,3 +44,23 @@ def fitted_model(
         return model, None
     fitted, posterior = model_with_posterior(machine, path)
     return (model, None) if posterior is None else (fitted, posterior)
+
+
+def tuning_beside(path: Path) -> TuningResult | None:
+    """Return the tuning of FRFs that wrote an MJCF, if its held-out errors are those of the plant.
+
+    Args:
+        path: the MJCF.
+
+    Returns:
+        None if no such tuning lies beside the MJCF, or if loops were closed during its test: its
+        errors are then those of the closed loops.
+
+    Raises:
+        InputError: its files are damaged.
+    """
+    folder = path.parent
+    is_there = all((folder / name).is_file() for name in (TUNED_JSON, FRF_NPZ))
+    if not is_there or (folder / LOOPS_JSON).is_file():
+        return None
+    return read_result(folder)

@@ -1,21 +1,24 @@
 """The budget of a machine beside that of another one, with its interval and what to touch."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from identification.words import InputError, Real
+from identification.words import Complex, InputError, Real
 from mbmodel import Model, PosteriorOfModel, with_loops
 from tuning.error_budget.budget import ErrorBudget, error_budget
 from tuning.error_budget.definition import BudgetDefinition
+from tuning.error_budget.loop_margins import BudgetMargins, budget_margins
 from tuning.error_budget.plant_curves import PlantCurves, plant_curves
 from tuning.error_budget.rms_interval import (
     RmsInterval,
     log_rms_gradient,
-    refuse_unstable_samples,
     rms_interval,
+    stable_poles_of_samples,
 )
+from tuning.files.result import TuningResult
 
 STEP_OF_A_TOUCH = 0.1  # relative change of a stiffness or damping whose effect is stated
 _POSTERIOR_SAMPLES = 60  # for bands and stability: a deviation is right to 9 %
@@ -46,6 +49,8 @@ class PlantBudget:
         interval: of the rms errors; None without a posterior.
         posterior: of the parameters; None for none.
         thetas: samples of the posterior; None for none.
+        sample_poles: closed-loop poles of each sample [rad/s]; n_sample.
+        tuning: whose held-out error the plants of the loops have; None if not known.
     """
 
     budget: ErrorBudget
@@ -54,6 +59,8 @@ class PlantBudget:
     interval: RmsInterval | None = None
     posterior: PosteriorOfModel | None = None
     thetas: Real | None = None
+    sample_poles: Sequence[Complex] = ()
+    tuning: TuningResult | None = None
 
     @cached_property
     def touches(self) -> tuple[tuple[Touch, ...], ...]:
@@ -74,6 +81,15 @@ class PlantBudget:
             )
         return tuple(rows)
 
+    @cached_property
+    def margins(self) -> BudgetMargins | None:
+        """Stability margins of the loops; None without any."""
+        if not self.budget.definition.loops:
+            return None
+        thetas = () if self.thetas is None else self.thetas
+        samples = list(zip(thetas, self.sample_poles, strict=True))
+        return budget_margins(self.budget, self.posterior, samples, self.tuning)
+
     def curves(self) -> PlantCurves:
         """Return the FRFs of the budget with their bands."""
         return plant_curves(self.budget, self.before, self.posterior, self.thetas)
@@ -89,6 +105,7 @@ def plant_budget(
     definition: BudgetDefinition,
     before: Model | None = None,
     posterior: PosteriorOfModel | None = None,
+    tuning: TuningResult | None = None,
 ) -> PlantBudget:
     """Compute the budget of a machine at its nominal values.
 
@@ -99,6 +116,7 @@ def plant_budget(
         definition: errors, sources and loops.
         before: another machine with the same labels; None for none.
         posterior: of the parameters; None for no intervals.
+        tuning: whose held-out error the plants of the loops have; None if not known.
 
     Raises:
         InputError: the machine, or some machine of the posterior, is unstable with the loops.
@@ -116,7 +134,13 @@ def plant_budget(
     if posterior is None:
         return PlantBudget(budget, counterpart, failure)
     thetas = posterior.sample(_POSTERIOR_SAMPLES, _SAMPLE_SEED)
-    refuse_unstable_samples(budget, thetas)
     return PlantBudget(
-        budget, counterpart, failure, rms_interval(budget, posterior), posterior, thetas
+        budget,
+        counterpart,
+        failure,
+        rms_interval(budget, posterior),
+        posterior,
+        thetas,
+        stable_poles_of_samples(budget, thetas),
+        tuning,
     )

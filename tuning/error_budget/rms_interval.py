@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Real
+from identification.words import Complex, Real
 from mbmodel import NORMAL_QUANTILE_95, PosteriorOfModel
 from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 from tuning.control_loops.stability import growing_pole
@@ -103,8 +103,8 @@ def sample_rms(budget: ErrorBudget, thetas: Real) -> Real:
     return np.array([error_budget(model, theta, budget.definition).rms for theta in thetas])
 
 
-def refuse_unstable_samples(budget: ErrorBudget, thetas: Real) -> None:
-    """Refuse loops with which some machine of the posterior is unstable.
+def stable_poles_of_samples(budget: ErrorBudget, thetas: Real) -> list[Complex]:
+    """Return the closed-loop poles of machines of the posterior [rad/s]; (n_pole,) each.
 
     Args:
         budget: of the fitted machine.
@@ -119,3 +119,4 @@ def refuse_unstable_samples(budget: ErrorBudget, thetas: Real) -> None:
     if growing:
         worst = max(growing, key=lambda each: float(each.real.max()))
         refuse_unstable(worst, definition.loops, samples=(len(growing), len(poles)))
+    return poles

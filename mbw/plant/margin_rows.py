@@ -1,0 +1,118 @@
+"""Stability margins as rows of JSON."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from identification.words import Real
+from mbw.plant.margin_schema import (
+    AllLoopsRow,
+    CrossoverRow,
+    LoopMarginsRow,
+    MarginRow,
+    MarginsRow,
+    RobustTestRow,
+)
+from tuning.control_loops.stability_margins import AllMargins, LoopMargins, Margin
+from tuning.error_budget.loop_margins import BudgetMargins, RobustTest
+
+_ENDS = (0.025, 0.975)
+
+
+def margins_row(margins: BudgetMargins) -> MarginsRow:
+    """Return the rows of the margins of a budget."""
+    several = len(margins.names) > 1
+    return MarginsRow(
+        machines=len(margins.samples),
+        loops=[_loop_row(margins, number) for number in range(len(margins.names))],
+        all_loops=_all_loops_row(margins) if several else None,
+    )
+
+
+def _loop_row(margins: BudgetMargins, number: int) -> LoopMarginsRow:
+    """Return the row of one loop."""
+    loop = margins.nominal.loops[number]
+    samples = [each.loops[number] for each in margins.samples]
+
+    def row(pick: Callable[[LoopMargins], Margin], sign: float = 1.0) -> MarginRow:
+        return _margin_row(pick(loop), [pick(sample) for sample in samples], sign)
+
+    return LoopMarginsRow(
+        loop=margins.names[number],
+        crossover=row(lambda each: each.crossover),
+        bandwidth=row(lambda each: each.bandwidth),
+        gain=row(lambda each: each.gain),
+        gain_reduction=row(lambda each: each.reduction, -1.0),
+        phase=row(lambda each: each.phase),
+        delay=row(lambda each: each.delay),
+        modulus=row(lambda each: each.modulus),
+        sensitivity_peak=1 / loop.modulus.value,
+        gain_crossovers=_crossover_rows(loop.gain_crossovers),
+        phase_crossovers=_crossover_rows(loop.phase_crossovers),
+        worst_machine=margins.worst_sample(number) if samples else None,
+        robust=_robust_rows(margins.robust[number]),
+    )
+
+
+def _all_loops_row(margins: BudgetMargins) -> AllLoopsRow:
+    """Return the row of all loops at once."""
+
+    def row(pick: Callable[[AllMargins], Margin]) -> MarginRow:
+        return _margin_row(pick(margins.nominal), [pick(each) for each in margins.samples])
+
+    return AllLoopsRow(
+        modulus=row(lambda each: each.modulus),
+        singular=row(lambda each: each.singular),
+        robust=_robust_rows(margins.robust_at_once),
+    )
+
+
+def _margin_row(nominal: Margin, samples: Sequence[Margin], sign: float = 1.0) -> MarginRow:
+    """Return a margin with its interval and its worst value.
+
+    Args:
+        nominal: of the machine.
+        samples: of machines of the posterior.
+        sign: -1 where a large value is bad.
+    """
+    low = high = worst = None
+    if samples:
+        values = np.array([sample.value for sample in samples])
+        # "lower" and "higher" never interpolate between infinite values.
+        ends = (
+            np.quantile(values, _ENDS[0], method="lower"),
+            np.quantile(values, _ENDS[1], method="higher"),
+        )
+        limits = [*ends, values[np.argmin(sign * np.abs(values))]]
+        # A gain reduction of 0 is none: the loop may be opened.
+        low, high, worst = (
+            float(limit) if np.isfinite(limit) and (sign > 0 or limit > 0) else None
+            for limit in limits
+        )
+    known = nominal.is_finite
+    return MarginRow(
+        value=nominal.value if known else None,
+        frequency=nominal.freq_hz if known else None,
+        low=low,
+        high=high,
+        worst=worst,
+    )
+
+
+def _crossover_rows(crossovers: Real) -> list[CrossoverRow]:
+    """Return crossovers with their margins."""
+    return [CrossoverRow(frequency=float(f), margin=float(m)) for f, m in crossovers]
+
+
+def _robust_rows(tests: Sequence[RobustTest]) -> list[RobustTestRow]:
+    """Return robust tests."""
+    return [
+        RobustTestRow(
+            weight=test.weight,
+            peak=test.peak,
+            frequency=test.freq_hz,
+            band=test.band,
+            holds=test.peak < 1,
+        )
+        for test in tests
+    ]

@@ -1,0 +1,112 @@
+"""Rows of stability margins in the JSON file of ``mbw predict``."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, Field
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class MarginRow(BaseModel):
+    """A margin; null where no change of this kind is critical.
+
+    Args:
+        value: of the nominal machine.
+        frequency: at which it is taken [Hz].
+        low, high: ends of the 95 % interval over machines of the posterior; null without one.
+        worst: of all these machines; null without any.
+    """
+
+    value: Number | None
+    frequency: Number | None
+    low: Number | None
+    high: Number | None
+    worst: Number | None
+
+
+class RobustTestRow(BaseModel):
+    """Robust stability by |W T| < 1.
+
+    Args:
+        weight: what W is.
+        peak: largest |W T|.
+        frequency: of the peak [Hz].
+        band: in which W is known [Hz].
+        holds: whether the peak is below 1.
+    """
+
+    weight: str
+    peak: Number
+    frequency: Number
+    band: tuple[Number, Number]
+    holds: bool
+
+
+class CrossoverRow(BaseModel):
+    """A crossover: its frequency [Hz] and the margin there [deg, or factor]."""
+
+    frequency: Number
+    margin: Number
+
+
+class LoopMarginsRow(BaseModel):
+    """Margins of a loop, all others closed.
+
+    Args:
+        loop: name.
+        crossover: frequency above which |L| stays below one [Hz].
+        bandwidth: frequency at which |S| first rises above 1 / sqrt(2) [Hz].
+        gain: factor by which the gain may rise.
+        gain_reduction: factor to which it may fall.
+        phase: [deg]; negative where phase lead is critical.
+        delay: that may be added [s].
+        modulus: 1 / max |S|, the distance of L from -1.
+        sensitivity_peak: max |S| of the nominal machine.
+        gain_crossovers: where |L| = 1, with phase margins [deg].
+        phase_crossovers: where L is real and negative, with gain margins.
+        worst_machine: number of the machine of the posterior with the smallest modulus margin,
+            from 0; null without a posterior.
+        robust: tests by the weights that are known.
+    """
+
+    loop: str
+    crossover: MarginRow
+    bandwidth: MarginRow
+    gain: MarginRow
+    gain_reduction: MarginRow
+    phase: MarginRow
+    delay: MarginRow
+    modulus: MarginRow
+    sensitivity_peak: Number
+    gain_crossovers: list[CrossoverRow]
+    phase_crossovers: list[CrossoverRow]
+    worst_machine: int | None
+    robust: list[RobustTestRow]
+
+
+class AllLoopsRow(BaseModel):
+    """Margins of all loops at once.
+
+    Args:
+        modulus: 1 / max sigma(S), the units of the signals scaled out.
+        singular: 1 / max sigma(S) in SI units of the signals.
+        robust: tests by the weights that are known.
+    """
+
+    modulus: MarginRow
+    singular: MarginRow
+    robust: list[RobustTestRow]
+
+
+class MarginsRow(BaseModel):
+    """Stability margins.
+
+    Args:
+        machines: number of machines of the posterior.
+        loops: margins of each loop.
+        all_loops: of all at once; null with one loop.
+    """
+
+    machines: int
+    loops: list[LoopMarginsRow]
+    all_loops: AllLoopsRow | None

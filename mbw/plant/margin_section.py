@@ -1,0 +1,100 @@
+"""Section of plant.html on control loops: table of margins, data of Bode, Nyquist and |S|."""
+
+import numpy as np
+
+from identification.words import Complex, Real
+from mbw.page.html import pack_complex, pack_real
+from mbw.plant.margin_schema import LoopMarginsRow, MarginsRow
+from mbw.plant.margin_sentences import margin_table
+from tuning.control_loops.loop_gain_lines import single_loop_gains
+from tuning.control_loops.stability_margins import AllMargins
+from tuning.error_budget.loop_margins import BudgetMargins
+
+_ROOM = 3.0  # factor of frequency beyond crossovers and band
+_MAX_DRAWN_SAMPLES = 20  # machines of the posterior
+_MAX_DRAWN_LINES = 1200  # of a loop gain
+
+_TEXT = (
+    "<h2>Stability margins</h2>{table}"
+    '<p class="soft">Each margin is that of one loop with all others closed{over}. '
+    "Gain, phase and delay: what may change before the loop is unstable. "
+    "Modulus: the smallest distance of the loop gain from -1, "
+    "the inverse of the sensitivity peak. |W T| below 1: stable for every plant "
+    "within the weight W. All loops at once: the units of the signals are scaled out.</p>"
+    '<nav id="loop-choice"></nav><div id="loop-gain"></div>'
+    '<div class="pair"><div><h3>Nyquist plot of the loop gain</h3><div id="nyquist"></div></div>'
+    '<div><h3>Sensitivity</h3><div id="sensitivity"></div></div></div>'
+    '<p class="soft">Dots mark the margins. The dotted circle around -1 has the modulus margin as '
+    "its radius.{samples}{weight}</p>"
+)
+
+
+def margin_section(row: MarginsRow, *, has_weight: bool) -> str:
+    """Return HTML of the section.
+
+    Args:
+        row: margins.
+        has_weight: whether the held-out error is drawn.
+    """
+    over = f", with its 95 % interval over {row.machines} machines of the posterior"
+    return _TEXT.format(
+        table=margin_table(row),
+        over=over if row.machines else "",
+        samples=" Thin curves are machines of the posterior, the orange one the worst of them."
+        if row.machines
+        else "",
+        weight=" |T| below the inverse of the held-out error W is robust." if has_weight else "",
+    )
+
+
+def margin_data(
+    margins: BudgetMargins, row: MarginsRow, band: tuple[float, float]
+) -> dict[str, object]:
+    """Return the data of the script.
+
+    Args:
+        margins: with the curves of the loop gains.
+        row: their rows.
+        band: of the budget [Hz].
+    """
+    loops = [_loop_data(margins, number, each, band) for number, each in enumerate(row.loops)]
+    return {"loops": loops}
+
+
+def _loop_data(
+    margins: BudgetMargins, number: int, row: LoopMarginsRow, band: tuple[float, float]
+) -> dict[str, object]:
+    """Return the curves of one loop and its marks."""
+    marked = [
+        each.frequency
+        for each in (row.crossover, row.gain, row.gain_reduction, row.phase, row.modulus)
+        if each.frequency
+    ]
+    span = (min([band[0], *marked]) / _ROOM, max([band[1], *marked]) * _ROOM)
+    error = margins.held_out[number]
+    weight = None
+    if error is not None:
+        weight = {"freq": pack_real(error.freq_hz), "inverse": pack_real(1 / error.quantile)}
+    drawn = list(range(min(len(margins.samples), _MAX_DRAWN_SAMPLES)))
+    worst = row.worst_machine
+    return {
+        "name": row.loop,
+        **_curve(margins.nominal, number, span),
+        "samples": [_curve(margins.samples[k], number, span) for k in drawn if k != worst],
+        "worst": None if worst is None else _curve(margins.samples[worst], number, span),
+        "weight": weight,
+        "gain": [row.gain.frequency, row.gain.value],
+        "reduction": [row.gain_reduction.frequency, row.gain_reduction.value],
+        "phase": [row.phase.frequency, row.phase.value],
+        "modulus": [row.modulus.frequency, row.modulus.value],
+    }
+
+
+def _curve(margins: AllMargins, number: int, span: tuple[float, float]) -> dict[str, object]:
+    """Return lines and loop gain of one loop within a span of frequencies."""
+    freq: Real = margins.freq_hz
+    inside = np.flatnonzero((freq >= span[0]) & (freq <= span[1]))
+    steps = np.linspace(0, len(inside) - 1, min(len(inside), _MAX_DRAWN_LINES))
+    chosen = inside[steps.round().astype(int)]
+    gains: Complex = single_loop_gains(margins.gains[chosen])[:, number]
+    return {"freq": pack_real(freq[chosen]), "values": pack_complex(gains)}

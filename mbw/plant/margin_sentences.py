@@ -1,0 +1,179 @@
+"""Stability margins in words, on the terminal and in the table of the page."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from mbw.page.html import badge
+from mbw.plant.margin_schema import (
+    LoopMarginsRow,
+    MarginRow,
+    MarginsRow,
+    RobustTestRow,
+)
+
+ALL_LOOPS = "all loops at once"
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """How a margin is shown: its name, unit, number from its value in the JSON file, or absence."""
+
+    name: str
+    unit: str = ""
+    number: Callable[[float], float] = float
+    absent: str = "no limit"
+
+    def value(self, value: float) -> str:
+        """Return a value with its unit."""
+        return f"{self.bare(value)}{self.unit}"
+
+    def bare(self, value: float) -> str:
+        """Return a value without its unit."""
+        digits = 4 if self.unit == " Hz" else 3
+        return f"{self.number(value):.{digits}g}"
+
+
+def _decibels(factor: float) -> float:
+    """Return a gain in decibels."""
+    return 20 * float(np.log10(factor))
+
+
+_MODULUS = _Shown("modulus")
+_SHOWN_MARGINS = (
+    _Shown("crossover", " Hz", absent="none"),
+    _Shown("bandwidth", " Hz", absent="none"),
+    _Shown("gain", " dB", _decibels),
+    _Shown("gain reduction", " dB", _decibels),
+    _Shown("phase", "°"),
+    _Shown("delay", " ms", lambda seconds: 1e3 * seconds),
+    _MODULUS,
+)
+
+
+def margin_lines(row: MarginsRow) -> list[str]:
+    """Return the margins as lines of text."""
+    over = f", over {row.machines} machines of the posterior" if row.machines else ""
+    lines = [f"stability margins{over}:"]
+    for loop in row.loops:
+        lines.append(f"  loop {loop.loop}:")
+        lines += [f"    {text}" for text in _loop_texts(loop)]
+    if row.all_loops is not None:
+        both = row.all_loops
+        lines.append(f"  {ALL_LOOPS}:")
+        lines.append(f"    modulus {_with_interval(both.modulus, _MODULUS)}, units scaled out")
+        lines.append(f"    modulus {_with_interval(both.singular, _MODULUS)}, in SI units")
+        lines += [f"    {robust_sentence(test)}" for test in both.robust]
+    return lines
+
+
+def _loop_texts(loop: LoopMarginsRow) -> list[str]:
+    """Return the margins of a loop, one text for each."""
+    pairs = list(zip(_SHOWN_MARGINS, _margins(loop), strict=True))
+    texts = [
+        f"{shown.name} {_with_interval(margin, shown)}"
+        for shown, margin in pairs
+        if margin.value is not None
+    ]
+    texts[-1] += f"; |S| is at most {loop.sensitivity_peak:.3g}"
+    for absent in ("none", "no limit"):
+        missing = [
+            shown.name for shown, margin in pairs if margin.value is None and shown.absent == absent
+        ]
+        if missing:
+            texts.append(f"{absent}: {', '.join(missing)}")
+    return [*texts, *(robust_sentence(test) for test in loop.robust)]
+
+
+def robust_sentence(test: RobustTestRow) -> str:
+    """Return whether a loop is stable for all plants within a weight."""
+    low, high = test.band
+    verdict = "robustly stable" if test.holds else "not shown to be stable for all such plants"
+    return (
+        f"{verdict}: |W T| is at most {test.peak:.3g}, at {test.frequency:.4g} Hz, W the "
+        f"{test.weight}, known from {low:.3g} to {high:.3g} Hz"
+    )
+
+
+def margin_table(row: MarginsRow) -> str:
+    """Return HTML of the table of margins: a row per loop."""
+    head = "".join(f"<th>{shown.name}</th>" for shown in _SHOWN_MARGINS)
+    body = [_table_row(loop.loop, _cells(loop), loop.robust) for loop in row.loops]
+    if row.all_loops is not None:
+        cells = [*["-"] * (len(_SHOWN_MARGINS) - 1), _cell(row.all_loops.modulus, _MODULUS)]
+        body.append(_table_row(ALL_LOOPS, cells, row.all_loops.robust))
+    return (
+        f"<table class='tight margins'><thead><tr><th class='name'>loop</th>{head}"
+        f"<th>largest |W T|</th></tr></thead><tbody>{''.join(body)}</tbody></table>"
+    )
+
+
+def _cells(loop: LoopMarginsRow) -> list[str]:
+    """Return the cells of a loop."""
+    return [
+        _cell(margin, shown) for margin, shown in zip(_margins(loop), _SHOWN_MARGINS, strict=True)
+    ]
+
+
+def _table_row(name: str, cells: Sequence[str], tests: Sequence[RobustTestRow]) -> str:
+    """Return HTML of a row."""
+    robust = "<br>".join(
+        f"{badge(f'{test.peak:.3g}', good=test.holds)}"
+        f"<br><small>{escape(test.weight)}, at {test.frequency:.4g} Hz</small>"
+        for test in tests
+    )
+    columns = "".join(f"<td>{text}</td>" for text in [*cells, robust or "-"])
+    return f"<tr><td class='name'>{escape(name)}</td>{columns}</tr>"
+
+
+def _cell(margin: MarginRow, shown: _Shown) -> str:
+    """Return a margin, its frequency, interval and worst value as HTML."""
+    if margin.value is None:
+        return shown.absent
+    text = escape(shown.value(margin.value))
+    if (at := _frequency(margin)) is not None:
+        text += f"<br><small>{at}</small>"
+    return text + "".join(f"<br><small>{escape(part)}</small>" for part in _ends(margin, shown))
+
+
+def _with_interval(margin: MarginRow, shown: _Shown) -> str:
+    """Return a margin with its frequency, interval and worst value."""
+    if margin.value is None:
+        return shown.absent
+    text = " ".join(filter(None, (shown.value(margin.value), _frequency(margin))))
+    ends = "; ".join(_ends(margin, shown))
+    return f"{text} ({ends})" if ends else text
+
+
+def _frequency(margin: MarginRow) -> str | None:
+    """Return the frequency of a margin that is none itself."""
+    if margin.frequency is None or margin.frequency == margin.value:
+        return None
+    return f"at {margin.frequency:.4g} Hz"
+
+
+def _ends(margin: MarginRow, shown: _Shown) -> list[str]:
+    """Return the interval and the worst value; nothing without a posterior."""
+    if margin.low is None and margin.high is None:
+        return []
+    low = shown.absent if margin.low is None else shown.bare(margin.low)
+    high = shown.absent if margin.high is None else shown.value(margin.high)
+    is_frequency = margin.frequency == margin.value
+    has_worst = margin.worst is not None and not is_frequency
+    worst = [f"worst {shown.value(margin.worst)}"] if has_worst and margin.worst else []
+    return [f"95 %: {low} to {high}", *worst]
+
+
+def _margins(loop: LoopMarginsRow) -> tuple[MarginRow, ...]:
+    """Return the margins in the order of the table."""
+    return (
+        loop.crossover,
+        loop.bandwidth,
+        loop.gain,
+        loop.gain_reduction,
+        loop.phase,
+        loop.delay,
+        loop.modulus,
+    )

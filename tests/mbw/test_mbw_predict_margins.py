@@ -1,0 +1,163 @@
+"""Stability margins of ``mbw predict --budget``: JSON, terminal and page."""
+
+import json
+
+import control
+import numpy as np
+import pytest
+import scipy.io
+from browser import CHROMIUM, browse, data_of, unpacked
+from budget_case import write_tuned_case
+from typer.testing import CliRunner
+
+import mbworkbench as mb
+from mbw.command import app
+
+RUNNER = CliRunner()
+SECOND = """
+[loop.base]
+input = "acc1:+tx"
+output = "acc1:+tx"
+quantity = "mobility"
+controller = { poles = [-400.0], gain = 4e5 }
+"""
+PROBE = """<script>
+setTimeout(() => {
+  const names = id => byId(id).data.filter(t => t.showlegend !== false && t.name).map(t => t.name);
+  const texts = {bode: names("loop-gain"), nyquist: names("nyquist"), sensitivity: names("sensitivity"), faults: FAULTS,
+    marks: byId("loop-gain").data.filter(t => t.text).map(t => t.text[1].trim())};
+  byId("loop-choice").querySelectorAll("button")[1].click();
+  texts.title = byId("loop-gain").layout.title.text;
+  document.body.append(element("pre", JSON.stringify(texts), {id: "found"}));
+}, 2500);
+</script>"""  # noqa: E501
+
+
+def run(*arguments):
+    return RUNNER.invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A tuned machine with two loops, predicted."""
+    place = tmp_path_factory.mktemp("margins")
+    write_tuned_case(place, SECOND)
+    result = run(
+        "predict", place / "x-tuned", "--budget", place / "budget.toml",
+        "--out", place / "out", "--json", place / "out.json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    (place / "stdout.txt").write_text(result.stdout, encoding="utf-8")
+    return place
+
+
+@pytest.fixture(scope="module")
+def row(folder):
+    return json.loads((folder / "out.json").read_text())["budget"]["margins"]
+
+
+def test_the_json_has_each_margin_with_its_interval_and_worst_machine(folder, row):
+    margins = mb.error_budget(folder / "x-tuned", folder / "budget.toml").margins
+    assert row["machines"] == 60
+    assert [loop["loop"] for loop in row["loops"]] == ["axis", "base"]
+    axis = row["loops"][0]
+    for key in ("crossover", "gain", "phase", "delay", "modulus"):
+        values = [getattr(each.loops[0], key).value for each in margins.samples]
+        shown = axis[key]
+        assert shown["value"] == pytest.approx(getattr(margins.nominal.loops[0], key).value)
+        assert shown["low"] <= shown["value"] <= shown["high"]
+        assert np.mean([shown["low"] <= value <= shown["high"] for value in values]) >= 0.95
+        assert shown["worst"] == pytest.approx(min(values, key=abs))
+    assert axis["gain_reduction"]["value"] is None
+    assert axis["sensitivity_peak"] == pytest.approx(1 / axis["modulus"]["value"])
+    crossovers = [each["frequency"] for each in axis["gain_crossovers"]]
+    assert axis["phase"]["frequency"] in crossovers
+    worst = margins.samples[axis["worst_machine"]].loops[0].modulus.value
+    assert worst == pytest.approx(axis["modulus"]["worst"])
+    both = row["all_loops"]["modulus"]
+    assert both["value"] <= min(loop["modulus"]["value"] for loop in row["loops"]) + 1e-9
+    tests = [*axis["robust"], *row["all_loops"]["robust"]]
+    assert [test["weight"] for test in tests] == ["model-error floor"] * 2
+    assert all(test["holds"] == (test["peak"] < 1) for test in tests)
+
+
+def test_the_terminal_states_margins_of_each_loop_and_of_all(folder, row):
+    text = (folder / "stdout.txt").read_text()
+    assert "stability margins, over 60 machines of the posterior:" in text
+    phase = row["loops"][0]["phase"]
+    assert (
+        f"phase {phase['value']:.3g}° at {phase['frequency']:.4g} Hz (95 %: {phase['low']:.3g} to "
+        f"{phase['high']:.3g}°; worst {phase['worst']:.3g}°)"
+    ) in text
+    decibels = 20 * np.log10(row["loops"][0]["gain"]["value"])
+    assert f"gain {decibels:.3g} dB at" in text
+    assert "no limit: gain reduction" in text
+    assert "all loops at once:" in text
+    assert "robustly stable: |W T| is at most" in text
+
+
+def test_the_page_holds_the_loop_gain_of_the_json(folder, row):
+    page = (folder / "out" / "plant.html").read_text("utf-8")
+    loops = data_of(page)["margins"]["loops"]
+    for shown, loop in zip(loops, row["loops"], strict=True):
+        assert shown["name"] == loop["loop"]
+        gain = unpacked(shown["values"], "<c8")
+        distance = np.abs(1 + gain).min()
+        assert distance == pytest.approx(loop["modulus"]["value"], rel=0.01)
+        assert len(shown["samples"]) >= 19
+        worst = unpacked(shown["worst"]["values"], "<c8")
+        assert np.abs(1 + worst).min() == pytest.approx(loop["modulus"]["worst"], rel=0.01)
+    assert page.count("<td class='name'>axis</td>") == 1
+    assert "all loops at once" in page
+
+
+@pytest.mark.parametrize("name", ["margins.npz", "margins.mat"])
+def test_python_control_has_the_same_margins_from_the_files_alone(folder, row, name):
+    path = folder / "out" / name
+    file = scipy.io.loadmat(path, squeeze_me=True) if path.suffix == ".mat" else np.load(path)
+    assert list(file["loops"]) == ["axis", "base"]
+    assert list(file["outputs"]) == ["acc2:+tx - acc1:+tx", "acc1:+tx"]
+    assert list(file["output_units"]) == ["m", "m/s"]
+    assert file["input_units"][1] == "N"
+    for number, loop in enumerate(row["loops"]):
+        data = control.frd(file["loop_gain"][:, number], 2 * np.pi * file["freq_hz"])
+        _, phases, distances, *_ = control.stability_margins(data, returnall=True)
+        assert distances.min() == pytest.approx(loop["modulus"]["value"], rel=2e-3)
+        if loop["phase"]["value"] is not None:
+            assert min(phases, key=abs) == pytest.approx(loop["phase"]["value"], rel=0.01)
+        assert file["modulus"].shape == (60, 2)
+        assert file["modulus"][:, number].min() == pytest.approx(loop["modulus"]["worst"])
+    whole = np.linalg.inv(np.eye(2) + file["all_loops_gain"])
+    assert 1 / np.abs(whole[:, 0, 0]).max() == pytest.approx(
+        row["loops"][0]["modulus"]["value"], rel=2e-3
+    )
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+def test_the_page_draws_bode_nyquist_and_sensitivity(folder, row):
+    found = browse((folder / "out" / "plant.html").read_text("utf-8"), folder, probe=PROBE)
+    assert found["faults"] == []
+    assert found["bode"] == ["worst machine", "loop gain"]
+    axis = row["loops"][0]
+    decibels, phase = 20 * np.log10(axis["gain"]["value"]), axis["phase"]["value"]
+    assert found["marks"] == [f"gain {decibels:.1f} dB", f"phase {phase:.1f}°"]
+    assert f"modulus margin {axis['modulus']['value']:.2f}" in found["nyquist"]
+    assert "critical point" in found["nyquist"]
+    assert {"|S|", "|T|"} < set(found["sensitivity"])
+    assert found["title"] == "loop gain of base"
+
+
+def test_a_budget_without_loops_has_no_margins(folder):
+    text = (folder / "budget.toml").read_text().split("[noise.encoder]")[0]
+    (folder / "open.toml").write_text(text, encoding="utf-8")
+    out = folder / "open.json"
+    result = run(
+        "predict", folder / "two.xml", "--budget", folder / "open.toml", "--json", out,
+        "--out", folder / "open",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(out.read_text())["budget"]["margins"] is None
+    assert "stability margins" not in result.stdout
+    page = (folder / "open" / "plant.html").read_text("utf-8")
+    assert "Stability margins" not in page
+    assert data_of(page)["margins"] is None
