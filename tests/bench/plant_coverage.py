@@ -4,7 +4,7 @@ Motors along joints and pairs of forces are inputs. Joints, a point without a se
 difference of two points are outputs. Machines are clean or have small imperfections that leave 5 or
 15 % of the motion of a re-tuned machine (``python -m truth --dirt``). Three of four are trees of
 three stages, one is the station.
-Seeds 650000 and up; 620000 to 620028 shaped the discrepancy.
+Seeds 660000 and up; 620000 to 620028 shaped the discrepancy.
 
 Rows that are done are kept, and their order mixes all cells. In the environment: ``LIMIT=60`` for
 the first sixty, ``JOBS=1`` for the number of processes.
@@ -21,7 +21,7 @@ from tests.helpers.plant_coverage import plant_coverage
 from truth import Plan, Protocol, TruthError, read_station
 from truth.machine.random_tree import draw_tree
 
-MACHINES, FIRST = 600, 650_000
+MACHINES, FIRST = 600, 660_000
 NAME = f"plant_coverage.{FIRST}"
 DIRT = (0.0, 5.0, 15.0)
 KINDS = ("magnitude", "phase", "at joints", "at points")
