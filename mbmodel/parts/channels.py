@@ -14,6 +14,8 @@ from identification.words import DIRECTIONS, Dof, Output, Real
 from mbmodel.mjcf.edit import Edit, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind
 
+NO_CHANNEL_IN_MJCF = "an MJCF describes no gain or delay of a channel"
+
 
 @dataclass(frozen=True, eq=False)
 class ChannelPart:
@@ -65,7 +67,7 @@ class ChannelPart:
     def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
         """Return that an MJCF holds neither gain nor delay of a channel."""
         return tuple(
-            NotInMjcf(parameter.name, "an MJCF describes no gain or delay of a channel")
+            NotInMjcf(parameter.name, NO_CHANNEL_IN_MJCF)
             for parameter, value in zip(self.parameters, theta, strict=True)
             if value != parameter.drawn
         )

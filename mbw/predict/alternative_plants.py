@@ -16,6 +16,7 @@ from mbmodel import (
     machine_model,
     with_loops,
 )
+from mbmodel.parts.channels import NO_CHANNEL_IN_MJCF
 from mbw.diagnose.files import AUGMENTED, read_result
 
 
@@ -51,7 +52,10 @@ def read_alternatives(
 def alternatives_sentence(
     plants: AlternativePlants, folder: Path | None, points: Collection[str]
 ) -> str:
-    """Return which plants there are, and what the augmented one lacks.
+    """Return which plants there are, what the tuned one stands for, and what the other one lacks.
+
+    A diagnosis writes the plant of the established causes alone. Where other causes may be there in
+    their place, the tuned plant has their probability.
 
     Gains and places of sensors and hits are no part of a plant, and are not named.
 
@@ -62,11 +66,22 @@ def alternatives_sentence(
     """
     pairs = zip(plants.names, plants.weights, strict=True)
     listed = ", ".join(f"{name} ({100 * weight:.3g} %)" for name, weight in pairs)
-    stated = read_result(folder).shown.not_held_by_mjcf if folder is not None else []
+    if folder is None:
+        return f"alternative plants: {listed}"
+    result = read_result(folder)
     missing = [
         text
-        for text in stated
-        if not text.startswith("hammer") and text.split(".", 1)[0] not in points
+        for text in result.shown.not_held_by_mjcf
+        if not text.startswith("hammer")
+        and NO_CHANNEL_IN_MJCF not in text
+        and text.split(".", 1)[0] not in points
     ]
     lacks = f"; {AUGMENTED} does not hold {shorten_names(missing)}" if missing else ""
-    return f"alternative plants: {listed}{lacks}"
+    established = {row.cause for row in result.shown.established}
+    rivals = [
+        f"{cause.effect}@{cause.location} ({100 * cause.probability:.3g} %)"
+        for number, cause in enumerate(result.verdict.causes)
+        if number not in established
+    ]
+    stands = f"; the tuned plant stands for {shorten_names(rivals)} too" if rivals else ""
+    return f"alternative plants: {listed}{stands}{lacks}"
