@@ -91,7 +91,14 @@ class Model:
         Args:
             condition: of the test, or None.
         """
-        name = "" if condition is None else condition.variant
+        return self.in_variant("" if condition is None else condition.variant)
+
+    def in_variant(self, name: str) -> "Model":
+        """Return the model of a variant of the machine, with the same parameters.
+
+        Args:
+            name: of the variant; the model itself without one.
+        """
         if not name or not self.machine.variants:
             return self
         if name not in self._variants:

@@ -1,7 +1,7 @@
 """The error budget of a machine, with its intervals."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mbmodel import as_drawn, with_loops
@@ -17,6 +17,9 @@ from tuning.error_budget.machine_files import (
 )
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
+from tuning.error_budget.variant_margins import VariantMargins
+from tuning.files.result import TUNED_JSON
+from tuning.variant_model import read_variant_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +63,11 @@ class ErrorBudgetResult:
         """Stability margins of the loops; None without any."""
         return self.plant.margins
 
+    @property
+    def variants(self) -> dict[str, VariantMargins]:
+        """Stability of the loops in each model and pose of the campaign, by name."""
+        return {each.variant: each for each in self.plant.variant_margins}
+
     def _rows(self) -> list[tuple[str, str, str, str]]:
         """Return name, rms, interval and largest source of each error."""
         units, intervals = self.plant.budget.definition.units, self.interval
@@ -98,6 +106,7 @@ def error_budget(
     controllers: Mapping[str, Any] | None = None,
     before: MachineModel | None = None,
     closed: Iterable[str] = (),
+    campaign: AnyPath | None = None,
 ) -> ErrorBudgetResult:
     """Compute the error budget of a machine.
 
@@ -110,6 +119,7 @@ def error_budget(
         before: another machine to compare with.
         closed: names of loops that were closed during the test of a tuning and stay closed, beside
             those of budget.toml; ``"*"`` for all.
+        campaign: whose tests had models or poses of their own: the loops are checked in each.
 
     Raises:
         InputError: a file cannot be used, or the machine is unstable with its loops.
@@ -123,4 +133,9 @@ def error_budget(
     fitted, posterior = model_with_posterior(model.machine, source)
     reference = None if before is None else as_drawn(before.machine)
     tuning = None if posterior is None else tuning_beside(source)
-    return ErrorBudgetResult(plant_budget(fitted, definition, reference, posterior, tuning))
+    plant = plant_budget(fitted, definition, reference, posterior)
+    variants = None
+    if campaign is not None:
+        folder = source.parent if (source.parent / TUNED_JSON).is_file() else None
+        variants = read_variant_model(as_path(campaign), folder)
+    return ErrorBudgetResult(replace(plant, tuning=tuning, variants=variants))

@@ -12,20 +12,29 @@ from mbw.plant.margin_schema import (
     MarginRow,
     MarginsRow,
     RobustTestRow,
+    VariantLoopRow,
+    VariantRow,
 )
 from tuning.control_loops.stability_margins import AllMargins, LoopMargins, Margin
 from tuning.error_budget.loop_margins import BudgetMargins, RobustTest
+from tuning.error_budget.variant_margins import VariantMargins
 
 _ENDS = (0.025, 0.975)
 
 
-def margins_row(margins: BudgetMargins) -> MarginsRow:
-    """Return the rows of the margins of a budget."""
+def margins_row(margins: BudgetMargins, variants: Sequence[VariantMargins] = ()) -> MarginsRow:
+    """Return the rows of the margins of a budget.
+
+    Args:
+        margins: of the machine.
+        variants: stability in models and poses that tests had.
+    """
     several = len(margins.names) > 1
     return MarginsRow(
         machines=len(margins.samples),
         loops=[_loop_row(margins, number) for number in range(len(margins.names))],
         all_loops=_all_loops_row(margins) if several else None,
+        variants=[_variant_row(margins.names, each) for each in variants],
     )
 
 
@@ -96,6 +105,33 @@ def _margin_row(nominal: Margin, samples: Sequence[Margin], sign: float = 1.0) -
         low=low,
         high=high,
         worst=worst,
+    )
+
+
+def _variant_row(names: tuple[str, ...], variant: VariantMargins) -> VariantRow:
+    """Return the row of one variant."""
+    loops = () if variant.margins is None else variant.margins.loops
+    pole = variant.pole
+    return VariantRow(
+        variant=variant.variant,
+        is_stable=pole is None,
+        growing_pole=None if pole is None else abs(pole.imag) / (2 * np.pi),
+        unstable_machines=variant.unstable_samples,
+        loops=[
+            VariantLoopRow(
+                loop=name,
+                **{
+                    key: margin.value if margin.is_finite else None
+                    for key, margin in (
+                        ("gain", loop.gain),
+                        ("phase", loop.phase),
+                        ("delay", loop.delay),
+                        ("modulus", loop.modulus),
+                    )
+                },
+            )
+            for name, loop in zip(names, loops, strict=False)
+        ],
     )
 
 

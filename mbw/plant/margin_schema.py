@@ -98,6 +98,34 @@ class AllLoopsRow(BaseModel):
     robust: list[RobustTestRow]
 
 
+class VariantLoopRow(BaseModel):
+    """Margins of a loop in a variant: factor, degrees, seconds and distance; null for no limit."""
+
+    loop: str
+    gain: Number | None
+    phase: Number | None
+    delay: Number | None
+    modulus: Number | None
+
+
+class VariantRow(BaseModel):
+    """Stability in a test's own model or pose.
+
+    Args:
+        variant: its name.
+        is_stable: whether the loops are stable.
+        growing_pole: frequency [Hz] of the pole that grows; null if none does.
+        unstable_machines: number of machines of the posterior that are unstable.
+        loops: margins; empty if the loops are unstable.
+    """
+
+    variant: str
+    is_stable: bool
+    growing_pole: Number | None
+    unstable_machines: int
+    loops: list[VariantLoopRow]
+
+
 class MarginsRow(BaseModel):
     """Stability margins.
 
@@ -105,8 +133,10 @@ class MarginsRow(BaseModel):
         machines: number of machines of the posterior.
         loops: margins of each loop.
         all_loops: of all at once; null with one loop.
+        variants: models and poses that tests of the campaign had.
     """
 
     machines: int
     loops: list[LoopMarginsRow]
     all_loops: AllLoopsRow | None
+    variants: list[VariantRow]

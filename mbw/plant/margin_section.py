@@ -1,11 +1,13 @@
 """Section of plant.html on control loops: table of margins, data of Bode, Nyquist and |S|."""
 
+from html import escape
+
 import numpy as np
 
 from identification.words import Complex, Real
 from mbw.page.html import pack_complex, pack_real
 from mbw.plant.margin_schema import LoopMarginsRow, MarginsRow
-from mbw.plant.margin_sentences import margin_table
+from mbw.plant.margin_sentences import margin_table, variant_text
 from tuning.control_loops.loop_gain_lines import single_loop_gains
 from tuning.control_loops.stability_margins import AllMargins
 from tuning.error_budget.loop_margins import BudgetMargins
@@ -20,7 +22,7 @@ _TEXT = (
     "Gain, phase and delay: what may change before the loop is unstable. "
     "Modulus: the smallest distance of the loop gain from -1, "
     "the inverse of the sensitivity peak. |W T| below 1: stable for every plant "
-    "within the weight W. All loops at once: the units of the signals are scaled out.</p>"
+    "within the weight W. All loops at once: the units of the signals are scaled out.</p>{variants}"
     '<nav id="loop-choice"></nav><div id="loop-gain"></div>'
     '<div class="pair"><div><h3>Nyquist plot of the loop gain</h3><div id="nyquist"></div></div>'
     '<div><h3>Sensitivity</h3><div id="sensitivity"></div></div></div>'
@@ -37,8 +39,12 @@ def margin_section(row: MarginsRow, *, has_weight: bool) -> str:
         has_weight: whether the held-out error is drawn.
     """
     over = f", with its 95 % interval over {row.machines} machines of the posterior"
+    variants = "".join(f"<li>{escape(variant_text(each))}</li>" for each in row.variants)
     return _TEXT.format(
         table=margin_table(row),
+        variants=f'<h3>Models and poses of the tests</h3><ul class="plain">{variants}</ul>'
+        if variants
+        else "",
         over=over if row.machines else "",
         samples=" Thin curves are machines of the posterior, the orange one the worst of them."
         if row.machines

@@ -12,6 +12,7 @@ from mbw.plant.margin_schema import (
     MarginRow,
     MarginsRow,
     RobustTestRow,
+    VariantRow,
 )
 
 ALL_LOOPS = "all loops at once"
@@ -66,7 +67,24 @@ def margin_lines(row: MarginsRow) -> list[str]:
         lines.append(f"    modulus {_with_interval(both.modulus, _MODULUS)}, units scaled out")
         lines.append(f"    modulus {_with_interval(both.singular, _MODULUS)}, in SI units")
         lines += [f"    {robust_sentence(test)}" for test in both.robust]
-    return lines
+    return [*lines, *(f"  {variant_text(each)}" for each in row.variants)]
+
+
+def variant_text(row: VariantRow) -> str:
+    """Return whether the loops are stable in a model or pose of a test, with their margins."""
+    if row.growing_pole is not None:
+        return f"{row.variant}: unstable, a pole at {row.growing_pole:.4g} Hz grows"
+    texts = []
+    for loop in row.loops:
+        values = (None, None, loop.gain, None, loop.phase, loop.delay, loop.modulus)
+        shown = [
+            f"{shown.name} {shown.value(value)}"
+            for shown, value in zip(_SHOWN_MARGINS, values, strict=True)
+            if value is not None
+        ]
+        texts.append(f"{loop.loop} {', '.join(shown)}")
+    some = f"; unstable in {row.unstable_machines} machines of the posterior"
+    return f"{row.variant}: {'; '.join(texts)}{some if row.unstable_machines else ''}"
 
 
 def _loop_texts(loop: LoopMarginsRow) -> list[str]:

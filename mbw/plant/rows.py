@@ -39,7 +39,9 @@ def budget_row(plant: PlantBudget, file: str, before: str | None, remarks: list[
         remarks=remarks,
         errors=[_error_row(plant, number) for number in range(len(definition.errors))],
         poles=pole_rows(budget),
-        margins=None if plant.margins is None else margins_row(plant.margins),
+        margins=None
+        if plant.margins is None
+        else margins_row(plant.margins, plant.variant_margins),
     )
 
 

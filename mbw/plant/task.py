@@ -1,6 +1,7 @@
 """The error budget of ``mbw predict --budget``, and the machine that stands beside it."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from diagnosis import Verdict
@@ -25,6 +26,7 @@ from tuning.error_budget.machine_files import (
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
 from tuning.files.result import TUNED_MJCF
+from tuning.variant_model import VariantModel
 
 _MIN_CAUSE_PROBABILITY = 0.5  # of a cause that the augmented machine holds
 
@@ -38,11 +40,13 @@ class BudgetRequest:
         before: MJCF of the machine that stands beside; None for the nominal one of a tuning, or
             the tuned one of a diagnosis.
         struts: names of struts with force feedback; empty for none.
+        read_variants: returns the machines of tests with models or poses of their own.
     """
 
     file: Path | None
     before: Path | None = None
     struts: tuple[str, ...] = ()
+    read_variants: Callable[[], VariantModel | None] = lambda: None
 
     @property
     def is_wanted(self) -> bool:
@@ -167,8 +171,16 @@ def _compute_budget(
         counterpart, _ = model_with_posterior(load_machine(before), before)
         read_definition(file, counterpart.machine)  # refuses labels that it lacks
     tuning = None if posterior is None else tuning_beside(path)
-    plant = plant_budget(fitted, definition, counterpart, posterior, tuning)
-    remarks = list(definition.remarks)
+    variants = request.read_variants() if definition.loops else None
+    plant = replace(
+        plant_budget(fitted, definition, counterpart, posterior), tuning=tuning, variants=variants
+    )
+    names_of_loops = ", ".join(loop.name for loop in definition.loops)
+    unstable = [each.sentence(names_of_loops) for each in plant.variant_margins]
+    remarks = [
+        *definition.remarks,
+        *(f"{text[:1].upper()}{text[1:]}." for text in unstable if text),
+    ]
     if plant.before_failure and before is not None:
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")
     row = budget_row(plant, file.name, None if before is None else str(before), remarks)
@@ -177,6 +189,13 @@ def _compute_budget(
     units = [definition.units[error.name][1] for error in row.errors]
     sentences = cause_sentences(row, units, causes) if causes else []
     return BudgetResult(plant, row, names, tuple(sentences))
+
+
+def _unstable_variants(plant: PlantBudget) -> list[str]:
+    """Return a sentence on each model or pose of a test in which the loops are unstable."""
+    loops = ", ".join(loop.name for loop in plant.budget.definition.loops)
+    sentences = (each.sentence(loops) for each in plant.variant_margins)
+    return [f"{text[:1].upper()}{text[1:]}." for text in sentences if text is not None]
 
 
 def _name_of(before: Path) -> str:

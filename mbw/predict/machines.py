@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from identification.words import InputError
+from identification.words import InputError, Loop
 from identification.words.file_access import real_path
 from mbmodel import (
     COMBINED_NAME,
@@ -18,10 +18,14 @@ from mbmodel import (
     load_machine,
     with_loops,
 )
+from mbw.output_folder import source_of
 from mbw.predict.additions import Additions
 from mbw.predict.spring_laws import SpringLaw, model_with_laws
 from mbw.spin_rates import parse_spin_rates
 from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
+from tuning.control_loops.stability import instability_sentence, unstable_variants
+from tuning.files.result import TUNED_JSON, TUNED_MJCF
+from tuning.variant_model import VariantModel, read_variant_model
 
 
 @dataclass(frozen=True)
@@ -57,8 +61,44 @@ class MachineRequest:
         loops = known_loops(self.loops_source or self.path, machine)
         closed = choose_loops(loops, self.closed)
         sentence = loops_sentence(loops, closed)
-        remarks = (*machine.remarks, *([sentence] if sentence else []))
+        remarks = (
+            *machine.remarks,
+            *([sentence] if sentence else []),
+            *self._unstable_variants(closed),
+        )
         return replace(with_loops(machine, closed), remarks=remarks)
+
+    def read_variants(self) -> VariantModel | None:
+        """Return the machines of the tests that had models or poses of their own.
+
+        Returns:
+            None without any, or for another machine than that of a campaign or its tuning.
+
+        Raises:
+            InputError: a file of the campaign cannot be used.
+        """
+        if self.additions or self.laws or self.spin:
+            return None
+        if self.loops_source is not None and self.loops_source.suffix == ".toml":
+            return read_variant_model(self.loops_source)
+        folder = self.path.parent
+        if self.path.name != TUNED_MJCF or not (folder / TUNED_JSON).is_file():
+            return None
+        campaign = source_of(folder, TUNED_MJCF)
+        is_there = campaign is not None and campaign.suffix == ".toml" and campaign.is_file()
+        return read_variant_model(campaign, folder) if campaign is not None and is_there else None
+
+    def _unstable_variants(self, closed: tuple[Loop, ...]) -> list[str]:
+        """Return a sentence on each variant that is unstable with the closed loops."""
+        variants = self.read_variants() if closed else None
+        if variants is None:
+            return []
+        names = ", ".join(loop.name for loop in closed)
+        poles = unstable_variants(variants.with_loops(closed), variants.theta)
+        return [
+            instability_sentence("the machine", names, variant, pole)
+            for variant, pole in poles.items()
+        ]
 
     def refuse_overwriting(self, folder: Path) -> None:
         """Refuse a folder in which the combined machine would replace a file that it is made of.

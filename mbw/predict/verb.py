@@ -121,7 +121,7 @@ def run_options(  # noqa: PLR0913  # one for each option
         period_s=discrete,
         statespace=statespace,
     )
-    study = BudgetRequest(budget, before, tuple(struts))
+    study = BudgetRequest(budget, before, tuple(struts), machine_request.read_variants)
     run(machine_request, request, PredictOutputs(modes, check, frf, plant, options, study))
 
 

@@ -41,50 +41,82 @@ def growing_pole_of_model(model: Model, theta: Real) -> complex | None:
     return growing_pole(np.asarray(np.linalg.eigvals(closed_loop_dynamics(model.assemble(theta)))))
 
 
-def check_nominal_loops(machine: Machine, trusted: Collection[str]) -> list[str]:
-    """Return remarks on loops with which the nominal machine is unstable.
+def unstable_variants(model: Model, theta: Real) -> dict[str, complex]:
+    """Return the fastest growing pole of each variant that is unstable with the model's loops.
 
     Args:
-        machine: nominal machine with its loops.
+        model: machine with its variants, and Parts.
+        theta: parameters in SI; (n_parameter,).
+    """
+    poles = {
+        name: growing_pole_of_model(model.in_variant(name), theta)
+        for name in model.machine.variants
+    }
+    return {name: pole for name, pole in poles.items() if pole is not None}
+
+
+def instability_sentence(subject: str, loops: str, variant: str, pole: complex) -> str:
+    """Return that a machine is unstable with its loops, and which pole grows.
+
+    Args:
+        subject: such as "the tuned machine".
+        loops: names of the loops.
+        variant: in which the machine is unstable; empty for the machine itself.
+        pole: that grows [rad/s].
+    """
+    place = f" ({variant})" if variant else ""
+    return (
+        f"{subject}{place} with {loops} closed is unstable: the pole {pole.real:.4g} "
+        f"{pole.imag:+.4g}i rad/s at {abs(pole.imag) / (2 * np.pi):.4g} Hz grows"
+    )
+
+
+def check_nominal_loops(machine: Machine, trusted: Collection[str]) -> list[str]:
+    """Return remarks on loops with which the nominal machine, or a variant of it, is unstable.
+
+    Args:
+        machine: nominal machine with its loops and variants.
         trusted: names of the loops that are right however unstable the nominal machine is.
 
     Raises:
         InputError: the nominal machine is unstable with a loop that is not trusted.
     """
-    pole = _pole_with(machine, machine.loops)
-    if pole is None:
-        return []
     names = ", ".join(f"loop.{loop.name}" for loop in machine.loops)
-    sentence = (
-        f"the nominal machine with {names} closed is unstable: the pole {pole.real:.4g} "
-        f"{pole.imag:+.4g}i rad/s at {abs(pole.imag) / (2 * np.pi):.4g} Hz grows"
-    )
-    if _pole_with(machine, ()) is not None:
-        sentence += ", and so does one without any loop"
-    if all(loop.name in trusted for loop in machine.loops):
-        return [f"{sentence}; campaign.toml states that the loops are right"]
-    raise InputError(
-        f"{sentence}; {_hint(machine)}check the sign of each gain (u = -K y), its unit (that of "
-        "the input per SI unit of the output) and quantity; if all are right, set as_stated = true "
-        "in each loop"
-    )
+    is_trusted = all(loop.name in trusted for loop in machine.loops)
+    remarks = []
+    for variant, each in {"": machine, **machine.variants}.items():
+        pole = _pole_with(each, each.loops)
+        if pole is None:
+            continue
+        sentence = instability_sentence("the nominal machine", names, variant, pole)
+        if _pole_with(each, ()) is not None:
+            sentence += ", and so does one without any loop"
+        if not is_trusted:
+            raise InputError(
+                f"{sentence}; {_hint(each)}check the sign of each gain (u = -K y), its unit (that "
+                "of the input per SI unit of the output) and quantity; if all are right, set "
+                "as_stated = true in each loop"
+            )
+        remarks.append(f"{sentence}; campaign.toml states that the loops are right")
+    return remarks
 
 
 def tuned_loop_remarks(model: Model, theta: Real) -> list[str]:
-    """Return a remark if a tuned machine is unstable with its loops.
+    """Return remarks if a tuned machine, or a variant of it, is unstable with its loops.
 
     Args:
         model: machine and Parts.
         theta: tuned parameters in SI; (n_parameter,).
     """
-    pole = growing_pole_of_model(model, theta) if model.loops else None
-    if pole is None:
+    if not model.loops:
         return []
-    names = ", ".join(f"loop.{part.loop.name}" for part in model.loops)
+    pole = growing_pole_of_model(model, theta)
+    poles = {**({} if pole is None else {"": pole}), **unstable_variants(model, theta)}
+    names = ", ".join(part.loop.name for part in model.loops)
     return [
-        f"with {names} closed, the tuned machine is unstable: the pole {pole.real:.4g} "
-        f"{pole.imag:+.4g}i rad/s at {abs(pole.imag) / (2 * np.pi):.4g} Hz grows, but the machine "
-        "was measured: check the loop's sign, gain, unit and delay"
+        f"{instability_sentence('the tuned machine', names, variant, growing)}, but it was "
+        "measured: check the loop's sign, gain, unit and delay"
+        for variant, growing in poles.items()
     ]
 
 

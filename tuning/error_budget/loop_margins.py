@@ -107,10 +107,26 @@ class LoopPlant:
     ports: PortMap
 
     @classmethod
-    def of(cls, budget: ErrorBudget) -> "LoopPlant":
-        """Return the plant of a budget's loops."""
-        loops = replace(budget.definition, errors=(), sources=())
-        return cls(budget.linearised.model, loops, map_ports(loops))
+    def of(cls, model: Model, definition: BudgetDefinition) -> "LoopPlant":
+        """Return the plant of a budget's loops around a machine."""
+        loops = replace(definition, errors=(), sources=())
+        return cls(model, loops, map_ports(loops))
+
+    def poles(self, theta: Real, *, is_closed: bool) -> Complex:
+        """Return the poles with all loops closed or open [rad/s]; (n_pole,)."""
+        definition = self.definition if is_closed else replace(self.definition, loops=())
+        return loop_states(self.model, theta, definition, self.ports).poles()
+
+    def margins(self, theta: Real, open_poles: Complex, closed_poles: Complex) -> AllMargins:
+        """Return the margins at some parameters, where the loops are stable.
+
+        Args:
+            theta: (n_theta,).
+            open_poles: with all loops open, of a machine near this one [rad/s]; (n_pole,).
+            closed_poles: with all loops closed [rad/s]; (n_pole,).
+        """
+        lines = _lines(self.definition.band, open_poles, closed_poles)
+        return stability_margins(self.gain_at(theta), lines)
 
     def lines(self, theta: Real, freq_hz: Real) -> Linearised:
         """Return the FRFs at some parameters and lines."""
@@ -142,18 +158,11 @@ def budget_margins(
             posterior.
         tuning: whose held-out error the plants have; None for none.
     """
-    plant = LoopPlant.of(budget)
+    plant = LoopPlant.of(budget.linearised.model, budget.definition)
     theta = budget.linearised.theta
-    opened = replace(plant.definition, loops=())
-    open_poles = loop_states(plant.model, theta, opened, plant.ports).poles()
-    band = budget.definition.band
-    nominal = stability_margins(
-        plant.gain_at(theta), _lines(band, open_poles, budget.states.poles())
-    )
-    drawn = tuple(
-        stability_margins(plant.gain_at(each), _lines(band, open_poles, poles))
-        for each, poles in samples
-    )
+    open_poles = plant.poles(theta, is_closed=False)
+    nominal = plant.margins(theta, open_poles, budget.states.poles())
+    drawn = tuple(plant.margins(each, open_poles, poles) for each, poles in samples)
     loops = plant.definition.loops
     held_out = tuple(
         None if tuning is None else held_out_loop_error(tuning, loop) for loop in loops

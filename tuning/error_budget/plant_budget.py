@@ -18,7 +18,9 @@ from tuning.error_budget.rms_interval import (
     rms_interval,
     stable_poles_of_samples,
 )
+from tuning.error_budget.variant_margins import VariantMargins, variant_margins
 from tuning.files.result import TuningResult
+from tuning.variant_model import VariantModel
 
 STEP_OF_A_TOUCH = 0.1  # relative change of a stiffness or damping whose effect is stated
 _POSTERIOR_SAMPLES = 60  # for bands and stability: a deviation is right to 9 %
@@ -51,6 +53,7 @@ class PlantBudget:
         thetas: samples of the posterior; None for none.
         sample_poles: closed-loop poles of each sample [rad/s]; n_sample.
         tuning: whose held-out error the plants of the loops have; None if not known.
+        variants: machines of tests with models or poses of their own; None for none.
     """
 
     budget: ErrorBudget
@@ -61,6 +64,7 @@ class PlantBudget:
     thetas: Real | None = None
     sample_poles: Sequence[Complex] = ()
     tuning: TuningResult | None = None
+    variants: VariantModel | None = None
 
     @cached_property
     def touches(self) -> tuple[tuple[Touch, ...], ...]:
@@ -90,6 +94,14 @@ class PlantBudget:
         samples = list(zip(thetas, self.sample_poles, strict=True))
         return budget_margins(self.budget, self.posterior, samples, self.tuning)
 
+    @cached_property
+    def variant_margins(self) -> tuple[VariantMargins, ...]:
+        """Stability of the loops in each variant of the machine; empty without any."""
+        definition = self.budget.definition
+        if self.variants is None or not definition.loops:
+            return ()
+        return variant_margins(self.variants, definition, self.posterior, self.thetas)
+
     def curves(self) -> PlantCurves:
         """Return the FRFs of the budget with their bands."""
         return plant_curves(self.budget, self.before, self.posterior, self.thetas)
@@ -105,7 +117,6 @@ def plant_budget(
     definition: BudgetDefinition,
     before: Model | None = None,
     posterior: PosteriorOfModel | None = None,
-    tuning: TuningResult | None = None,
 ) -> PlantBudget:
     """Compute the budget of a machine at its nominal values.
 
@@ -116,7 +127,6 @@ def plant_budget(
         definition: errors, sources and loops.
         before: another machine with the same labels; None for none.
         posterior: of the parameters; None for no intervals.
-        tuning: whose held-out error the plants of the loops have; None if not known.
 
     Raises:
         InputError: the machine, or some machine of the posterior, is unstable with the loops.
@@ -142,5 +152,4 @@ def plant_budget(
         posterior,
         thetas,
         stable_poles_of_samples(budget, thetas),
-        tuning,
     )
