@@ -1,7 +1,6 @@
 """A model: a machine with its Parts, assembled to an equation of motion at given parameters."""
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
@@ -12,18 +11,15 @@ from numpy.typing import NDArray
 
 from identification.words import Condition, Mask, Real, UsageError
 from mbmodel.assembly import Assembly, Matrices, add_product, frequency_dependent_term
+from mbmodel.coefficients import kinematics_and_coefficients, nominal_coefficients
 from mbmodel.control_loops.loop_part import LoopPart, loop_parts
-from mbmodel.linearisation.gravity import gravity_slope, gravity_stiffness
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
-from mbmodel.moving_equilibrium.posed_model import model_at_rest, static_parameters
-from mbmodel.moving_equilibrium.slopes import equilibrium_slopes
+from mbmodel.model_edits import model_edits
+from mbmodel.moving_equilibrium.kept_equilibria import KeptEquilibria
 from mbmodel.parts import (
-    AddedPart,
-    BodyPart,
     Change,
     ConditionalPart,
-    JointPart,
     Parameter,
     Part,
     PartContext,
@@ -33,8 +29,7 @@ from mbmodel.variants.variant_parts import parts_in_variant
 
 T = TypeVar("T", bound=np.generic)
 
-# Selects the coefficient of s^2 among (3, n, n): a mass matrix as a polynomial in s.
-_MASS_POWER = np.array([0.0, 0.0, 1.0])[:, None, None]
+_SLOTS = "joint", "body", "path", "output", "point"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +38,7 @@ class Model:
 
     The vector theta lists the parameters of all Parts, Part by Part, in SI units.
 
-    Control loops of the machine act beside the Parts: they are known, and have no parameters.
+    Control loops of the machine act beside the Parts, without parameters.
 
     Args:
         machine: at its static equilibrium.
@@ -86,10 +81,7 @@ class Model:
     def for_test(self, condition: Condition | None) -> "Model":
         """Return the model of a test: that of the machine's variant in which it was made.
 
-        It has the same parameters. Without a variant it is the model itself.
-
-        Args:
-            condition: of the test, or None.
+        It has the same parameters; without a variant it is the model itself.
         """
         return self.in_variant("" if condition is None else condition.variant)
 
@@ -142,44 +134,15 @@ class Model:
     @cached_property
     def _coefficients_as_drawn(self) -> Real:
         """Coefficients of s^0, s^1, s^2 without any Part; (3, nv, nv)."""
-        machine = self.machine
-        return self._coefficients(machine.jacobian, machine.body_mass[None] * _MASS_POWER)
-
-    def _coefficients(self, jacobian: Real, body: Real) -> Real:
-        """Return the coefficients of bodies, gravity and what no Part changes; (3, nv, nv).
-
-        Args:
-            jacobian: T; (6 n_body, nv).
-            body: coefficients of s^0, s^1, s^2 of Zb; (3, 6 n_body, 6 n_body).
-        """
-        machine = self.machine
-        total = np.stack([machine.remaining_stiffness, machine.remaining_damping, machine.armature])
-        for power in np.flatnonzero(body.any(axis=(1, 2))):
-            total[power] += jacobian.T @ body[power] @ jacobian
-        if machine.gravity.any():
-            weight_bearing_mass = machine.weight_fraction[:, None] * body[2]
-            total[0] += gravity_stiffness(
-                machine.body_gravity, machine.precedence, jacobian, weight_bearing_mass
-            )
-        return total
+        return nominal_coefficients(self.machine, self.machine.jacobian)
 
     @cached_property
-    def _rests(self) -> dict[bytes, "Model"]:
-        """The model at its last static equilibrium, by the parameters that it depends on."""
-        return {}
-
-    @cached_property
-    def _slopes_of_rest(
-        self,
-    ) -> dict[tuple[bytes, bytes, tuple[float, ...]], list[tuple[Change, ...]]]:
-        """The last slopes through the equilibrium, by theta, chosen parameters and test."""
-        return {}
+    def _kept_equilibria(self) -> KeptEquilibria:
+        """Last equilibria, and slopes through them."""
+        return KeptEquilibria(self)
 
     def at_rest(self, theta: Real) -> "Model":
-        """Return the model at its static equilibrium at theta.
-
-        It is the model itself if the equilibrium stays, or if nothing on which it depends differs
-        from the nominal model.
+        """Return the model at its static equilibrium; itself if the equilibrium stays.
 
         Args:
             theta: parameters in SI; (n_parameter,).
@@ -189,14 +152,7 @@ class Model:
         """
         if self.machine.statics is None:
             return self
-        values = static_parameters(self, theta)
-        if np.array_equal(values, static_parameters(self, self.drawn)):
-            return self
-        key = values.tobytes()
-        if key not in self._rests:
-            self._rests.clear()
-            self._rests[key] = model_at_rest(self, theta)
-        return self._rests[key]
+        return self._kept_equilibria.at_rest(theta)
 
     def assemble(self, theta: Real, condition: Condition | None = None) -> Assembly:
         """Assemble T, M, C, K and the changes at sensors and hammer.
@@ -211,34 +167,32 @@ class Model:
         posed = self.for_test(condition).at_rest(theta)
         if posed is not self:
             return posed.assemble(theta, condition)
-        machine = self.machine
-        context = PartContext(machine, condition)
-        slots = "joint", "body", "path", "output", "point"
-        by_slot: dict[str, list[Change]] = {slot: [] for slot in slots}
-        frequency_dependent: list[tuple[Change, str]] = []
+        context = PartContext(self.machine, condition)
+        by_slot: dict[str, list[Change]] = {slot: [] for slot in _SLOTS}
         input_changes: dict[int, list[Change]] = {}
-        for loop in self.loops:
-            frequency_dependent += [
-                (change, loop.location) for change in loop.changes(np.zeros(0), context)
-            ]
+        frequency_dependent = [
+            (change, loop.location)
+            for loop in self.loops
+            for change in loop.changes(np.zeros(0), context)
+        ]
         for number, values in enumerate(self.split_parameters(theta)):
             for change in self.parts[number].changes(values, context):
                 if change.slot == "input":
                     input_changes.setdefault(number, []).append(change)
                 elif change.shape is not None and change.slot != "output":
-                    owner = next(
-                        (parameter.name for parameter in self.parts[number].parameters),
-                        self.parts[number].location,
-                    )
+                    names = [parameter.name for parameter in self.parts[number].parameters]
+                    owner = [*names, self.parts[number].location][0]
                     frequency_dependent += [(change, owner)] if change.core.any() else []
                 else:
                     by_slot[change.slot if change.slot in by_slot else "point"].append(change)
-        jacobian, total = self._kinematics_and_coefficients(by_slot["path"], by_slot["body"])
+        jacobian, total = kinematics_and_coefficients(
+            self.machine, self._coefficients_as_drawn, by_slot["path"], by_slot["body"]
+        )
         for change in by_slot["joint"]:
             add_product(total, change.left, change.core, change.right)
         stiffness, damping, mass = total
         return Assembly(
-            machine,
+            self.machine,
             jacobian,
             Matrices(mass, damping, stiffness),
             tuple(by_slot["body"]),
@@ -250,36 +204,6 @@ class Model:
             {number: tuple(changes) for number, changes in input_changes.items()},
             tuple(by_slot["output"]),
         )
-
-    def _kinematics_and_coefficients(
-        self, path: Sequence[Change], body: Sequence[Change]
-    ) -> tuple[Real, Real]:
-        """Return T, and the coefficients of bodies and gravity, with the changes of Parts.
-
-        Args:
-            path: changes of T.
-            body: changes of Zb.
-        """
-        machine = self.machine
-        jacobian = machine.jacobian
-        if not path:
-            total = self._coefficients_as_drawn.copy()
-        else:
-            jacobian = jacobian + sum(c.left @ c.core[0] @ c.right.T for c in path)
-            total = self._coefficients(jacobian, machine.body_mass[None] * _MASS_POWER)
-        for change in body:
-            left, right = jacobian.T @ change.left, jacobian.T @ change.right
-            add_product(total, left, change.core, right)
-            if machine.gravity.any() and change.core[2].any():
-                added = change.left @ change.core[2] @ change.right.T
-                total[0] += gravity_slope(
-                    machine.body_gravity,
-                    machine.precedence,
-                    jacobian,
-                    machine.body_mass,
-                    inertia_change=machine.weight_fraction[:, None] * added,
-                )
-        return jacobian, total
 
     def acting_fractions(self, condition: Condition | None) -> tuple[float, ...]:
         """Return the fraction of each conditional Part that acts in a test, in their order."""
@@ -295,41 +219,7 @@ class Model:
         Args:
             theta: parameters in SI; (n_parameter,).
         """
-        values_of_parts = list(zip(self.parts, self.split_parameters(theta), strict=True))
-        added_inertias: dict[str, Real] = {}
-        for part, values in values_of_parts:
-            if isinstance(part, AddedPart) and part.weighs is not None and values.any():
-                added_inertias[part.location] = part.weighs(values) + added_inertias.get(
-                    part.location, 0.0
-                )
-        edits: list[Edit | Addition | NotInMjcf] = []
-        for part, values in values_of_parts:
-            if isinstance(part, BodyPart):
-                edits += part.write(values, added_inertias.pop(part.location, None))
-            else:
-                edits += part.write(values)
-        edits += [not_held for loop in self.loops for not_held in loop.write(np.zeros(0))]
-        edits += [
-            NotInMjcf(place, "the model has no Part for the mass of this body")
-            for place in added_inertias
-        ]
-        return tuple(self._at_tuned_joint(edit, values_of_parts) for edit in edits)
-
-    def _at_tuned_joint(
-        self, edit: Edit | Addition | NotInMjcf, values_of_parts: Sequence[tuple[Part, Real]]
-    ) -> Edit | Addition | NotInMjcf:
-        """Move an additional joint with the tuned joints of its stage; return other edits."""
-        if not isinstance(edit, Addition) or edit.element.tag != "joint":
-            return edit
-        frame = self.machine.drawing.bodies[edit.parent].frame
-        return next(
-            (
-                part.move_addition(values, edit, frame)
-                for part, values in values_of_parts
-                if isinstance(part, JointPart) and part.stage == edit.parent and values.any()
-            ),
-            edit,
-        )
+        return model_edits(self, theta)
 
     def slopes(
         self, theta: Real, condition: Condition | None = None, chosen: Mask | None = None
@@ -339,31 +229,26 @@ class Model:
         Args:
             theta: parameters in SI; (n_parameter,).
             condition: of the test, or None.
-            chosen: parameters of interest; Parts without one get no slopes; all if None;
-                (n_parameter,).
+            chosen: parameters of interest, all if None; (n_parameter,).
         """
         model = self.for_test(condition)
         if model is not self:
             return model.slopes(theta, condition, chosen)
         posed = self.at_rest(theta)
         context = PartContext(posed.machine, condition)
-        chosen_of_parts = self.split_parameters(
-            np.ones(len(theta), bool) if chosen is None else chosen
-        )
+        wanted = np.ones(len(theta), bool) if chosen is None else chosen
         slopes = [
             part.slopes(values, context) if mask.any() else ()
             for part, values, mask in zip(
-                posed.parts, self.split_parameters(theta), chosen_of_parts, strict=True
+                posed.parts,
+                self.split_parameters(theta),
+                self.split_parameters(wanted),
+                strict=True,
             )
         ]
         if self.machine.statics is None:
             return slopes
-        mask = np.concatenate(chosen_of_parts)
-        key = theta.tobytes(), mask.tobytes(), self.acting_fractions(condition)
-        if key not in self._slopes_of_rest:  # tests of one fit share theta
-            self._slopes_of_rest.clear()
-            self._slopes_of_rest[key] = equilibrium_slopes(self, theta, condition, chosen_of_parts)
-        added = self._slopes_of_rest[key]
+        added = self._kept_equilibria.slopes(theta, condition, wanted)
         return [(*fixed, *moved) for fixed, moved in zip(slopes, added, strict=True)]
 
 

@@ -94,12 +94,14 @@ class ModalForm:
         half = len(self.poles)
         rows = self.rows if through is None else self.rows @ through
         drive = real_times(rows, force)
-        if not np.iscomplexobj(drive):
+        n_freq = kernels[0].shape[-1]
+        if not np.iscomplexobj(drive) and len(self.columns) <= 2 * n_freq:
             return self._constant_force_receptance(drive[..., 0].real, kernels)
         even, odd = (kernel[:, None, :] for kernel in kernels)
         real, imag = drive[:half], drive[half:]
-        state = np.empty(drive.shape, complex)
-        scratch = np.empty(real.shape, complex)
+        # Of a constant force, this needs 2 h numbers per line, and residues 2 h nv in all.
+        state = np.empty((*drive.shape[:2], n_freq), complex)
+        scratch = np.empty((half, *state.shape[1:]), complex)
         for target, first, second, combine in (
             (state[:half], real, imag, np.add),
             (state[half:], imag, real, np.subtract),

@@ -27,6 +27,10 @@ class Solver:
         self.matrices, self.laplace, self.form = matrices, laplace, form
         self._zero_lines = np.flatnonzero(laplace == 0)
 
+    def on_lines(self, span: slice) -> "Solver":
+        """Return the solver of a run of lines."""
+        return Solver(self.matrices, self.laplace[span], self.form)
+
     @cached_property
     def _kernels(self) -> tuple[Complex, Complex] | None:
         """P and N of the modal form at every line."""

@@ -32,6 +32,10 @@ class WoodburySolver:
     polynomial_solver: Solver
     terms: tuple[FrequencyDependentTerm, ...]
 
+    def on_lines(self, span: slice) -> "WoodburySolver":
+        """Return the solver of a run of lines."""
+        return WoodburySolver(self.polynomial_solver.on_lines(span), self.terms)
+
     @cached_property
     def _sides(self) -> tuple[Real, Real]:
         """U and V of all terms side by side; (nv, r) and (nv, t)."""

@@ -15,6 +15,17 @@ FORCE_DIFFERENCE_STEP = 1e-6
 _MIN_DIFFERENCE_STEP = 1e-11  # below it rounding takes over
 _STEP_OF_DISTANCE = 0.05  # of the way to the end of a dead band, so that ten steps stay inside
 _MAX_CUBIC_SHARE = 1e-6  # of the slope, that a cubic term adds to a difference
+_POSITION_STEPS = (
+    mujoco.mj_kinematics,
+    mujoco.mj_comPos,
+    mujoco.mj_camlight,
+    mujoco.mj_flex,
+    mujoco.mj_tendon,
+    mujoco.mj_makeM,
+    mujoco.mj_collision,
+    mujoco.mj_makeConstraint,
+    mujoco.mj_transmission,
+)
 
 
 def choose_difference_step(model: mujoco.MjModel, data: mujoco.MjData) -> float:
@@ -66,14 +77,17 @@ def symmetrise_rotations(model: mujoco.MjModel, matrix: Real) -> Real:
 def compute_forces(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Compute what depends on position, velocity and controls, without forces of constraints.
 
-    MuJoCo's solver of constraints is left out: a machine in which one acts is refused, and for
-    some thousand contacts the solver's memory ends.
+    These are the steps of ``mj_fwdPosition`` without the factorisation of the mass matrix, which no
+    force needs and which takes most of the time of a large machine. MuJoCo's solver of constraints
+    is left out: a machine in which one acts is refused, and for some thousand contacts the solver's
+    memory ends.
 
     Args:
         model: the compiled model.
         data: the state; filled in place.
     """
-    mujoco.mj_fwdPosition(model, data)
+    for step in _POSITION_STEPS:
+        step(model, data)
     mujoco.mj_fwdVelocity(model, data)
     mujoco.mj_fwdActuation(model, data)
 

@@ -84,11 +84,13 @@ def _joint_springs(model: mujoco.MjModel) -> tuple[Spring, ...]:
         single = kind in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
         translating_free = kind == mujoco.mjtJoint.mjJNT_FREE and dof - model.jnt_dofadr[joint] < 3
         stage = stage_of(model, model.dof_bodyid[dof])
+        direction = np.zeros(model.nv)
+        direction[dof] = 1.0
         springs.append(
             Spring(
                 name=names[dof],
                 location=f"joint:{body_name(model, stage)}",
-                direction=np.eye(model.nv)[dof],
+                direction=direction,
                 stiffness=float(model.jnt_stiffness[joint]) if single else 0.0,
                 damping=float(model.dof_damping[dof]),
                 angular=kind != mujoco.mjtJoint.mjJNT_SLIDE and not translating_free,

@@ -4,7 +4,7 @@ import json
 import tomllib
 from collections.abc import Sequence
 
-from mbw.blind.case import TREES, BlindCase
+from mbw.blind.case_files import TREES, BlindCase
 from mbw.blind.page import GRADES, PAGE, TABLES, describe_failures, render
 from mbw.output_folder import OutputFolder
 from truth.grade import Case, Report, grade, tables, to_json
@@ -19,7 +19,7 @@ def write_grades(output: OutputFolder, cases: Sequence[BlindCase], title: str) -
         cases: cases that were drawn.
         title: name of the model.
     """
-    report = grade([_graded_case(case) for case in cases])
+    report = grade([graded_case(case) for case in cases])
     failures = describe_failures(output.path)
     page = render(json.loads(to_json(report)), tables(report), title, failures)
     with output.write() as place:
@@ -36,7 +36,7 @@ def rate_found(cases: Sequence[BlindCase], effect: str) -> Rate:
         cases: cases that were drawn; those without the effect do not count.
         effect: name of the effect.
     """
-    report = grade([_graded_case(case) for case in cases], baselines=False)
+    report = grade([graded_case(case) for case in cases], baselines=False)
     return rate_of([line.marks["both_or_twin"] for line in report.lines if line.truth == effect])
 
 
@@ -56,7 +56,7 @@ def describe_discarded_draws(cases: Sequence[BlindCase]) -> str:
     )
 
 
-def _graded_case(case: BlindCase) -> Case:
+def graded_case(case: BlindCase) -> Case:
     """Return the paths of a case's files for the grading."""
     oracle = case.oracle if case.oracle.is_file() else None
     machine = "random trees" if case.model == TREES else ""

@@ -57,7 +57,32 @@ def large_table() -> str:
     return table(("Work", "Time [s]", "Time / this project's", "Peak memory"), rows)
 
 
+def machine_size_table() -> str:
+    """Core seconds and peak memory by the number of bodies, with their exponents."""
+    steps = {"model": "Model", "frfs": "FRFs and gradient", "step": "Gauss-Newton step"}
+    keys = [f"{step} {unit}" for step in steps for unit in ("s", "GiB")]
+    rows = [
+        (
+            "Exponent" if row["bodies"] == "exponent" else row["bodies"],
+            significant(row["parameters"], 2)
+            if row["bodies"] == "exponent"
+            else round(row["parameters"]),
+            *(significant(row[key], 2) for key in keys),
+        )
+        for row in bench_rows("machine_size")
+    ]
+    header = [f"{name} [{unit}]" for name in steps.values() for unit in ("s", "GiB")]
+    return table(("Bodies", "Parameters", *header), rows)
+
+
+def machine_size_memory() -> str:
+    """Largest memory of a step with 200 bodies [GiB]."""
+    return significant(bench_rows("machine_size")[-2]["step GiB"], 2)
+
+
 FIGURES = {
+    "machine-size-table": machine_size_table,
+    "machine-size-memory": machine_size_memory,
     "frf-table": frf_table,
     "frf-times-control": lambda: frf_ratio("FRFs, python-control"),
     "frf-times-slycot": lambda: frf_ratio("FRFs, python-control with slycot"),
