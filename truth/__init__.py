@@ -12,6 +12,13 @@ from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
 from truth.campaign.draw import Tolerance
 from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.folder import write_answer, write_campaign
+from truth.campaign.further_tests import (
+    FurtherGain,
+    compare_sizes,
+    find_further_test,
+    list_further_tests,
+    rank_gains,
+)
 from truth.campaign.linearised_test import LinearisedTest, linearise_test
 from truth.campaign.measured import StatedTest, locate_tests
 from truth.campaign.protocol import Protocol, draw_protocol
@@ -29,6 +36,7 @@ __all__ = [
     "Cause",
     "Choice",
     "DrawnCase",
+    "FurtherGain",
     "LinearisedTest",
     "OwnTest",
     "Plan",
@@ -40,15 +48,19 @@ __all__ = [
     "TruthError",
     "Wanted",
     "Weighing",
+    "compare_sizes",
     "deal_cards",
     "draw_campaign",
     "draw_case",
     "draw_protocol",
+    "find_further_test",
     "find_signatures",
     "fit_to_machine",
     "linearise_test",
+    "list_further_tests",
     "locate_tests",
     "predict_smallest",
+    "rank_gains",
     "read_station",
     "why_as_drawn",
     "write_answer",

@@ -7,7 +7,7 @@ import numpy as np
 from identification.words import Complex
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.slope_matrix import SlopeMatrix
-from mbmodel.frf.slope_terms import INERTIA_POWER, Source, SourceName
+from mbmodel.frf.slope_terms import INERTIA_POWER, SlopeSource, SourceName
 from mbmodel.frf.solution import FrfSolution
 
 
@@ -74,7 +74,7 @@ class MotionSources:
         }
         return motions[name][..., span]
 
-    def _scale(self, source: Source, span: slice) -> Complex:
+    def _scale(self, source: SlopeSource, span: slice) -> Complex:
         """Return the source times s^power and a shape f(s); (m, n_in, n_line)."""
         values, laplace = (
             self._values(source.name, span),

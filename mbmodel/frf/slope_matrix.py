@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse
 
 from identification.words import Integers, Real
-from mbmodel.frf.slope_terms import SlopeTerm, Source
+from mbmodel.frf.slope_terms import SlopeSource, SlopeTerm
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class SlopeMatrix:
         matrix: K; (n count, m), with the rows of coordinate i together.
     """
 
-    sources: tuple[tuple[Source, slice], ...]
+    sources: tuple[tuple[SlopeSource, slice], ...]
     indices: Integers | slice
     count: int
     matrix: scipy.sparse.csr_array
@@ -77,7 +77,7 @@ def stack_slopes(
             have an entry.
     """
     n_target, widths = sizes
-    places: dict[Source, slice] = {}
+    places: dict[SlopeSource, slice] = {}
     start = 0
     for _, term in terms:
         if term.source not in places:

@@ -42,8 +42,8 @@ INERTIA_POWER = 2  # of s in the inertia forces: masses feel absolute motion, sp
 
 
 @dataclass(frozen=True)
-class Source:
-    """Source v of a term, times a power of s and a function of s.
+class SlopeSource:
+    """SlopeSource v of a term, times a power of s and a function of s.
 
     Args:
         name: of v.
@@ -69,7 +69,7 @@ class SlopeTerm:
     """
 
     target: Target
-    source: Source
+    source: SlopeSource
     left: Real | None
     core: Real
     right: Real | None
@@ -101,17 +101,17 @@ def _terms_of_power(
     """Yield the terms of one power of s, without those of gravity."""
     shape, left, right = change.shape, change.left, change.right.T
     to_joints, transposed = solution.assembly.jacobian.T, slope.swapaxes(1, 2)
-    joints, absolute = Source("joints", power, shape), Source("absolute", power, shape)
+    joints, absolute = SlopeSource("joints", power, shape), SlopeSource("absolute", power, shape)
     outputs, inputs = solution.request.outputs, solution.request.inputs
     if change.slot == "joint":
         yield SlopeTerm("force", joints, -left, slope, right)
     elif change.slot == "body":
-        source = absolute if power == INERTIA_POWER else Source("relative", power, shape)
+        source = absolute if power == INERTIA_POWER else SlopeSource("relative", power, shape)
         yield SlopeTerm("force", source, -to_joints @ left, slope, right)
     elif change.slot == "path":
         yield SlopeTerm("motion", joints, left, slope, right)
         yield from _inertia_terms(solution, left, slope, right, joints)
-        loads = Source("body_loads", power, shape)
+        loads = SlopeSource("body_loads", power, shape)
         yield SlopeTerm("force", loads, change.right, transposed, left.T)
     elif change.slot == "output":
         selected = output_selection(outputs, change.point) @ left
@@ -126,7 +126,7 @@ def _terms_of_power(
         yield SlopeTerm("readout", joints, one_each, factors, ports.joint_readout[rows])
     elif change.slot == "hammer":
         directions = direction_selection(inputs, change.point) @ left
-        unit_forces = Source("inputs", power, shape)
+        unit_forces = SlopeSource("inputs", power, shape)
         yield SlopeTerm("force", unit_forces, to_joints @ change.right, transposed, directions.T)
     else:
         readout = direction_selection(outputs, change.point) @ left
@@ -147,11 +147,11 @@ def _input_terms(
     ports, unit = solution.ports, np.eye(len(solution.request.inputs))
     for power in map(int, np.flatnonzero(core.any(axis=(0, 2, 3)))):
         factors = (change.left @ core[:, power] @ change.right.T) * unit
-        inputs = Source("inputs", power, relative)
+        inputs = SlopeSource("inputs", power, relative)
         yield SlopeTerm("force", inputs, solution.drive, factors, None)
         if not ports.has_floor:
             continue
-        floor = Source("floor", power, relative)
+        floor = SlopeSource("floor", power, relative)
         yield SlopeTerm("readout", floor, ports.readout @ ports.floor, factors, None)
         for term in solution.assembly.frequency_dependent:
             if not term.is_loop:  # loops that read the floor's motion
@@ -159,19 +159,19 @@ def _input_terms(
             moved = term.body_right.T @ ports.floor
             product = _shape_product(relative, term.change.shape)
             for order in map(int, np.flatnonzero(term.change.core.any(axis=(1, 2)))):
-                source = Source("floor", power + order, product)
+                source = SlopeSource("floor", power + order, product)
                 force = -term.left @ term.change.core[order] @ moved
                 yield SlopeTerm("force", source, force, factors, None)
 
 
 def _inertia_terms(
-    solution: FrfSolution, left: Real, slope: Real, right: Real, joints: Source
+    solution: FrfSolution, left: Real, slope: Real, right: Real, joints: SlopeSource
 ) -> Iterator[SlopeTerm]:
     """Yield the pseudo-forces -T' Zb d of joints that move, d = left slope right x."""
     assembly, power, shape = solution.assembly, joints.power, joints.shape
     to_joints = assembly.jacobian.T
     for inertia_power in map(int, np.flatnonzero(assembly.body.any(axis=(1, 2)))):
-        source = Source("joints", power + inertia_power, shape)
+        source = SlopeSource("joints", power + inertia_power, shape)
         load = -to_joints @ (assembly.body[inertia_power] @ left)
         yield SlopeTerm("force", source, load, slope, right)
     for term in assembly.frequency_dependent:
@@ -179,7 +179,7 @@ def _inertia_terms(
             continue
         core, product = term.change.core, _shape_product(shape, term.change.shape)
         for inertia_power in map(int, np.flatnonzero(core.any(axis=(1, 2)))):
-            source = Source("joints", power + inertia_power, product)
+            source = SlopeSource("joints", power + inertia_power, product)
             load = -term.left @ core[inertia_power] @ (term.body_right.T @ left)
             yield SlopeTerm("force", source, load, slope, right)
 
@@ -204,7 +204,7 @@ def _gravity_terms(solution: FrfSolution, change: Change, core: Real) -> Iterato
             assembly.weight_bearing_mass,
             **varied,
         )
-    yield SlopeTerm("force", Source("joints", 0, change.shape), None, -slopes, None)
+    yield SlopeTerm("force", SlopeSource("joints", 0, change.shape), None, -slopes, None)
 
 
 def _shape_product(first: Shape, second: Shape) -> Shape:

@@ -62,9 +62,13 @@ def blind(  # noqa: PLR0913  # one for each option
         bool,
         typer.Option("--smallest", help="Predict the smallest size that nine tests of ten find."),
     ] = False,
+    further: Annotated[
+        bool,
+        typer.Option("--further", help="Rank further hammer points, sensors and levels."),
+    ] = False,
     confirm: Annotated[
         int,
-        typer.Option(min=0, help="Places where --cases drawn cases confirm that size."),
+        typer.Option(min=0, help="Predictions that --cases drawn cases each confirm."),
     ] = 0,
     json: Json = None,
     quiet: Quiet = False,
@@ -88,6 +92,7 @@ def blind(  # noqa: PLR0913  # one for each option
         size=size,
         dirt=dirt,
         smallest=smallest,
+        further=further,
         confirm=confirm,
         json=json,
         overwrite=overwrite,

@@ -14,23 +14,19 @@ from identification.words import InputError
 from mbmodel import load_machine
 from mbmodel.geometry.surfaces import machine_geometry
 from mbw.blind.smallest_page import render
-from mbw.blind.user_test import is_campaign, model_of, read_user_test
+from mbw.blind.user_test import UserTest, is_campaign, model_of
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
 from truth import (
     Choice,
-    LinearisedTest,
-    Protocol,
     SmallestSize,
-    Tolerance,
     TruthError,
     Weighing,
     find_signatures,
-    fit_to_machine,
     linearise_test,
     predict_smallest,
-    read_station,
 )
+from truth.campaign.linearised_test import MAX_VALUES
 from truth.effects.other_packages import known_effects
 from truth.effects.outside import OUTSIDE
 
@@ -58,26 +54,28 @@ class Confirmation:
     interval: tuple[float, float]
 
 
-def predict(model: str, band: tuple[float, float] | None, choice: Choice) -> list[SmallestSize]:
-    """Return the smallest sizes of all effects at all places, in a model's or user's own test.
+def predict(test: UserTest, choice: Choice, max_values: int = MAX_VALUES) -> list[SmallestSize]:
+    """Return the smallest sizes of all effects at all places in a test.
 
     Args:
-        model: MJCF of a machine, or the user's campaign.
-        band: lowest and highest frequency [Hz] of a campaign; None for the lines with coherence.
+        test: a machine and how it is tested.
         choice: effects and places; empty for all.
+        max_values: complex values of the signatures, about.
 
     Raises:
-        InputError: the model or the campaign cannot be used.
+        InputError: no effect has a place, or the machine cannot be tested.
     """
     try:
-        test = _linearise(Path(model), band)
+        linear = linearise_test(
+            test.station, test.repeated.protocol, test.repeated.tolerance, max_values
+        )
         effects = {name: draw for name, draw in known_effects().items() if name not in OUTSIDE}
-        signatures, information = find_signatures(test, effects, [])
+        signatures, information = find_signatures(linear, effects, [])
     except TruthError as error:
         raise InputError(str(error)) from error
     constants = load_calibration()
     weighing = Weighing(
-        constants.tempering, constants.hidden["lines"], constants.hidden_width, test.values
+        constants.tempering, constants.hidden["lines"], constants.hidden_width, linear.values
     )
     sizes = [
         row
@@ -86,17 +84,11 @@ def predict(model: str, band: tuple[float, float] | None, choice: Choice) -> lis
         and (not choice.places or row.location in choice.places)
     ]
     if not sizes:
-        raise InputError(f"{model}: no effect that was chosen has a place in this machine")
+        raise InputError(
+            f"{test.station.name}: no effect that was chosen has a place in this machine: choose "
+            "others by --effect and --place"
+        )
     return sizes
-
-
-def _linearise(path: Path, band: tuple[float, float] | None) -> LinearisedTest:
-    if is_campaign(path):
-        user = read_user_test(path, band)
-        return linearise_test(user.station, user.repeated.protocol, user.repeated.tolerance)
-    station = read_station(path)
-    protocol = fit_to_machine(Protocol((station.first_aim(),)), station)
-    return linearise_test(station, protocol, Tolerance())
 
 
 def choose_places(sizes: Sequence[SmallestSize], count: int) -> list[SmallestSize]:
@@ -161,8 +153,10 @@ def size_table(sizes: Sequence[SmallestSize], confirmed: Sequence[Confirmation])
         place = f"{row.effect} at {row.location} {row.dof}".rstrip()
         if not row.is_found:
             size = "not found at any plausible size"
-        elif row.value is None:
+        elif row.of_usual is None:
             size = "found"
+        elif row.value is None:
+            size = f"{row.of_usual:.2g} of a usual size"
         else:
             size = f"{row.parameter} {row.value:.3g}, {row.of_usual:.2g} of a usual size"
         confused = f"; confused with {', '.join(row.confused[:3])}" if row.confused else ""

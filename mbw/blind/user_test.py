@@ -12,11 +12,12 @@ from truth import (
     Protocol,
     StatedTest,
     Station,
+    Tolerance,
     TruthError,
+    fit_to_machine,
     locate_tests,
     read_station,
 )
-from truth.campaign.draw import Tolerance
 from tuning import open_campaign
 
 USUAL_BAND_HZ = 200.0  # of a station, for which frequencies of effects are drawn
@@ -34,6 +35,10 @@ class UserTest:
     station: Station
     repeated: OwnTest
 
+    def with_protocol(self, protocol: Protocol) -> "UserTest":
+        """Return the machine tested in another way."""
+        return UserTest(self.station, OwnTest(protocol, self.repeated.tolerance))
+
 
 def is_campaign(path: Path) -> bool:
     """Return whether a path is a campaign's folder, or its campaign.toml."""
@@ -50,6 +55,26 @@ def model_of(path: Path) -> Path:
     if settings.model is None:
         raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
     return source.parent / settings.model
+
+
+def read_test(path: Path, band: tuple[float, float] | None) -> UserTest:
+    """Read the test of a campaign, or that of a model: one hit point, in the band of its modes.
+
+    Args:
+        path: MJCF of a machine, or a campaign.
+        band: lowest and highest frequency [Hz] of a campaign; None for the lines with coherence.
+
+    Raises:
+        InputError: the model or the campaign cannot be used.
+    """
+    if is_campaign(path):
+        return read_user_test(path, band)
+    try:
+        station = read_station(path)
+        protocol = fit_to_machine(Protocol((station.first_aim(),)), station)
+    except TruthError as error:
+        raise InputError(str(error)) from error
+    return UserTest(station, OwnTest(protocol, Tolerance()))
 
 
 def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:

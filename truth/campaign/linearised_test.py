@@ -12,7 +12,7 @@ from truth.effects import Scene
 from truth.machine.machine_on_test import Machine
 from truth.machine.station import Station
 
-_MAX_VALUES = 40_000  # complex values of the signatures: more tell little and fill the memory
+MAX_VALUES = 40_000  # complex values of the signatures: more tell little and fill the memory
 _MIN_LINES = 24
 
 
@@ -33,20 +33,23 @@ class LinearisedTest:
     values: int
 
 
-def linearise_test(station: Station, protocol: Protocol, tolerance: Tolerance) -> LinearisedTest:
+def linearise_test(
+    station: Station, protocol: Protocol, tolerance: Tolerance, max_values: int = MAX_VALUES
+) -> LinearisedTest:
     """Linearise a test about the nominal machine.
 
     Args:
         station: the nominal machine.
         protocol: how it is tested; the files of one level count.
         tolerance: standard deviations of the priors.
+        max_values: complex values of the signatures, about.
     """
     files = takes(protocol, station, 0)
     level = sorted(protocol.levels)[len(protocol.levels) // 2]
     own = tuple(take for take in files if take.test or take.level == level)
     machine = Machine(station, hammers_of(station, protocol, NO_TOLERANCE, 0))
     cells = 3 * len(list(station.sensors())) * len(machine.hammers)
-    count = max(_MIN_LINES, _MAX_VALUES // cells)
+    count = max(_MIN_LINES, max_values // cells)
     refit = refit_of(machine, protocol, own, tolerance, count=count)
     measured = np.isfinite(refit.deviation).all(axis=0) & refit.used[:, None]
     lines = int((protocol.freq_hz >= refit.known.freq_hz[0]).sum())

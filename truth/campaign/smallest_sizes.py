@@ -21,7 +21,7 @@ import numpy as np
 
 from truth.campaign.bounded_least_squares import BOUND
 from truth.campaign.signatures import Information, Signature, families, gram_matrix
-from truth.effects.effect import Parameter
+from truth.effects.effect import Effect
 from truth.machine.station import Real
 
 _NINE_OF_TEN = 1.2815515655446004  # standard deviations below which one in ten lies
@@ -58,9 +58,10 @@ class SmallestSize:
         effect: its name.
         location: as in an answer.
         dof: as in an answer; empty without one.
-        parameter: of the answer by which the size is stated; empty for an effect without a size.
-        value: its size, the largest over the shapes; None where no plausible size is found, or for
-            an effect without a size.
+        parameter: of the answer by which the size is stated; empty if no parameter follows the
+            size, or the effect has none.
+        value: of that parameter at the smallest size, the largest over the shapes; None where no
+            plausible size is found, or without such a parameter.
         of_usual: that size over the one that is usually drawn; None without a size.
         is_found: whether a plausible size is found.
         gain: gain in log likelihood at that size, or without a size at the effect itself [nats].
@@ -184,7 +185,7 @@ def _one_shape(
         is_enough = _sure_gain(information, signature, float(np.exp(middle))) >= needed
         low, high = (low, middle) if is_enough else (middle, high)
     size = float(np.exp(high))
-    parameter, value = _stated(drawn.sized(size).answer().parameters)
+    parameter, value = _stated(drawn, size)
     of_usual = size / drawn.size
     return SmallestSize(*signature.family, parameter, value, of_usual, True, needed, confused)
 
@@ -209,7 +210,13 @@ def _explained(gram: Real, number: int, row: Sequence[int]) -> float:
     return float(along @ np.linalg.solve(unit, along))
 
 
-def _stated(parameters: Mapping[str, Parameter]) -> tuple[str, float]:
-    """Return the first parameter of an answer; of a vector its length."""
-    name, value = next(iter(parameters.items()))
-    return name, float(np.linalg.norm(np.asarray(value, np.float64)))
+def _stated(drawn: Effect, size: float) -> tuple[str, float | None]:
+    """Return the first parameter of an answer that a size changes; of a vector its length.
+
+    The participation of a flexible body, for example, is no parameter: then there is none.
+    """
+    at_size, at_half = (drawn.sized(part * size).answer().parameters for part in (1.0, 0.5))
+    for name, value in at_size.items():
+        if not np.array_equal(np.asarray(value), np.asarray(at_half[name])):
+            return name, float(np.linalg.norm(np.asarray(value, np.float64)))
+    return "", None

@@ -1,0 +1,105 @@
+"""Options of a blind test, and its cases on the workers that they name."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from identification.words import InputError, WorkbenchError
+from mbmodel import load_machine
+from mbw.blind.case_files import TREES, BlindCase
+from mbw.blind.request import Shard, build_request, prepare_folder
+from mbw.blind.running import run_cases
+from mbw.blind.user_test import is_campaign, read_user_test
+from mbw.messages import SCREEN
+from mbw.output_folder import ResultOptions
+from truth import WHOLE_DECK, Choice, why_as_drawn
+from tuning.workers.executors import Workers
+
+
+@dataclass(frozen=True)
+class BlindOptions:
+    """Options of a blind test.
+
+    Args:
+        model: MJCF of a machine, or ``trees`` for random machines.
+        cases: number of cases of the whole test.
+        seed: seed of the whole test; it determines all answers.
+        workers: where the cases run.
+        outputs: where the test and its grades are written.
+        band: band of the verdicts [Hz]; None for the frequency lines with coherence.
+        shard: the part of the cases that is run; None for all.
+        choice: effects, places and sizes that are drawn.
+    """
+
+    model: str
+    cases: int
+    seed: int
+    workers: Workers
+    outputs: ResultOptions
+    band: tuple[float, float] | None = None
+    shard: Shard | None = None
+    choice: Choice = WHOLE_DECK
+
+
+def check_model(model: str, band: tuple[float, float] | None) -> None:
+    """Say how the machine is drawn; refuse a model that has no linear one, as ``predict`` does."""
+    if is_campaign(Path(model)):
+        read_user_test(Path(model), band)
+        SCREEN.say(
+            f"the test of {model} is repeated on true machines about its own model, with its "
+            "channels, hits, averages, noise and tolerances"
+        )
+        return
+    if model == TREES or not Path(model).is_file():
+        return
+    if reason := why_as_drawn(Path(model)):
+        load_machine(Path(model))
+        SCREEN.say(
+            f"the drawing is {model} itself, and true machines vary about it ({reason}: drawings "
+            "of other machines are made of plain models alone)"
+        )
+
+
+def run_all(options: BlindOptions, out: Path, further: str | None = None) -> list[BlindCase]:
+    """Run all cases; return those that were drawn.
+
+    Args:
+        options: of the test.
+        out: its folder.
+        further: name of a further test that is added; None for the test as it is.
+
+    Raises:
+        InputError: no case could be drawn, for a reason in the model.
+        WorkbenchError: no case could be drawn.
+    """
+    model = options.model if options.model == TREES else str(Path(options.model).absolute())
+    shard = options.shard or Shard(1, 1)
+    cases = [
+        BlindCase(model, options.seed, number, out, options.band, options.choice, further)
+        for number in shard.numbers(options.cases)
+    ]
+    failed = [outcome for outcome in run_cases(cases, options.workers) if outcome.error]
+    drawn = [case for case in cases if case.sealed.is_file()]
+    if not drawn:
+        sentence = f"none of {len(cases)} cases could be drawn: {failed[0].error}"
+        raise InputError(sentence) if failed[0].is_refused else WorkbenchError(sentence)
+    return drawn
+
+
+def run_chosen(
+    options: BlindOptions, seed: int, choice: Choice, out: Path, further: str | None = None
+) -> list[BlindCase]:
+    """Run cases of one effect at one place in a folder of their own; an interrupted one continues.
+
+    Args:
+        options: of the whole test; its cases are those of this place.
+        seed: of these cases.
+        choice: effect, place and size.
+        out: folder of these cases.
+        further: name of a further test that is added; None for the test as it is.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    request = build_request(options.model, seed, options.band, choice=choice)
+    if further is not None:
+        request["further"] = further
+    prepare_folder(request, out, overwrite=options.outputs.overwrite)
+    return run_all(replace(options, seed=seed, choice=choice, shard=None), out, further)

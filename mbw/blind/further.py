@@ -1,0 +1,193 @@
+"""``mbw blind --further``: which further hammer point, sensor or level helps most.
+
+Every further test is ranked by the smallest sizes that it makes findable, predicted from its linear
+information. The best ones are confirmed, if that is wanted: machines with one fault, of a size
+between the smallest ones of both tests, are tested without and with the further test.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import typer
+
+from identification.words import InputError
+from mbw.blind.case_files import TREES
+from mbw.blind.chosen_cases import BlindOptions, check_model, run_chosen
+from mbw.blind.grading import rate_found
+from mbw.blind.smallest import predict
+from mbw.blind.user_test import read_test
+from mbw.files import write_json
+from mbw.messages import SCREEN
+from truth import (
+    Choice,
+    FurtherGain,
+    SmallestSize,
+    compare_sizes,
+    list_further_tests,
+    rank_gains,
+)
+from truth.grade.rates import Rate
+
+FURTHER_JSON, FURTHER_TEXT = "further.json", "further.txt"
+_RANKED_VALUES = 10_000  # complex values of the signatures: they rank tests as well as four times
+_BEYOND = 1.2  # of the smallest size after, where no size is found before
+
+
+@dataclass(frozen=True)
+class FurtherConfirmation:
+    """A further test that drawn cases confirm: the same machines, without it and with it.
+
+    Args:
+        name: of the further test.
+        effect: of the fault.
+        location: of the fault.
+        parameter: of the answer, by which its size is stated.
+        value: its size.
+        found_before: cases in which effect and place were right without it, and their number.
+        found_after: the same with it.
+        interval_before: 95 % interval of the rate without it (Wilson).
+        interval_after: 95 % interval of the rate with it (Wilson).
+    """
+
+    name: str
+    effect: str
+    location: str
+    parameter: str
+    value: float
+    found_before: tuple[int, int]
+    found_after: tuple[int, int]
+    interval_before: tuple[float, float]
+    interval_after: tuple[float, float]
+
+
+def run_further(options: BlindOptions, confirm: int) -> Path:
+    """Rank further tests, and confirm the best of them by drawn cases.
+
+    Args:
+        options: model or campaign, chosen effects and places, and cases of each confirmation.
+        confirm: how many further tests are confirmed.
+
+    Returns:
+        The folder of the result.
+
+    Raises:
+        InputError: the model cannot be used, or there are only random machines.
+    """
+    if options.model == TREES:
+        raise InputError("--further needs one machine: name an MJCF or a campaign")
+    check_model(options.model, options.band)
+    with options.outputs.open("blind", Path(options.model), "further", ()) as output:
+        gains = rank_further(Path(options.model), options.band, options.choice)
+        folder = output.path.absolute()
+        helpful = [gain for gain in gains if gain.most is not None]
+        confirmed = [
+            _confirm(options, gain, folder / f"confirm_{number}", options.seed + number)
+            for number, gain in enumerate(helpful[:confirm])
+        ]
+        rows = {
+            "gains": [asdict(gain) for gain in gains],
+            "confirmed": [asdict(row) for row in confirmed],
+        }
+        table = further_table(gains, confirmed)
+        with output.write() as place:
+            (place / FURTHER_JSON).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+            (place / FURTHER_TEXT).write_text(table, encoding="utf-8")
+        if options.outputs.json is not None:
+            write_json((folder / FURTHER_JSON).read_text("utf-8"), options.outputs.json)
+    if not (SCREEN.quiet or options.outputs.has_json_on_stdout):
+        typer.echo(table.rstrip())
+    SCREEN.say(f"further tests in {folder / FURTHER_JSON}")
+    return folder
+
+
+def rank_further(path: Path, band: tuple[float, float] | None, choice: Choice) -> list[FurtherGain]:
+    """Return all further tests of a model or campaign, the most helpful first.
+
+    Args:
+        path: MJCF of a machine, or the user's campaign.
+        band: lowest and highest frequency [Hz] of a campaign; None for the lines with coherence.
+        choice: effects and places that count; empty for all.
+
+    Raises:
+        InputError: the model or the campaign cannot be used.
+    """
+    test = read_test(path, band)
+    before = predict(test, choice, _RANKED_VALUES)
+    further = list_further_tests(test.station, test.repeated.protocol)
+    gains = []
+    with SCREEN.progress() as progress:
+        bar = progress.add_task("further tests", total=len(further))
+        for further_test in further:
+            after = predict(test.with_protocol(further_test.protocol), choice, _RANKED_VALUES)
+            gains.append(compare_sizes(further_test.name, before, after))
+            progress.update(bar, advance=1, description=further_test.name)
+    return rank_gains(gains)
+
+
+def _confirm(options: BlindOptions, gain: FurtherGain, out: Path, seed: int) -> FurtherConfirmation:
+    """Draw and diagnose cases with the fault that gains most, without and with a further test."""
+    old, new = gain.most, gain.most_after
+    if old is None or new is None:
+        raise InputError(f"{gain.name} helps no effect that has a size: choose others by --effect")
+    value = _size_between(old, new)
+    choice = Choice((new.effect,), (new.location,), (), (new.parameter, value), options.choice.dirt)
+    before, after = (
+        rate_found(run_chosen(options, seed, choice, out / folder, further), new.effect)
+        for folder, further in (("before", ""), ("after", gain.name))
+    )
+    return FurtherConfirmation(
+        gain.name,
+        new.effect,
+        new.location,
+        new.parameter,
+        value,
+        _hits(before),
+        _hits(after),
+        _interval(before),
+        _interval(after),
+    )
+
+
+def _size_between(old: SmallestSize, new: SmallestSize) -> float:
+    """Return a size that the further test finds and the test as it is does not, as predicted."""
+    smallest = new.value or 0.0
+    return float((old.value * smallest) ** 0.5) if old.value else _BEYOND * smallest
+
+
+def _hits(rate: Rate) -> tuple[int, int]:
+    return (round(rate.rate * rate.n) if rate.n and rate.rate is not None else 0), rate.n
+
+
+def _interval(rate: Rate) -> tuple[float, float]:
+    return rate.low or 0.0, 1.0 if rate.high is None else rate.high
+
+
+def further_table(gains: Sequence[FurtherGain], confirmed: Sequence[FurtherConfirmation]) -> str:
+    """Return further tests as text, the most helpful first."""
+    lines = ["what a further test would show, predicted, the most helpful first", ""]
+    for gain in gains:
+        text = (
+            f"{gain.name}: {gain.findable} of {gain.compared} faults of usual size are found "
+            f"({gain.findable_before} as it is); smallest sizes are {gain.shrink:.2g} of those "
+            "as it is"
+        )
+        old, new = gain.most, gain.most_after
+        if old is not None and new is not None and new.value is not None:
+            place = f"{new.effect} at {new.location}"
+            text += f"; most for {place}: found from {new.parameter} {new.value:.3g} on"
+            text += ", as it is not at all" if old.value is None else f", as it is {old.value:.3g}"
+        lines.append(text)
+    lines += [""] if confirmed else []
+    for row in confirmed:
+        lines.append(
+            f"confirmed: {row.name}, {row.effect} at {row.location}, {row.parameter} "
+            f"{row.value:.3g}: found in {_rate_text(row.found_before, row.interval_before)} as it "
+            f"is, and in {_rate_text(row.found_after, row.interval_after)} with it"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _rate_text(hits: tuple[int, int], interval: tuple[float, float]) -> str:
+    return f"{hits[0]} of {hits[1]} cases (95 %: {interval[0]:.0%} to {interval[1]:.0%})"
