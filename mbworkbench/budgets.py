@@ -9,7 +9,7 @@ from mbworkbench.labels import AnyPath, as_path
 from mbworkbench.model import MachineModel, read_model
 from mbworkbench.tables import html_table
 from tuning.control_loops.loops_file import choose_loops, known_loops
-from tuning.error_budget.loop_margins import BudgetMargins
+from tuning.error_budget.loop_margins import PlantMargins
 from tuning.error_budget.machine_files import (
     model_with_posterior,
     tuned_file,
@@ -59,7 +59,7 @@ class ErrorBudgetResult:
         }
 
     @property
-    def margins(self) -> BudgetMargins | None:
+    def margins(self) -> PlantMargins | None:
         """Stability margins of the loops; None without any."""
         return self.plant.margins
 

@@ -8,13 +8,13 @@ from identification.words import Loop
 from mbw.predict.named_arrays import write_named_arrays
 from tuning.control_loops.loop_gain_lines import single_loop_gains
 from tuning.control_loops.stability_margins import LoopMargins
-from tuning.error_budget.loop_margins import BudgetMargins
+from tuning.error_budget.loop_margins import PlantMargins
 
 MARGINS_NPZ, MARGINS_MAT = "margins.npz", "margins.mat"
 _OF_MACHINES = ("gain", "reduction", "phase", "delay", "modulus")
 
 
-def write_margins(margins: BudgetMargins, loops: tuple[Loop, ...], folder: Path) -> None:
+def write_margins(margins: PlantMargins, loops: tuple[Loop, ...], folder: Path) -> None:
     """Write loop gains of the nominal machine, and margins of all machines of the posterior.
 
     Args:

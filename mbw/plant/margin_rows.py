@@ -16,13 +16,14 @@ from mbw.plant.margin_schema import (
     VariantRow,
 )
 from tuning.control_loops.stability_margins import AllMargins, LoopMargins, Margin
-from tuning.error_budget.loop_margins import BudgetMargins, RobustTest
+from tuning.error_budget.loop_margins import PlantMargins
+from tuning.error_budget.robust_stability import RobustTest
 from tuning.error_budget.variant_margins import VariantMargins
 
 _ENDS = (0.025, 0.975)
 
 
-def margins_row(margins: BudgetMargins, variants: Sequence[VariantMargins] = ()) -> MarginsRow:
+def margins_row(margins: PlantMargins, variants: Sequence[VariantMargins] = ()) -> MarginsRow:
     """Return the rows of the margins of a budget.
 
     Args:
@@ -38,7 +39,7 @@ def margins_row(margins: BudgetMargins, variants: Sequence[VariantMargins] = ())
     )
 
 
-def _loop_row(margins: BudgetMargins, number: int) -> LoopMarginsRow:
+def _loop_row(margins: PlantMargins, number: int) -> LoopMarginsRow:
     """Return the row of one loop."""
     loop = margins.nominal.loops[number]
     samples = [each.loops[number] for each in margins.samples]
@@ -63,7 +64,7 @@ def _loop_row(margins: BudgetMargins, number: int) -> LoopMarginsRow:
     )
 
 
-def _all_loops_row(margins: BudgetMargins) -> AllLoopsRow:
+def _all_loops_row(margins: PlantMargins) -> AllLoopsRow:
     """Return the row of all loops at once."""
 
     def row(pick: Callable[[AllMargins], Margin]) -> MarginRow:

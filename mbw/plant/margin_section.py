@@ -10,7 +10,7 @@ from mbw.plant.margin_schema import LoopMarginsRow, MarginsRow
 from mbw.plant.margin_sentences import margin_table, variant_text
 from tuning.control_loops.loop_gain_lines import single_loop_gains
 from tuning.control_loops.stability_margins import AllMargins
-from tuning.error_budget.loop_margins import BudgetMargins
+from tuning.error_budget.loop_margins import PlantMargins
 
 _ROOM = 3.0  # factor of frequency beyond crossovers and band
 _MAX_DRAWN_SAMPLES = 20  # machines of the posterior
@@ -54,7 +54,7 @@ def margin_section(row: MarginsRow, *, has_weight: bool) -> str:
 
 
 def margin_data(
-    margins: BudgetMargins, row: MarginsRow, band: tuple[float, float]
+    margins: PlantMargins, row: MarginsRow, band: tuple[float, float]
 ) -> dict[str, object]:
     """Return the data of the script.
 
@@ -68,7 +68,7 @@ def margin_data(
 
 
 def _loop_data(
-    margins: BudgetMargins, number: int, row: LoopMarginsRow, band: tuple[float, float]
+    margins: PlantMargins, number: int, row: LoopMarginsRow, band: tuple[float, float]
 ) -> dict[str, object]:
     """Return the curves of one loop and its marks."""
     marked = [

@@ -11,7 +11,9 @@ from identification.words import UsageError
 from mbmodel import Machine, Model, load_machine
 from mbw.diagnose.files import AUGMENTED, VERDICT
 from mbw.output_folder import folder_beside, source_of
+from mbw.plant.closed_margins import LoopStudy, study_loops
 from mbw.plant.margin_files import write_margins
+from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.page import PLANT_PAGE, render_plant
 from mbw.plant.rows import budget_row
 from mbw.plant.schema import BudgetRow, StrutsRow
@@ -100,27 +102,33 @@ class PlantStudy:
     Args:
         budget: None if not asked for.
         struts: None if not asked for.
+        loops: stability of closed loops; None with a budget, which has it, and without loops.
     """
 
     budget: BudgetResult | None
     struts: StrutsResult | None
+    loops: LoopStudy | None = None
 
     def lines(self) -> list[str]:
-        """Return both as lines of text."""
-        results = (self.budget, self.struts)
+        """Return all as lines of text."""
+        results = (self.budget, self.struts, self.loops)
         return [line for result in results if result is not None for line in result.lines()]
 
-    def rows(self) -> dict[str, BudgetRow | StrutsRow]:
+    def rows(self) -> dict[str, BudgetRow | StrutsRow | MarginsRow]:
         """Return the rows of the JSON file by key."""
-        rows: dict[str, BudgetRow | StrutsRow] = {}
+        rows: dict[str, BudgetRow | StrutsRow | MarginsRow] = {}
+        if self.loops is not None and (margins := self.loops.row) is not None:
+            rows["margins"] = margins
         if self.budget is not None:
             rows["budget"] = self.budget.row
         if self.struts is not None:
             rows["struts"] = self.struts.row
         return rows
 
-    def write_page(self, folder: Path) -> None:
-        """Write plant.html, which a budget has, and the loop gains that it draws."""
+    def write_into(self, folder: Path) -> None:
+        """Write plant.html, which a budget has, and the loop gains."""
+        if self.loops is not None:
+            self.loops.write_into(folder)
         if self.budget is not None:
             text = self.budget.page(self.struts)
             (folder / PLANT_PAGE).write_text(text, encoding="utf-8")
@@ -136,7 +144,7 @@ def study_plant(
     request: BudgetRequest,
     band: tuple[float, float],
 ) -> PlantStudy:
-    """Compute budget and struts, as far as they are asked for.
+    """Compute budget and struts, as far as they are asked for, and margins of closed loops.
 
     Args:
         machine: with what is put on it.
@@ -155,7 +163,10 @@ def study_plant(
         band = budget.row.band
     if request.struts:
         struts = compute_struts(machine, model, path, request.struts, band)
-    return PlantStudy(budget, struts)
+    loops = None
+    if budget is None:
+        loops = study_loops(machine, model, path, request.read_variants, band)
+    return PlantStudy(budget, struts, loops)
 
 
 def _compute_budget(

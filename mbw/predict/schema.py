@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
+from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.schema import BudgetRow, StrutsRow
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -251,7 +252,9 @@ class ReductionRow(BaseModel):
     max_error: Finite
 
 
-PlantRow = BandsRow | UncertainPlantRow | WeightRow | ReductionRow | BudgetRow | StrutsRow
+PlantRow = (
+    BandsRow | UncertainPlantRow | WeightRow | ReductionRow | BudgetRow | StrutsRow | MarginsRow
+)
 
 
 class PredictedModesFile(BaseModel):
@@ -262,6 +265,7 @@ class PredictedModesFile(BaseModel):
         state_space_check: only with ``--check``.
         bands, uncertain_plant, weight, reduction: only with the options of these names.
         budget, struts: only with the options of these names.
+        margins: of closed loops, only without a budget, which has its own.
     """
 
     model: str
@@ -278,3 +282,4 @@ class PredictedModesFile(BaseModel):
     reduction: ReductionRow | None = None
     budget: BudgetRow | None = None
     struts: StrutsRow | None = None
+    margins: MarginsRow | None = None

@@ -198,7 +198,7 @@ def _write_files(
                 geometry = machine_geometry(outcome.machine)
                 text = render(outcome, geometry, machines.rates)
                 (place / PAGE).write_text(text, encoding="utf-8")
-                study.write_page(place)
+                study.write_into(place)
     plant.write_named_files()
     if targets.options.json is not None and not targets.options.has_json_on_stdout:
         write_json(replace(outcome, plant_rows=plant.rows).json(), targets.options.json)

@@ -132,6 +132,30 @@ def test_a_budget_closes_a_loop_of_the_test_once(closed, tmp_path):
         mb.error_budget(out, own, closed="*")
 
 
+def test_a_closed_loop_of_the_test_has_margins_without_a_budget(closed, tmp_path):
+    _, out = closed
+    target = tmp_path / "margins.json"
+    command = ["predict", str(out), "--json", str(target), "--out", str(tmp_path / "out")]
+    result = RUNNER.invoke(app, [*command, "--closed", "servo"])
+    assert result.exit_code == 0, result.output
+    margins = json.loads(target.read_text(encoding="utf-8"))["margins"]
+    assert margins["machines"] == 60
+    (row,) = margins["loops"]
+    freq = np.geomspace(1.0, 500.0, 100_000)
+    column = axis_frfs(freq, SCALES)[:, CHANNELS.index("encoder"), REFERENCES.index("drive")]
+    true = np.abs(1 + servo_law(2j * np.pi * freq) * column).min()
+    assert row["modulus"]["value"] == pytest.approx(true, rel=0.03)
+    assert row["modulus"]["low"] < row["modulus"]["value"] < row["modulus"]["high"]
+    assert row["robust"] == []  # errors of FRFs with the loop closed are not those of its plant
+    assert f"modulus {row['modulus']['value']:.3g} at" in result.output
+    with np.load(tmp_path / "out" / "margins.npz") as file:
+        assert 1 / np.abs(1 / (1 + file["loop_gain"])).max() == pytest.approx(
+            row["modulus"]["value"], rel=1e-3
+        )
+    result = RUNNER.invoke(app, [*command, "--no-pictures"])
+    assert "margins" not in json.loads(target.read_text(encoding="utf-8"))
+
+
 def test_a_verdict_with_the_loop_known_names_a_payload(tmp_path):
     write_encoder_campaign(
         tmp_path / "case",

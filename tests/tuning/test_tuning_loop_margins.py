@@ -14,10 +14,12 @@ from tuning import LevelFrfs, TuningResult
 from tuning.assessment.multiplicative_error import held_out_loop_error
 from tuning.error_budget.budget import error_budget
 from tuning.error_budget.closed_loop_states import loop_states
-from tuning.error_budget.loop_margins import FLOOR as FLOOR_WEIGHT
-from tuning.error_budget.loop_margins import HELD_OUT, budget_margins
+from tuning.error_budget.loop_margins import closed_loops, plant_margins
+from tuning.error_budget.loop_plant import LoopPlant
 from tuning.error_budget.plant_budget import plant_budget
 from tuning.error_budget.read_definition import read_definition
+from tuning.error_budget.robust_stability import FLOOR as FLOOR_WEIGHT
+from tuning.error_budget.robust_stability import HELD_OUT
 
 DELAY = 3e-4
 SECOND = """
@@ -58,6 +60,11 @@ def definition_of(folder, model, extra="", gain=3e5):
     return read_definition(file, model.machine)
 
 
+def margins_of(budget, **known):
+    plant = LoopPlant.of(budget.linearised.model, budget.definition)
+    return plant_margins(plant, budget.linearised.theta, **known)
+
+
 def open_loop(theta=None):
     """GK of both loops by hand as a function of s: axis, then base."""
     m1, k1, c1, m2, k2, c2 = VALUES.values() if theta is None else theta
@@ -84,7 +91,7 @@ def values_at(freq, theta=None):
 
 def test_the_loop_gain_of_a_machine_has_the_margins_of_python_control(folder, model):
     budget = error_budget(model, model.drawn, definition_of(folder, model))
-    found = budget_margins(budget).nominal
+    found = margins_of(budget).nominal
     np.testing.assert_allclose(found.gains[:, 0, 0], values_at(found.freq_hz)[:, 0, 0], rtol=1e-8)
     # python-control interpolates data: phase and distance, on lines that are far denser
     freq = np.geomspace(0.1, 2e3, 20_000)
@@ -112,9 +119,9 @@ def growth(folder, model, gain=1.0, delay=0.0):
 
 
 def test_the_poles_reach_the_axis_at_gain_and_delay_margin(folder, model):
-    loop = budget_margins(
-        error_budget(model, model.drawn, definition_of(folder, model))
-    ).nominal.loops[0]
+    loop = margins_of(error_budget(model, model.drawn, definition_of(folder, model))).nominal.loops[
+        0
+    ]
     for name, size in (("gain", loop.gain.value), ("delay", loop.delay.value)):
         below, above = (
             growth(folder, model, **{name: 1 + (size - 1) * s if name == "gain" else size * s})
@@ -125,7 +132,7 @@ def test_the_poles_reach_the_axis_at_gain_and_delay_margin(folder, model):
 
 def test_two_loops_are_those_of_matrices_by_hand(folder, model):
     budget = error_budget(model, model.drawn, definition_of(folder, model, SECOND))
-    margins = budget_margins(budget)
+    margins = margins_of(budget)
     found = margins.nominal
     assert margins.names == ("axis", "base")
     np.testing.assert_allclose(found.gains, values_at(found.freq_hz), rtol=1e-7, atol=1e-12)
@@ -201,7 +208,7 @@ def test_a_plant_that_errs_by_the_weight_is_critical_where_it_reaches_one(folder
     error = np.full(len(LINES), 0.2)
     budget = error_budget(model, model.drawn, definition_of(folder, model))
     result = tuning_with(error, has_own=has_own)
-    (test,) = budget_margins(budget, tuning=result).robust[0]
+    (test,) = margins_of(budget, tuning=result).robust[0]
     assert test.weight == HELD_OUT
     assert test.band == (LINES[0], LINES[-1])
     assert test.peak == pytest.approx(0.2 * np.abs(closed).max(), rel=1e-3)
@@ -223,4 +230,20 @@ def test_the_own_plant_of_a_loop_counts_before_the_error_at_the_inputs(folder, m
     mixed = tuning_with(error, has_own=False, inputs=("acc1:+tx", "acc1:+rz"))
     assert held_out_loop_error(mixed, loop) is None
     budget = error_budget(model, model.drawn, definition_of(folder, model))
-    assert budget_margins(budget, tuning=mixed).robust == ((),)
+    assert margins_of(budget, tuning=mixed).robust == ((),)
+
+
+def test_unstable_machines_of_the_posterior_are_counted_and_have_no_margins(folder, model):
+    definition = definition_of(folder, model, gain=9e5)
+    late = tuple(replace(loop, delay=2.2e-3) for loop in definition.loops)
+    plant = LoopPlant.of(model, replace(definition, loops=late))
+    posterior = posterior_of(model, 0.3, 0.0)
+    thetas = posterior.sample(40, seed=1)
+    shown = closed_loops(plant, model.drawn, posterior, thetas)
+    growth = [plant.poles(theta, is_closed=True).real.max() for theta in thetas]
+    assert shown.unstable_samples == sum(rate > 0 for rate in growth) > 0
+    assert shown.samples == 40
+    assert len(shown.margins.samples) == 40 - shown.unstable_samples
+    hot = tuple(replace(loop, delay=9e-3) for loop in definition.loops)
+    plant = LoopPlant.of(model, replace(definition, loops=hot))
+    assert closed_loops(plant, model.drawn).margins is None

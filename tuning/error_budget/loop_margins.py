@@ -1,70 +1,23 @@
-r"""Stability margins of the loops of a budget: of the machine, its posterior and its model error.
-
-The model errs by a relative error of the plant of size |W| at most. The loops are stable for all
-such plants if they are stable for the model and
-
-    |W T| < 1 at every line,    T = L / (1 + L) of the loop with all others closed
-
-(Skogestad and Postlethwaite 2005, ch. 7.5). With all loops at once |T| is the largest singular
-value of T = GK (1 + GK)^-1, the units scaled out. There are two weights:
-
-- the held-out error of the tuning (``multiplicative_error``), in its band;
-- the model-error floor, a relative error e of the machine's forces (``model_discrepancy``), which
-  is known at the ports of the loop itself. It changes L by dL = S_l dG K S^l / S_ll^2, S_l and S^l
-  row and column l of S. At each line the circle |dL| < e sd(dL) sqrt(-log 0.05) holds 95 % of it,
-  and |W T| = |dL S_ll|.
-"""
+"""Stability margins of control loops: of a machine, its posterior, and its model error."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from identification.words import Complex, Real
-from mbmodel import Evaluator, FrfRequest, Linearised, Model, PosteriorOfModel
-from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
+from mbmodel import PosteriorOfModel
 from tuning.assessment.multiplicative_error import MultiplicativeError, held_out_loop_error
-from tuning.control_loops.loop_gain_lines import LoopGainOf, first_lines, sensitivity
-from tuning.control_loops.scaled_singular_values import scaled_singular_values
-from tuning.control_loops.stability_margins import AllMargins, stability_margins
-from tuning.error_budget.budget import ErrorBudget
-from tuning.error_budget.closed_loop_states import loop_states
-from tuning.error_budget.definition import BudgetDefinition
-from tuning.error_budget.loop_algebra import (
-    PortMap,
-    controller_response,
-    loop_gains,
-    map_ports,
-    measured_rows,
-)
+from tuning.control_loops.stability import growing_pole
+from tuning.control_loops.stability_margins import AllMargins
+from tuning.error_budget.loop_plant import LoopPlant
+from tuning.error_budget.robust_stability import RobustTest, floor_tests, held_out_tests
 from tuning.files.result import TuningResult
-
-_RANGE = 10.0  # of lines below the slowest and above the fastest pole, and of the band
-_MIN_RELATIVE_POLE = 1e-7  # of the fastest pole: slower ones are poles at 0 Hz
-_CIRCLE_95 = float(np.sqrt(-np.log(0.05)))  # radius that holds 95 % of a complex normal value
-HELD_OUT, FLOOR = "held-out error of the tuning", "model-error floor"
-
-
-@dataclass(frozen=True)
-class RobustTest:
-    """Largest |W T|: below 1 the loops are stable for every plant within the weight.
-
-    Args:
-        weight: what W is: the held-out error or the model-error floor.
-        peak: of |W T|.
-        freq_hz: of the peak [Hz].
-        band: in which W is known [Hz].
-    """
-
-    weight: str
-    peak: float
-    freq_hz: float
-    band: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class BudgetMargins:
-    """Margins of the loops of a budget.
+class PlantMargins:
+    """Margins of the loops around a plant.
 
     Args:
         names: of the loops; n_loop.
@@ -92,87 +45,36 @@ class BudgetMargins:
         return int(np.argmin([each.loops[loop].modulus.value for each in self.samples]))
 
 
-@dataclass(frozen=True, eq=False)
-class LoopPlant:
-    """FRFs between the ports of the loops of a machine.
-
-    Args:
-        model: machine and Parts, without the loops.
-        definition: loops alone.
-        ports: their labels.
-    """
-
-    model: Model
-    definition: BudgetDefinition
-    ports: PortMap
-
-    @classmethod
-    def of(cls, model: Model, definition: BudgetDefinition) -> "LoopPlant":
-        """Return the plant of a budget's loops around a machine."""
-        loops = replace(definition, errors=(), sources=())
-        return cls(model, loops, map_ports(loops))
-
-    def poles(self, theta: Real, *, is_closed: bool) -> Complex:
-        """Return the poles with all loops closed or open [rad/s]; (n_pole,)."""
-        definition = self.definition if is_closed else replace(self.definition, loops=())
-        return loop_states(self.model, theta, definition, self.ports).poles()
-
-    def margins(self, theta: Real, open_poles: Complex, closed_poles: Complex) -> AllMargins:
-        """Return the margins at some parameters, where the loops are stable.
-
-        Args:
-            theta: (n_theta,).
-            open_poles: with all loops open, of a machine near this one [rad/s]; (n_pole,).
-            closed_poles: with all loops closed [rad/s]; (n_pole,).
-        """
-        lines = _lines(self.definition.band, open_poles, closed_poles)
-        return stability_margins(self.gain_at(theta), lines)
-
-    def lines(self, theta: Real, freq_hz: Real) -> Linearised:
-        """Return the FRFs at some parameters and lines."""
-        request = FrfRequest(freq_hz, self.ports.outputs, self.ports.inputs, "receptance")
-        return Evaluator(self.model, request).at(theta)
-
-    def gain_at(self, theta: Real) -> LoopGainOf:
-        """Return the loop gains GK at some parameters as a function of frequency."""
-
-        def gain_of(freq_hz: Real) -> Complex:
-            lines = self.lines(theta, freq_hz)
-            return loop_gains(self.definition, self.ports, lines.values, lines.request.laplace)
-
-        return gain_of
-
-
-def budget_margins(
-    budget: ErrorBudget,
+def plant_margins(
+    plant: LoopPlant,
+    theta: Real,
     posterior: PosteriorOfModel | None = None,
     samples: Sequence[tuple[Real, Complex]] = (),
     tuning: TuningResult | None = None,
-) -> BudgetMargins:
-    """Compute the margins of the loops of a budget, which are stable.
+) -> PlantMargins:
+    """Compute the margins of loops that are stable.
 
     Args:
-        budget: with loops.
+        plant: FRFs between the ports of the loops.
+        theta: its parameters in SI; (n_theta,).
         posterior: of the parameters, with the model-error floor; None for none.
         samples: parameters (n_theta,) and closed-loop poles (n_pole,) of machines of the
             posterior.
         tuning: whose held-out error the plants have; None for none.
     """
-    plant = LoopPlant.of(budget.linearised.model, budget.definition)
-    theta = budget.linearised.theta
     open_poles = plant.poles(theta, is_closed=False)
-    nominal = plant.margins(theta, open_poles, budget.states.poles())
+    nominal = plant.margins(theta, open_poles, plant.poles(theta, is_closed=True))
     drawn = tuple(plant.margins(each, open_poles, poles) for each, poles in samples)
     loops = plant.definition.loops
     held_out = tuple(
         None if tuning is None else held_out_loop_error(tuning, loop) for loop in loops
     )
-    robust, at_once = _held_out_tests(plant, theta, nominal, held_out)
+    robust, at_once = held_out_tests(plant, theta, nominal, held_out)
     if posterior is not None and posterior.posterior.discrepancy:
-        tests = _floor_tests(plant, theta, nominal, posterior.posterior.discrepancy)
+        tests = floor_tests(plant, theta, nominal, posterior.posterior.discrepancy)
         robust = [[*known, test] for known, test in zip(robust, tests, strict=False)]
         at_once.append(tests[-1])
-    return BudgetMargins(
+    return PlantMargins(
         tuple(loop.name for loop in loops),
         nominal,
         drawn,
@@ -182,60 +84,40 @@ def budget_margins(
     )
 
 
-def _lines(band: tuple[float, float], open_poles: Complex, closed_poles: Complex) -> Real:
-    """Return lines to begin with, from far below to far above all poles and the band [Hz]."""
-    poles = np.concatenate([open_poles, closed_poles])
-    sizes = np.abs(poles) / (2 * np.pi)
-    sizes = sizes[sizes > _MIN_RELATIVE_POLE * sizes.max(initial=0.0)]
-    low = min(band[0], float(sizes.min(initial=band[0]))) / _RANGE
-    return first_lines(low, max(band[1], float(sizes.max(initial=0.0))) * _RANGE, poles)
+@dataclass(frozen=True, eq=False)
+class ClosedLoops:
+    """Stability of loops, with margins where they are stable.
+
+    Args:
+        margins: over the stable machines of the posterior; None if the loops are unstable.
+        unstable_samples: number of machines of the posterior that are unstable.
+        samples: number of all machines of the posterior.
+    """
+
+    margins: PlantMargins | None
+    unstable_samples: int
+    samples: int
 
 
-def _held_out_tests(
+def closed_loops(
     plant: LoopPlant,
     theta: Real,
-    nominal: AllMargins,
-    errors: Sequence[MultiplicativeError | None],
-) -> tuple[list[list[RobustTest]], list[RobustTest]]:
-    """Return |W T| of each loop, and of all, W the held-out error of each plant."""
-    robust: list[list[RobustTest]] = [[] for _ in errors]
-    known = {k: error for k, error in enumerate(errors) if error is not None}
-    if not known:
-        return robust, []
-    lines = next(iter(known.values())).freq_hz
-    inside = (nominal.freq_hz > lines[0]) & (nominal.freq_hz < lines[-1])
-    freq = np.unique(np.concatenate([nominal.freq_hz[inside], lines]))
-    closed = np.eye(len(errors)) - sensitivity(plant.gain_at(theta)(freq))
-    weighted = np.zeros_like(closed)
-    for k, error in known.items():
-        weighted[:, k] = np.interp(freq, lines, error.quantile)[:, None] * closed[:, k]
-        robust[k].append(_peak(HELD_OUT, freq, np.abs(weighted[:, k, k])))
-    is_whole = len(known) == len(errors)
-    at_once = [_peak(HELD_OUT, freq, scaled_singular_values(weighted))] if is_whole else []
-    return robust, at_once
+    posterior: PosteriorOfModel | None = None,
+    thetas: Real | None = None,
+    tuning: TuningResult | None = None,
+) -> ClosedLoops:
+    """Compute the margins of loops that may be unstable.
 
-
-def _floor_tests(
-    plant: LoopPlant, theta: Real, nominal: AllMargins, discrepancy: float
-) -> list[RobustTest]:
-    """Return |W T| of each loop and of all by a relative error of the machine's forces."""
-    freq = nominal.freq_hz
-    lines = plant.lines(theta, freq)
-    laplace = lines.request.laplace
-    reading = measured_rows(plant.definition, plant.ports, laplace)
-    gains = controller_response(plant.definition, laplace)
-    closed = sensitivity(nominal.gains)
-    drive = plant.ports.controls @ (gains[:, :, None] * closed)
-    deviation = np.einsum("fll->fl", discrepancy_motion(lines, closed @ reading, drive))
-    single = deviation / np.abs(np.einsum("fll->fl", closed))
-    together = scaled_singular_values(discrepancy_motion(lines, reading, drive).astype(complex))
-    sizes = discrepancy * _CIRCLE_95 * np.column_stack([single, together])
-    return [_peak(FLOOR, freq, column) for column in sizes.T]
-
-
-def _peak(weight: str, freq: Real, sizes: Real) -> RobustTest:
-    """Return the largest value over lines."""
-    best = int(np.argmax(sizes))
-    return RobustTest(
-        weight, float(sizes[best]), float(freq[best]), (float(freq[0]), float(freq[-1]))
-    )
+    Args:
+        plant: FRFs between the ports of the loops.
+        theta: its parameters in SI; (n_theta,).
+        posterior: of the parameters, with the model-error floor; None for none.
+        thetas: machines of the posterior [SI]; (n_sample, n_theta).
+        tuning: whose held-out error the plants have; None for none.
+    """
+    drawn = [] if thetas is None else [(each, plant.poles(each, is_closed=True)) for each in thetas]
+    stable = [(each, poles) for each, poles in drawn if growing_pole(poles) is None]
+    margins = None
+    if growing_pole(plant.poles(theta, is_closed=True)) is None:
+        margins = plant_margins(plant, theta, posterior, stable, tuning)
+    return ClosedLoops(margins, len(drawn) - len(stable), len(drawn))

@@ -10,7 +10,8 @@ from identification.words import Complex, InputError, Real
 from mbmodel import Model, PosteriorOfModel, with_loops
 from tuning.error_budget.budget import ErrorBudget, error_budget
 from tuning.error_budget.definition import BudgetDefinition
-from tuning.error_budget.loop_margins import BudgetMargins, budget_margins
+from tuning.error_budget.loop_margins import PlantMargins, plant_margins
+from tuning.error_budget.loop_plant import LoopPlant
 from tuning.error_budget.plant_curves import PlantCurves, plant_curves
 from tuning.error_budget.rms_interval import (
     RmsInterval,
@@ -23,8 +24,8 @@ from tuning.files.result import TuningResult
 from tuning.variant_model import VariantModel
 
 STEP_OF_A_TOUCH = 0.1  # relative change of a stiffness or damping whose effect is stated
-_POSTERIOR_SAMPLES = 60  # for bands and stability: a deviation is right to 9 %
-_SAMPLE_SEED = 1
+POSTERIOR_MACHINES = 60  # for bands and stability: a deviation is right to 9 %
+MACHINE_SEED = 1
 
 
 @dataclass(frozen=True)
@@ -86,13 +87,15 @@ class PlantBudget:
         return tuple(rows)
 
     @cached_property
-    def margins(self) -> BudgetMargins | None:
+    def margins(self) -> PlantMargins | None:
         """Stability margins of the loops; None without any."""
         if not self.budget.definition.loops:
             return None
         thetas = () if self.thetas is None else self.thetas
         samples = list(zip(thetas, self.sample_poles, strict=True))
-        return budget_margins(self.budget, self.posterior, samples, self.tuning)
+        lines = self.budget.linearised
+        plant = LoopPlant.of(lines.model, self.budget.definition)
+        return plant_margins(plant, lines.theta, self.posterior, samples, self.tuning)
 
     @cached_property
     def variant_margins(self) -> tuple[VariantMargins, ...]:
@@ -143,7 +146,7 @@ def plant_budget(
             failure = str(error)
     if posterior is None:
         return PlantBudget(budget, counterpart, failure)
-    thetas = posterior.sample(_POSTERIOR_SAMPLES, _SAMPLE_SEED)
+    thetas = posterior.sample(POSTERIOR_MACHINES, MACHINE_SEED)
     return PlantBudget(
         budget,
         counterpart,

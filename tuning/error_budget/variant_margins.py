@@ -9,7 +9,7 @@ from mbmodel import PosteriorOfModel
 from tuning.control_loops.stability import growing_pole, instability_sentence
 from tuning.control_loops.stability_margins import AllMargins
 from tuning.error_budget.definition import BudgetDefinition
-from tuning.error_budget.loop_margins import LoopPlant
+from tuning.error_budget.loop_plant import LoopPlant
 from tuning.variant_model import VariantModel
 
 

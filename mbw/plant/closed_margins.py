@@ -1,0 +1,93 @@
+"""Stability margins of the loops that ``mbw predict --closed`` closes, without a budget."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from identification.words import Loop
+from mbmodel import Machine, Model
+from mbw.plant.margin_files import write_margins
+from mbw.plant.margin_rows import margins_row
+from mbw.plant.margin_schema import MarginsRow
+from mbw.plant.margin_sentences import margin_lines
+from tuning.error_budget.loop_margins import ClosedLoops, closed_loops
+from tuning.error_budget.loop_plant import LoopPlant, loops_alone
+from tuning.error_budget.machine_files import fitted_model, tuning_beside
+from tuning.error_budget.plant_budget import MACHINE_SEED, POSTERIOR_MACHINES, open_loops
+from tuning.error_budget.variant_margins import VariantMargins, variant_margins
+from tuning.variant_model import VariantModel
+
+_MIN_LOW_END_SHARE = 1e-3  # of the upper end of the band, which may begin at 0 Hz
+
+
+@dataclass(frozen=True, eq=False)
+class LoopStudy:
+    """Stability of the loops that are closed.
+
+    Args:
+        loops: that are closed.
+        closed: their stability and margins.
+        variants: stability in models and poses of tests.
+    """
+
+    loops: tuple[Loop, ...]
+    closed: ClosedLoops
+    variants: tuple[VariantMargins, ...]
+
+    @property
+    def row(self) -> MarginsRow | None:
+        """Rows of the JSON file; None if the loops are unstable."""
+        margins = self.closed.margins
+        return None if margins is None else margins_row(margins, self.variants)
+
+    def lines(self) -> list[str]:
+        """Return the margins as lines of text."""
+        names, count = ", ".join(loop.name for loop in self.loops), self.closed.unstable_samples
+        lines = [f"no stability margins: the machine with {names} closed is unstable"]
+        if (row := self.row) is not None:
+            lines = margin_lines(row)
+        if count:
+            lines.append(
+                f"  unstable in {count} of {self.closed.samples} machines of the posterior"
+            )
+        return lines
+
+    def write_into(self, folder: Path) -> None:
+        """Write loop gains and margins for python-control and MATLAB."""
+        if self.closed.margins is not None:
+            write_margins(self.closed.margins, self.loops, folder)
+
+
+def study_loops(
+    machine: Machine,
+    model: Model,
+    path: Path,
+    read_variants: Callable[[], VariantModel | None],
+    band: tuple[float, float],
+) -> LoopStudy | None:
+    """Compute the stability of the loops that are closed around a machine; None without any.
+
+    Args:
+        machine: with its closed loops.
+        model: its nominal model, for a machine without a posterior.
+        path: its MJCF.
+        read_variants: returns the machines of tests with models or poses of their own.
+        band: of interest [Hz].
+
+    Raises:
+        InputError: a file of the tuning or of its campaign cannot be used.
+    """
+    if not machine.loops:
+        return None
+    fitted, posterior = fitted_model(machine, model, path)
+    fitted, low = open_loops(fitted), max(band[0], _MIN_LOW_END_SHARE * band[1])
+    definition = loops_alone(machine.loops, (low, band[1]))
+    thetas = tuning = None
+    if posterior is not None:
+        posterior = replace(posterior, model=open_loops(posterior.model))
+        thetas, tuning = posterior.sample(POSTERIOR_MACHINES, MACHINE_SEED), tuning_beside(path)
+    plant = LoopPlant.of(fitted, definition)
+    closed = closed_loops(plant, fitted.drawn, posterior, thetas, tuning)
+    models = read_variants()
+    variants = () if models is None else variant_margins(models, definition, posterior, thetas)
+    return LoopStudy(machine.loops, closed, variants)
