@@ -44,6 +44,7 @@ from tuning.files.result import TUNED_MJCF
 CAMPAIGN_TOML = "campaign.toml"  # of the folder of a campaign
 FOLDER_NAMES = (BANDS_NPZ, SAMPLES_NPZ, WEIGHT_NPZ, WEIGHT_MAT)
 _MANY_LINES_SHARE = 0.95  # of the lines of all FRFs, whose interval is stated
+_MIXED_UNITS = "; it depends on the units of the inputs, which differ: tune each kind apart"
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,8 +241,9 @@ def _uncertain_sentence(row: UncertainPlantRow) -> str:
 
 def _weight_sentence(row: WeightRow) -> str:
     """Return what the weight bounds, and how closely."""
+    units = "" if row.has_one_unit else _MIXED_UNITS
     return (
         f"weight: |W| of order {row.order} bounds the held-out error at the inputs, "
         f"{100 * row.median:.2g} % in the median and {100 * row.largest:.2g} % at most, from above "
-        f"within a factor of {row.ratio:.3g}"
+        f"within a factor of {row.ratio:.3g}{units}"
     )

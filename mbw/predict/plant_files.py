@@ -21,7 +21,7 @@ from mbw.predict.named_arrays import write_named_arrays
 from mbw.predict.plant_state_space import port_texts
 from mbw.predict.schema import UncertainPlantRow, WeightRow
 from tuning import read_result
-from tuning.assessment.multiplicative_error import held_out_input_error
+from tuning.assessment.multiplicative_error import has_one_input_unit, held_out_input_error
 
 BANDS_NPZ, SAMPLES_NPZ = "bands.npz", "samples.npz"
 WEIGHT_NPZ, WEIGHT_MAT = "weight.npz", "weight.mat"
@@ -143,7 +143,8 @@ def write_weight(tuning: Path, order: int, place: Path) -> WeightRow:
         InputError: a file cannot be written, or the tuning has no held-out predictions.
         UsageError: an order that cannot be used.
     """
-    error = held_out_input_error(read_result(tuning))
+    result = read_result(tuning)
+    error = held_out_input_error(result)
     weight = bound_magnitudes(error.freq_hz, error.quantile, order)
     numerator, denominator = weight.polynomials()
     arrays = {
@@ -164,4 +165,5 @@ def write_weight(tuning: Path, order: int, place: Path) -> WeightRow:
         median=float(np.median(error.quantile)),
         largest=float(error.quantile.max()),
         quantile=error.probability,
+        has_one_unit=has_one_input_unit(result.levels["sensors"]),
     )

@@ -224,6 +224,7 @@ class WeightRow(BaseModel):
         ratio: largest ratio of the filter to what it bounds.
         median, largest: of what it bounds, over lines.
         quantile: over the lines of a window, which is what it bounds.
+        has_one_unit: whether all inputs have one unit; else the error depends on their units.
     """
 
     order: int
@@ -231,6 +232,7 @@ class WeightRow(BaseModel):
     median: Finite
     largest: Finite
     quantile: Finite
+    has_one_unit: bool
 
 
 class ReductionRow(BaseModel):

@@ -5,6 +5,7 @@ import json
 import numpy as np
 
 from mbmodel import ParameterPosterior, load_machine, machine_model
+from tuning.error_budget.read_definition import read_definition
 from tuning.files.posterior_file import write_posterior
 
 TWO = """
@@ -73,3 +74,52 @@ def write_tuned_case(place, extra=""):
     (place / "floor.csv").write_text(f"f,x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
     text = BUDGET.format(gain=3e5, delay=3e-4, lines="") + extra
     (place / "budget.toml").write_text(text, encoding="utf-8")
+
+
+LOOP_DELAY = 3e-4
+SECOND_LOOP = """
+[loop.base]
+input = "acc1:+tx"
+output = "acc1:+tx"
+quantity = "mobility"
+controller = { poles = [-400.0], gain = 4e5 }
+"""
+
+
+def spring_posterior(model, deviation=0.03, discrepancy=0.01):
+    """All springs and dampers, independent."""
+    names = tuple(parameter.name for parameter in model.parameters[:4])
+    return ParameterPosterior(
+        names, names, model.drawn[:4], np.arange(4), np.ones(4), np.ones(4, bool),
+        deviation**2 * np.eye(4), 0.02, discrepancy,
+    ).on(model)  # fmt: skip
+
+
+def loop_definition(folder, model, extra="", gain=3e5):
+    file = folder / "budget.toml"
+    file.write_text(BUDGET.format(gain=gain, delay=LOOP_DELAY, lines="") + extra, encoding="utf-8")
+    return read_definition(file, model.machine)
+
+
+def open_loop(theta=None):
+    """GK of both loops by hand as a function of s: axis, then base."""
+    m1, k1, c1, m2, k2, c2 = VALUES.values() if theta is None else theta
+
+    def gain_of(s):
+        dynamic = np.array(
+            [
+                [m1 * s**2 + (c1 + c2) * s + k1 + k2, -c2 * s - k2],
+                [-c2 * s - k2, m2 * s**2 + c2 * s + k2],
+            ]
+        )
+        forces = np.array([[-2.0, 1.0], [2.0, 0.0]])  # drive has a gear of 2
+        reading = np.array([[-1.0, 1.0], [s, 0.0]])
+        axis = 3e5 * (s + 60) * (s + 8) / ((s + 0.5) * (s + 700)) * np.exp(-s * LOOP_DELAY)
+        return reading @ np.linalg.solve(dynamic, forces) * np.array([axis, 4e5 / (s + 400)])
+
+    return gain_of
+
+
+def loop_gain_by_hand(freq, theta=None):
+    gain_of = open_loop(theta)
+    return np.array([gain_of(2j * np.pi * f) for f in freq])

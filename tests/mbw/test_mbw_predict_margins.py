@@ -7,20 +7,13 @@ import numpy as np
 import pytest
 import scipy.io
 from browser import CHROMIUM, browse, data_of, unpacked
-from budget_case import write_tuned_case
+from budget_case import SECOND_LOOP, write_tuned_case
 from typer.testing import CliRunner
 
 import mbworkbench as mb
 from mbw.command import app
 
 RUNNER = CliRunner()
-SECOND = """
-[loop.base]
-input = "acc1:+tx"
-output = "acc1:+tx"
-quantity = "mobility"
-controller = { poles = [-400.0], gain = 4e5 }
-"""
 PROBE = """<script>
 setTimeout(() => {
   const names = id => byId(id).data.filter(t => t.showlegend !== false && t.name).map(t => t.name);
@@ -41,7 +34,7 @@ def run(*arguments):
 def folder(tmp_path_factory):
     """A tuned machine with two loops, predicted."""
     place = tmp_path_factory.mktemp("margins")
-    write_tuned_case(place, SECOND)
+    write_tuned_case(place, SECOND_LOOP)
     result = run(
         "predict", place / "x-tuned", "--budget", place / "budget.toml",
         "--out", place / "out", "--json", place / "out.json",

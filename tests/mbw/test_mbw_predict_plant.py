@@ -161,6 +161,7 @@ def test_the_uncertain_plant_is_read_by_python_control_alone(tuned, tmp_path, fr
 def test_the_weight_bounds_the_held_out_error(tuned, tmp_path):
     arguments = (tuned, "--weight", 3, "--out", tmp_path, "--no-pictures", "--json", "-")
     row = json.loads(predict(*arguments).stdout)["weight"]
+    assert row["has_one_unit"]
     for name in ("weight.npz", "weight.mat"):
         path = tmp_path / name
         file = load(path)

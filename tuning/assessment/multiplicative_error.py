@@ -89,9 +89,14 @@ def held_out_loop_error(
     ]
     if of_plant:
         return _with_quantile(result, np.array(of_plant), probability)
+    return held_out_input_error(result, probability) if has_one_input_unit(frfs) else None
+
+
+def has_one_input_unit(frfs: LevelFrfs) -> bool:
+    """Return whether all inputs have one unit, without which their error depends on the units."""
     inputs = {test.partition(" in ")[0] for test in frfs.tests}
-    kinds = {split_label(label)[1][:1] or label for label in inputs}
-    return held_out_input_error(result, probability) if len(kinds) == 1 else None
+    kinds = {split_label(label)[1][:1] or label for label in inputs}  # t, r, or a motor's name
+    return len(kinds) == 1
 
 
 def _with_quantile(result: TuningResult, every: Real, probability: float) -> MultiplicativeError:
