@@ -28,6 +28,12 @@ _WORDS = {
     "Survival ratio": r"survival ratio",
     "Redundant channels": r"redundant channels",
     "Confounded causes": r"confounded causes",
+    "Crossover": r"crossover",
+    "Delay margin": r"delay margin",
+    "Loop gain": r"loop gain",
+    "Modulus margin": r"modulus margin|modulus",
+    "Robust stability": r"robustly stable|robust stability",
+    "Sensitivity": r"sensitivity peak",
     "Tolerance": r"tolerances?",
 }
 EXPLANATIONS = {
@@ -60,6 +66,16 @@ EXPLANATIONS = {
     "Survival ratio": "What a refit without the effect leaves of an effect, over the noise.",
     "Redundant channels": "Channels of a body beyond the rigid-body motions that they determine.",
     "Confounded causes": "Causes that these data cannot tell apart.",
+    "Crossover": "Frequency above which the loop gain stays below one.",
+    "Delay margin": "Delay that a loop bears beyond its own before it is unstable.",
+    "Loop gain": "Product of plant and controller, whose critical point is -1; with several "
+    "loops, all others are closed.",
+    "Modulus margin": "Smallest distance of the loop gain from -1, the inverse of the largest "
+    "sensitivity.",
+    "Robust stability": "Stability for every plant within a weight W: the largest |W T| is below "
+    "1, with T the complementary sensitivity.",
+    "Sensitivity": "What a closed loop leaves of a disturbance at its output, S = 1 / (1 + L) "
+    "with the loop gain L.",
     "Tolerance": "One standard deviation of what the drawings state, such as 2 % of mass or 1° of "
     "a sensor's axes; also the parameter with that prior.",
 }  # fmt: skip
