@@ -1,11 +1,12 @@
 """Frequency lines at which a loop gain is known closely enough for its margins.
 
 A curve L(i w) is followed until neighbouring lines lie close together as seen from the critical
-point -1, and in phase. Crossings are then found by the Illinois algorithm (Dowell and Jarratt 1971,
-BIT 11, 168-174) and peaks by finer lines around the largest value.
+point -1, and in phase. All crossings and peaks are then zoomed in together, since a call of the
+model costs more than its lines: each round divides every interval evenly, keeps the part with the
+change of sign or the largest value, and the last one ends with a secant.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,31 +22,29 @@ class LineSettings:
     """Constants of the search for lines.
 
     Args:
-        lines_per_decade: at the beginning; everything finer is found by halving.
+        lines_per_decade: at the beginning; further ones follow where they are needed.
         max_step: of L between lines, in units of its distance from -1: |S| changes as much.
         max_turn_rad: of L between lines, so that no crossing of the real axis is jumped over.
         min_size: of L below which its turns do not matter: gain margins beyond 60 dB.
-        halvings: of a step at most.
-        crossing_rounds: of the Illinois algorithm at most.
-        crossing_tolerance: of log |L| and of the angle of -L [rad].
-        peak_rounds: each takes a quarter of the interval around the peak.
-        peak_lines: in each such interval.
+        max_parts: into which a step is divided at once.
+        rounds: of dividing steps; five reach a millionth of a step.
+        zoom_rounds: of crossings and peaks.
+        zoom_parts: of an interval; three rounds and the secant reach 1e-9 of a frequency.
     """
 
     lines_per_decade: int = 60
     max_step: float = 0.25
     max_turn_rad: float = 0.25
     min_size: float = 1e-3
-    halvings: int = 14
-    crossing_rounds: int = 12
-    crossing_tolerance: float = 1e-11
-    peak_rounds: int = 4
-    peak_lines: int = 9
+    max_parts: int = 16
+    rounds: int = 5
+    zoom_rounds: int = 3
+    zoom_parts: int = 16
 
 
 LINE_SETTINGS = LineSettings()
 # Distances of lines from a pole in half widths of its resonance.
-_NEAR_POLES = np.tan(np.linspace(-1.5, 1.5, 21))
+_NEAR_POLES = np.tan(np.linspace(-1.5, 1.5, 11))
 _MIN_POLE_DAMPING = 1e-6  # of a pole with lines of its own
 
 
@@ -95,74 +94,92 @@ def follow_loop_gain(gain_of: LoopGainOf, freq_hz: Real) -> tuple[Real, Complex]
         (n_freq,), (n_freq, n_loop, n_loop).
     """
     freq, gains = freq_hz, gain_of(freq_hz)
-    for _ in range(LINE_SETTINGS.halvings):
-        coarse = _coarse_steps(single_loop_gains(gains))
+    for _ in range(LINE_SETTINGS.rounds):
+        parts = _parts_of_steps(single_loop_gains(gains))
+        coarse = np.flatnonzero(parts > 1)
         if not len(coarse):
             break
-        between = np.sqrt(freq[coarse] * freq[coarse + 1])
+        between = np.concatenate(
+            [np.geomspace(freq[k], freq[k + 1], parts[k] + 1)[1:-1] for k in coarse]
+        )
         order = np.argsort(np.append(freq, between), kind="stable")
         freq = np.append(freq, between)[order]
         gains = np.concatenate([gains, gain_of(between)])[order]
     return freq, gains
 
 
-def _coarse_steps(single: Complex) -> Integers:
-    """Return the steps between lines in which some loop gain moves too far."""
+def _parts_of_steps(single: Complex) -> Integers:
+    """Return into how many parts each step between lines is to be divided; (n_freq - 1,)."""
     before, after = single[:-1], single[1:]
     distance = np.minimum(np.abs(1 + before), np.abs(1 + after))
-    is_far = np.abs(after - before) > LINE_SETTINGS.max_step * distance
-    is_turned = np.abs(np.angle(after * before.conj())) > LINE_SETTINGS.max_turn_rad
+    distance = np.maximum(distance, np.finfo(float).tiny)
+    steps = np.abs(after - before) / distance / LINE_SETTINGS.max_step
+    turns = np.abs(np.angle(after * before.conj())) / LINE_SETTINGS.max_turn_rad
     is_seen = np.maximum(np.abs(before), np.abs(after)) > LINE_SETTINGS.min_size
-    steps: Integers = np.flatnonzero(((is_far | is_turned) & is_seen).any(axis=1))
-    return steps
+    needed = np.where(is_seen, np.maximum(steps, turns), 0.0).max(axis=1)
+    parts: Integers = np.ceil(np.clip(needed, 1, LINE_SETTINGS.max_parts)).astype(int)
+    return parts
 
 
-def find_crossings(
-    value_of: Callable[[Real], Real], freq_hz: Real, values: Real, brackets: Integers
-) -> Real:
-    """Return the frequencies at which a value changes its sign [Hz]; (n_bracket,).
-
-    Args:
-        value_of: the value at one frequency for each bracket; (n_bracket,).
-        freq_hz: lines [Hz]; (n_freq,).
-        values: there; (n_freq,).
-        brackets: numbers of the lines after which the sign changes; (n_bracket,).
-    """
-    logs = np.log(freq_hz)
-    left, right = logs[brackets], logs[brackets + 1]
-    low, high = values[brackets].copy(), values[brackets + 1].copy()
-    guess, stayed = left, np.zeros(len(brackets))
-    for _ in range(LINE_SETTINGS.crossing_rounds if len(brackets) else 0):
-        guess = (left * high - right * low) / (high - low)
-        value = value_of(np.exp(guess))
-        is_left = np.sign(value) == np.sign(low)
-        # An end that stays twice counts half, so that it moves too.
-        high = np.where(is_left, np.where(stayed > 0, high / 2, high), value)
-        low = np.where(is_left, value, np.where(stayed < 0, low / 2, low))
-        left, right = np.where(is_left, guess, left), np.where(is_left, right, guess)
-        stayed = np.where(is_left, 1.0, -1.0)
-        if (np.abs(value) < LINE_SETTINGS.crossing_tolerance).all():
-            break
-    crossings: Real = np.exp(guess)
-    return crossings
-
-
-def find_peak(value_of: Callable[[Real], Real], freq_hz: Real, values: Real) -> tuple[float, float]:
-    """Return the largest value and its frequency [Hz].
+@dataclass(frozen=True, eq=False)
+class Search:
+    """A crossing of zero, or a peak, of a value of the loop gains.
 
     Args:
-        value_of: the value at lines [Hz].
-        freq_hz: lines that follow it [Hz]; (n_freq,).
-        values: there; (n_freq,).
+        value_of: the value by GK; (n_freq,).
+        low: end of the interval [Hz].
+        high: other end [Hz].
+        is_peak: whether the largest value is sought instead of a change of sign.
     """
+
+    value_of: Callable[[Complex], Real]
+    low: float
+    high: float
+    is_peak: bool = False
+
+
+def crossings_of(
+    value_of: Callable[[Complex], Real], freq_hz: Real, steps: Integers
+) -> list[Search]:
+    """Return a search in each step of the lines in which a value changes its sign."""
+    return [Search(value_of, float(freq_hz[k]), float(freq_hz[k + 1])) for k in steps]
+
+
+def peak_of(value_of: Callable[[Complex], Real], freq_hz: Real, values: Real) -> Search:
+    """Return the search of a peak about the largest value at the lines."""
     best = int(np.argmax(values))
-    peak, at = float(values[best]), float(freq_hz[best])
     low, high = freq_hz[max(0, best - 1)], freq_hz[min(len(freq_hz) - 1, best + 1)]
-    for _ in range(LINE_SETTINGS.peak_rounds):
-        lines = np.linspace(low, high, LINE_SETTINGS.peak_lines)
-        finer = value_of(lines)
-        best = int(np.argmax(finer))
-        if finer[best] > peak:
-            peak, at = float(finer[best]), float(lines[best])
-        low, high = lines[max(0, best - 1)], lines[min(len(lines) - 1, best + 1)]
-    return peak, at
+    return Search(value_of, float(low), float(high), is_peak=True)
+
+
+def zoom_in(gain_of: LoopGainOf, searches: Sequence[Search]) -> Real:
+    """Return the frequencies of crossings and peaks [Hz]; (n_search,).
+
+    Args:
+        gain_of: GK at any lines [Hz].
+        searches: each in its interval.
+    """
+    ends = np.array([[search.low, search.high] for search in searches]).reshape(-1, 2)
+    places: Real = ends.mean(axis=1)
+    for _ in range(LINE_SETTINGS.zoom_rounds if len(searches) else 0):
+        lines = np.linspace(ends[:, 0], ends[:, 1], LINE_SETTINGS.zoom_parts + 1, axis=1)
+        gains = gain_of(lines.ravel())
+        gains = gains.reshape(*lines.shape, *gains.shape[1:])
+        for number, search in enumerate(searches):
+            values = search.value_of(gains[number])
+            ends[number], places[number] = _narrow(search, lines[number], values)
+    return places
+
+
+def _narrow(search: Search, lines: Real, values: Real) -> tuple[Real, float]:
+    """Return the part of an interval with the crossing or peak, and the best place in it [Hz]."""
+    if search.is_peak:
+        best = int(np.argmax(values))
+        part = lines[[max(0, best - 1), min(len(lines) - 1, best + 1)]]
+        return part, float(lines[best])
+    changes = np.flatnonzero(np.sign(values[:-1]) != np.sign(values[1:]))
+    k = int(changes[0]) if len(changes) else int(np.argmin(np.abs(values[:-1])))
+    slope = values[k + 1] - values[k]
+    share = -values[k] / slope if slope else 0.0
+    place = lines[k] + np.clip(share, 0.0, 1.0) * (lines[k + 1] - lines[k])
+    return lines[k : k + 2], float(place)

@@ -16,7 +16,7 @@ Several loops that change at once have the modulus margin 1 / max sigma(D S D^-1
 takes out the units of the signals (``scaled_singular_values``).
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,11 +25,13 @@ from identification.words import Complex, Real
 from tuning.control_loops.loop_gain_lines import (
     LINE_SETTINGS,
     LoopGainOf,
-    find_crossings,
-    find_peak,
+    Search,
+    crossings_of,
     follow_loop_gain,
+    peak_of,
     sensitivity,
     single_loop_gains,
+    zoom_in,
 )
 from tuning.control_loops.scaled_singular_values import scaled_singular_values, singular_values
 
@@ -125,79 +127,105 @@ def stability_margins(gain_of: LoopGainOf, freq_hz: Real) -> AllMargins:
     """
     freq, gains = follow_loop_gain(gain_of, freq_hz)
     count = gains.shape[-1]
-    loops = tuple(_margins_of_loop(gain_of, freq, gains, number) for number in range(count))
+    groups = [_searches_of_loop(freq, gains, number) for number in range(count)]
+    at_once = [peak_of(size, freq, size(gains)) for size in _SIZES_AT_ONCE[: 2 * (count > 1)]]
+    searches = [search for group in groups for kind in group for search in kind] + at_once
+    places = zoom_in(gain_of, searches)
+    reached = gain_of(places)
+    loops, start = [], 0
+    for number, group in enumerate(groups):
+        parts = []
+        for kind in group:
+            span = slice(start, start + len(kind))
+            start += len(kind)
+            parts.append((places[span], single_loop_gains(reached[span])[:, number]))
+        lowest, highest = (single_loop_gains(gains[[k]])[0, number] for k in (0, -1))
+        loops.append(_margins_of_loop(parts, (complex(lowest), complex(highest)), freq[-1]))
     if count == 1:
-        return AllMargins(loops, loops[0].modulus, loops[0].modulus, freq, gains)
+        return AllMargins(tuple(loops), loops[0].modulus, loops[0].modulus, freq, gains)
     scaled, singular = (
-        _margin_at_once(gain_of, freq, gains, of)
-        for of in (scaled_singular_values, singular_values)
+        Margin(1 / float(size(reached[[k]])[0]), float(places[k]))
+        for size, k in zip(_SIZES_AT_ONCE, (start, start + 1), strict=True)
     )
-    return AllMargins(loops, scaled, singular, freq, gains)
+    return AllMargins(tuple(loops), scaled, singular, freq, gains)
 
 
-def _margin_at_once(
-    gain_of: LoopGainOf, freq: Real, gains: Complex, size_of: Callable[[Complex], Real]
-) -> Margin:
-    """Return the modulus margin of all loops by a size of their sensitivity."""
-
-    def size_at(lines: Real) -> Real:
-        return size_of(sensitivity(gain_of(lines)))
-
-    peak, at = find_peak(size_at, freq, size_of(sensitivity(gains)))
-    return Margin(1 / peak, at)
+def _scaled_sensitivity(gains: Complex) -> Real:
+    """Return sigma(D S D^-1) by GK; (n_freq,)."""
+    return scaled_singular_values(sensitivity(gains))
 
 
-def _margins_of_loop(gain_of: LoopGainOf, freq: Real, gains: Complex, number: int) -> LoopMargins:
-    """Return the margins of one loop, all others closed."""
+def _plain_sensitivity(gains: Complex) -> Real:
+    """Return sigma(S) by GK; (n_freq,)."""
+    return singular_values(sensitivity(gains))
 
-    def loop_gain(lines: Real) -> Complex:
-        return single_loop_gains(gain_of(lines))[:, number]
 
-    known = single_loop_gains(gains)[:, number]
-    sizes = np.log(np.abs(known))
-    brackets = np.flatnonzero(np.sign(sizes[:-1]) * np.sign(sizes[1:]) < 0)
-    unity = find_crossings(lambda lines: np.log(np.abs(loop_gain(lines))), freq, sizes, brackets)
-    falls = unity[sizes[brackets] > 0]
-    angles = np.angle(-loop_gain(unity)) if len(unity) else np.zeros(0)
+_SIZES_AT_ONCE = (_scaled_sensitivity, _plain_sensitivity)
 
-    turns = np.angle(-known)
-    brackets = np.flatnonzero(
-        (np.sign(turns[:-1]) * np.sign(turns[1:]) < 0)
-        & (np.abs(turns[:-1]) < np.pi / 2)
-        & (np.abs(turns[1:]) < np.pi / 2)
+
+def _searches_of_loop(freq: Real, gains: Complex, number: int) -> tuple[list[Search], ...]:
+    """Return searches of |L| = 1, falling and rising, of real L, of the bandwidth and of |S|."""
+
+    def log_size(some: Complex) -> Real:
+        return np.log(np.abs(single_loop_gains(some)[:, number]))
+
+    def turn(some: Complex) -> Real:
+        return np.angle(-single_loop_gains(some)[:, number])
+
+    def size_of_sensitivity(some: Complex) -> Real:
+        return 1 / np.abs(1 + single_loop_gains(some)[:, number])
+
+    def beyond_bandwidth(some: Complex) -> Real:
+        return size_of_sensitivity(some) - _BANDWIDTH_SIZE
+
+    sizes, turns, closed = log_size(gains), turn(gains), size_of_sensitivity(gains)
+    near = np.abs(turns) < np.pi / 2
+    is_real = (np.sign(turns[:-1]) * np.sign(turns[1:]) < 0) & near[:-1] & near[1:]
+    is_seen = np.maximum(sizes[:-1], sizes[1:]) > np.log(LINE_SETTINGS.min_size)
+    above = closed >= _BANDWIDTH_SIZE
+    return (
+        crossings_of(log_size, freq, np.flatnonzero((sizes[:-1] > 0) & (sizes[1:] <= 0))),
+        crossings_of(log_size, freq, np.flatnonzero((sizes[:-1] <= 0) & (sizes[1:] > 0))),
+        crossings_of(turn, freq, np.flatnonzero(is_real & is_seen)),
+        crossings_of(beyond_bandwidth, freq, np.flatnonzero(~above[:-1] & above[1:])[:1]),
+        [peak_of(size_of_sensitivity, freq, closed)],
     )
-    real = find_crossings(lambda lines: np.angle(-loop_gain(lines)), freq, turns, brackets)
-    inverse = 1 / np.abs(loop_gain(real)) if len(real) else np.zeros(0)
-    is_seen = inverse < 1 / LINE_SETTINGS.min_size
-    real, inverse = real[is_seen], inverse[is_seen]
+
+
+def _margins_of_loop(
+    parts: Sequence[tuple[Real, Complex]], ends: tuple[complex, complex], highest_hz: float
+) -> LoopMargins:
+    """Return the margins of one loop, all others closed.
+
+    Args:
+        parts: frequencies [Hz] and loop gains of each kind of ``_searches_of_loop``.
+        ends: loop gain at the lowest and at the highest line.
+        highest_hz: highest line [Hz].
+    """
+    falling, rising, real_axis, bandwidth, peak = parts
+    unity = np.concatenate([falling[0], rising[0]])
+    order = np.argsort(unity)
+    unity = unity[order]
+    angles = np.angle(-np.concatenate([falling[1], rising[1]])[order])
+    real, inverse = real_axis[0], 1 / np.abs(real_axis[1])
     smallest, largest = _STATIC_SIZES
-    if abs(turns[0]) < _REAL_ANGLE_RAD and smallest < np.abs(known[0]) < largest:
-        real, inverse = np.append(0.0, real), np.append(1 / np.abs(known[0]), inverse)
-
-    def size_of_sensitivity(lines: Real) -> Real:
-        return 1 / np.abs(1 + loop_gain(lines))
-
-    closed = 1 / np.abs(1 + known)
-    peak, at = find_peak(size_of_sensitivity, freq, closed)
-    above = closed - _BANDWIDTH_SIZE
-    rises = np.flatnonzero((above[:-1] < 0) & (above[1:] >= 0))[:1]
-    bandwidth = find_crossings(
-        lambda lines: size_of_sensitivity(lines) - _BANDWIDTH_SIZE, freq, above, rises
-    )
+    if abs(np.angle(-ends[0])) < _REAL_ANGLE_RAD and smallest < abs(ends[0]) < largest:
+        real, inverse = np.append(0.0, real), np.append(1 / abs(ends[0]), inverse)
     delays = np.mod(angles, 2 * np.pi) / (2 * np.pi * unity)
     delay = _smallest(delays, unity, delays)
-    if sizes[-1] > 0:  # never below one: any further delay turns L around -1 somewhere
-        delay = Margin(0.0, float(freq[-1]))
+    if abs(ends[1]) > 1:  # never below one: any further delay turns L around -1 somewhere
+        delay = Margin(0.0, highest_hz)
+    is_below = inverse < 1
     return LoopMargins(
-        crossover=_smallest(falls, falls, -falls),
-        bandwidth=_smallest(bandwidth, bandwidth, bandwidth),
-        gain=_smallest(inverse[inverse > 1], real[inverse > 1], inverse[inverse > 1]),
-        reduction=_smallest(inverse[inverse < 1], real[inverse < 1], -inverse[inverse < 1])
-        if (inverse < 1).any()
+        crossover=_smallest(falling[0], falling[0], -falling[0]),
+        bandwidth=_smallest(bandwidth[0], bandwidth[0], bandwidth[0]),
+        gain=_smallest(inverse[~is_below], real[~is_below], inverse[~is_below]),
+        reduction=_smallest(inverse[is_below], real[is_below], -inverse[is_below])
+        if is_below.any()
         else Margin(0.0),
         phase=_smallest(np.degrees(angles), unity, np.abs(angles)),
         delay=delay,
-        modulus=Margin(1 / peak, at),
+        modulus=Margin(float(np.abs(1 + peak[1][0])), float(peak[0][0])),
         gain_crossovers=np.column_stack([unity, np.degrees(angles)]),
         phase_crossovers=np.column_stack([real, inverse]),
     )
