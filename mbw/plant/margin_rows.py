@@ -23,29 +23,35 @@ from tuning.error_budget.variant_margins import VariantMargins
 _ENDS = (0.025, 0.975)
 
 
-def margins_row(margins: PlantMargins, variants: Sequence[VariantMargins] = ()) -> MarginsRow:
+def margins_row(
+    margins: PlantMargins,
+    variants: Sequence[VariantMargins] = (),
+    before: AllMargins | None = None,
+) -> MarginsRow:
     """Return the rows of the margins of a budget.
 
     Args:
         margins: of the machine.
         variants: stability in models and poses that tests had.
+        before: of the other machine; None without one.
     """
     several = len(margins.names) > 1
     return MarginsRow(
         machines=len(margins.samples),
-        loops=[_loop_row(margins, number) for number in range(len(margins.names))],
-        all_loops=_all_loops_row(margins) if several else None,
+        loops=[_loop_row(margins, number, before) for number in range(len(margins.names))],
+        all_loops=_all_loops_row(margins, before) if several else None,
         variants=[_variant_row(margins.names, each) for each in variants],
     )
 
 
-def _loop_row(margins: PlantMargins, number: int) -> LoopMarginsRow:
+def _loop_row(margins: PlantMargins, number: int, before: AllMargins | None) -> LoopMarginsRow:
     """Return the row of one loop."""
     loop = margins.nominal.loops[number]
     samples = [each.loops[number] for each in margins.samples]
 
     def row(pick: Callable[[LoopMargins], Margin], sign: float = 1.0) -> MarginRow:
-        return _margin_row(pick(loop), [pick(sample) for sample in samples], sign)
+        known = _margin_row(pick(loop), [pick(sample) for sample in samples], sign)
+        return _beside(known, None if before is None else pick(before.loops[number]))
 
     return LoopMarginsRow(
         loop=margins.names[number],
@@ -64,17 +70,25 @@ def _loop_row(margins: PlantMargins, number: int) -> LoopMarginsRow:
     )
 
 
-def _all_loops_row(margins: PlantMargins) -> AllLoopsRow:
+def _all_loops_row(margins: PlantMargins, before: AllMargins | None) -> AllLoopsRow:
     """Return the row of all loops at once."""
 
     def row(pick: Callable[[AllMargins], Margin]) -> MarginRow:
-        return _margin_row(pick(margins.nominal), [pick(each) for each in margins.samples])
+        known = _margin_row(pick(margins.nominal), [pick(each) for each in margins.samples])
+        return _beside(known, None if before is None else pick(before))
 
     return AllLoopsRow(
         modulus=row(lambda each: each.modulus),
         singular=row(lambda each: each.singular),
         robust=_robust_rows(margins.robust_at_once),
     )
+
+
+def _beside(row: MarginRow, before: Margin | None) -> MarginRow:
+    """Return a row with the margin of the other machine."""
+    if before is None or not before.is_finite:
+        return row
+    return row.model_copy(update={"before": before.value})
 
 
 def _margin_row(nominal: Margin, samples: Sequence[Margin], sign: float = 1.0) -> MarginRow:

@@ -15,6 +15,7 @@ class MarginRow(BaseModel):
         frequency: at which it is taken [Hz].
         low, high: ends of the 95 % interval over machines of the posterior; null without one.
         worst: of all these machines; null without any.
+        before: value of the other machine of the budget; null without one.
     """
 
     value: Number | None
@@ -22,6 +23,7 @@ class MarginRow(BaseModel):
     low: Number | None
     high: Number | None
     worst: Number | None
+    before: Number | None = None
 
 
 class RobustTestRow(BaseModel):

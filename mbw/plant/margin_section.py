@@ -46,7 +46,7 @@ def margin_section(row: MarginsRow, *, has_weight: bool) -> str:
         if variants
         else "",
         over=over if row.machines else "",
-        samples=" Thin curves are machines of the posterior, the orange one the worst of them."
+        samples=" Thin curves are machines of the posterior, the red one the worst of them."
         if row.machines
         else "",
         weight=" |T| below the inverse of the held-out error W is robust." if has_weight else "",
@@ -54,7 +54,10 @@ def margin_section(row: MarginsRow, *, has_weight: bool) -> str:
 
 
 def margin_data(
-    margins: PlantMargins, row: MarginsRow, band: tuple[float, float]
+    margins: PlantMargins,
+    row: MarginsRow,
+    band: tuple[float, float],
+    before: AllMargins | None = None,
 ) -> dict[str, object]:
     """Return the data of the script.
 
@@ -62,13 +65,20 @@ def margin_data(
         margins: with the curves of the loop gains.
         row: their rows.
         band: of the budget [Hz].
+        before: margins of the other machine; None without one.
     """
-    loops = [_loop_data(margins, number, each, band) for number, each in enumerate(row.loops)]
+    loops = [
+        _loop_data(margins, number, each, band, before) for number, each in enumerate(row.loops)
+    ]
     return {"loops": loops}
 
 
 def _loop_data(
-    margins: PlantMargins, number: int, row: LoopMarginsRow, band: tuple[float, float]
+    margins: PlantMargins,
+    number: int,
+    row: LoopMarginsRow,
+    band: tuple[float, float],
+    before: AllMargins | None,
 ) -> dict[str, object]:
     """Return the curves of one loop and its marks."""
     marked = [
@@ -89,6 +99,7 @@ def _loop_data(
         "samples": [_curve(margins.samples[k], number, span) for k in drawn if k != worst],
         "worst": None if worst is None else _curve(margins.samples[worst], number, span),
         "weight": weight,
+        "before": None if before is None else _curve(before, number, span),
         "gain": [row.gain.frequency, row.gain.value],
         "reduction": [row.gain_reduction.frequency, row.gain_reduction.value],
         "phase": [row.phase.frequency, row.phase.value],

@@ -173,15 +173,16 @@ def _frequency(margin: MarginRow) -> str | None:
 
 
 def _ends(margin: MarginRow, shown: _Shown) -> list[str]:
-    """Return the interval and the worst value; nothing without a posterior."""
+    """Return the interval, the worst value and that of the other machine, where they are known."""
+    before = [] if margin.before is None else [f"before {shown.value(margin.before)}"]
     if margin.low is None and margin.high is None:
-        return []
+        return before
     low = shown.absent if margin.low is None else shown.bare(margin.low)
     high = shown.absent if margin.high is None else shown.value(margin.high)
     is_frequency = margin.frequency == margin.value
     has_worst = margin.worst is not None and not is_frequency
     worst = [f"worst {shown.value(margin.worst)}"] if has_worst and margin.worst else []
-    return [f"95 %: {low} to {high}", *worst]
+    return [f"95 %: {low} to {high}", *worst, *before]
 
 
 def _margins(loop: LoopMarginsRow) -> tuple[MarginRow, ...]:

@@ -1,5 +1,5 @@
 // Control loops of a plant: Bode and Nyquist plots of the loop gain with its margins, sensitivity.
-const SHADE = "rgba(31,111,184,0.22)", VIEW = 2.2;  // of the Nyquist plot
+const WORST = HUES[3], SHADE = "rgba(31,111,184,0.22)", VIEW = 2.2;  // of the Nyquist plot
 
 // Return the loop gain of a curve: frequencies, pairs, magnitude and phase.
 function loopGain(curve) {
@@ -22,7 +22,12 @@ function loopBode(loop, gain) {
   if (loop.worst) {
     const worst = loopGain(loop.worst);
     sizes.push(worst.size);
-    data.push(...bodeTraces(worst.freq, worst, "worst machine", {color: ORANGE, width: 1.2}));
+    data.push(...bodeTraces(worst.freq, worst, "worst machine", {color: WORST, width: 1.2}));
+  }
+  if (loop.before) {
+    const before = loopGain(loop.before);
+    sizes.push(before.size);
+    data.push(...bodeTraces(before.freq, before, DATA.before, {color: ORANGE, width: 1.5, dash: "dash"}));
   }
   data.push(...bodeTraces(gain.freq, gain, "loop gain", {color: BLUE, width: 2}));
   const shapes = [{type: "line", xref: "paper", x0: 0, x1: 1, y0: 1, y1: 1, line: {color: INK, width: 1, dash: "dot"}},
@@ -45,7 +50,8 @@ function nyquist(loop, gain) {
       hovertemplate: "%{customdata:.4g} Hz: %{x:.3g} + %{y:.3g}i<extra>" + escaped(name) + "</extra>", ...extra};
   };
   const data = loop.samples.map((curve, k) => trace(loopGain(curve), "machines of the posterior", SHADE, 1, {showlegend: !k, legendgroup: "samples", hoverinfo: "skip", hovertemplate: null}));
-  if (loop.worst) data.push(trace(loopGain(loop.worst), "worst machine", ORANGE, 1.2));
+  if (loop.worst) data.push(trace(loopGain(loop.worst), "worst machine", WORST, 1.2));
+  if (loop.before) data.push(trace(loopGain(loop.before), DATA.before, ORANGE, 1.5, {line: {color: ORANGE, width: 1.5, dash: "dash"}}));
   data.push(trace(gain, "loop gain", BLUE, 2));
   const points = [["critical point", -1, 0, "x-thin"]], angle = loop.phase[0] && loop.phase[1] * Math.PI / 180;
   if (loop.gain[0]) points.push(["gain margin " + decibels(loop.gain[1]), -1 / loop.gain[1], 0, "circle"]);
@@ -72,7 +78,11 @@ function sensitivity(loop, gain) {
   const own = sensitivitySizes(gain), complementary = complementarySizes(gain), sizes = [own, complementary];
   if (loop.worst) {
     const worst = loopGain(loop.worst);
-    data.push(line(worst.freq, sensitivitySizes(worst), "|S| of the worst machine", ORANGE, 1.2));
+    data.push(line(worst.freq, sensitivitySizes(worst), "|S| of the worst machine", WORST, 1.2));
+  }
+  if (loop.before) {
+    const before = loopGain(loop.before);
+    data.push(line(before.freq, sensitivitySizes(before), "|S|, " + DATA.before, ORANGE, 1.5, "dash"));
   }
   data.push(line(gain.freq, complementary, "|T|", HUES[2], 1.6), line(gain.freq, own, "|S|", BLUE, 2));
   if (loop.weight) {

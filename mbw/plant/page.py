@@ -129,7 +129,7 @@ def _data(plant: PlantBudget, row: BudgetRow, names: tuple[str, str]) -> dict[st
         "samples": _sample_poles(plant, row.band[1]),
         "margins": None
         if plant.margins is None or row.margins is None
-        else margin_data(plant.margins, row.margins, row.band),
+        else margin_data(plant.margins, row.margins, row.band, plant.margins_before),
     }
 
 

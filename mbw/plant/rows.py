@@ -41,7 +41,7 @@ def budget_row(plant: PlantBudget, file: str, before: str | None, remarks: list[
         poles=pole_rows(budget),
         margins=None
         if plant.margins is None
-        else margins_row(plant.margins, plant.variant_margins),
+        else margins_row(plant.margins, plant.variant_margins, plant.margins_before),
     )
 
 

@@ -74,13 +74,26 @@ def test_the_json_has_each_margin_with_its_interval_and_worst_machine(folder, ro
     assert all(test["holds"] == (test["peak"] < 1) for test in tests)
 
 
+def test_the_machine_beside_has_its_margins_too(folder, row):
+    nominal = mb.error_budget(folder / "two.xml", folder / "budget.toml").margins.nominal
+    shown = row["loops"][0]
+    for key in ("crossover", "gain", "phase", "delay", "modulus"):
+        value = getattr(nominal.loops[0], key).value
+        assert shown[key]["before"] == pytest.approx(value, rel=1e-6)
+        assert value != pytest.approx(shown[key]["value"], rel=1e-4)
+    assert row["all_loops"]["modulus"]["before"] == pytest.approx(nominal.modulus.value, rel=1e-6)
+    data = data_of((folder / "out" / "plant.html").read_text("utf-8"))["margins"]["loops"][0]
+    before = unpacked(data["before"]["values"], "<c8")
+    assert np.abs(1 + before).min() == pytest.approx(shown["modulus"]["before"], rel=0.01)
+
+
 def test_the_terminal_states_margins_of_each_loop_and_of_all(folder, row):
     text = (folder / "stdout.txt").read_text()
     assert "stability margins, over 60 machines of the posterior:" in text
     phase = row["loops"][0]["phase"]
     assert (
         f"phase {phase['value']:.3g}° at {phase['frequency']:.4g} Hz (95 %: {phase['low']:.3g} to "
-        f"{phase['high']:.3g}°; worst {phase['worst']:.3g}°)"
+        f"{phase['high']:.3g}°; worst {phase['worst']:.3g}°; before {phase['before']:.3g}°)"
     ) in text
     decibels = 20 * np.log10(row["loops"][0]["gain"]["value"])
     assert f"gain {decibels:.3g} dB at" in text
@@ -130,7 +143,7 @@ def test_python_control_has_the_same_margins_from_the_files_alone(folder, row, n
 def test_the_page_draws_bode_nyquist_and_sensitivity(folder, row):
     found = browse((folder / "out" / "plant.html").read_text("utf-8"), folder, probe=PROBE)
     assert found["faults"] == []
-    assert found["bode"] == ["worst machine", "loop gain"]
+    assert found["bode"] == ["worst machine", "as drawn (two.xml)", "loop gain"]
     axis = row["loops"][0]
     decibels, phase = 20 * np.log10(axis["gain"]["value"]), axis["phase"]["value"]
     assert found["marks"] == [f"gain {decibels:.1f} dB", f"phase {phase:.1f}°"]

@@ -122,7 +122,7 @@ def _parts_of_steps(single: Complex) -> Integers:
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class LineInterval:
     """A crossing of zero, or a peak, of a value of the loop gains.
 
     Args:
@@ -140,19 +140,19 @@ class Search:
 
 def crossings_of(
     value_of: Callable[[Complex], Real], freq_hz: Real, steps: Integers
-) -> list[Search]:
+) -> list[LineInterval]:
     """Return a search in each step of the lines in which a value changes its sign."""
-    return [Search(value_of, float(freq_hz[k]), float(freq_hz[k + 1])) for k in steps]
+    return [LineInterval(value_of, float(freq_hz[k]), float(freq_hz[k + 1])) for k in steps]
 
 
-def peak_of(value_of: Callable[[Complex], Real], freq_hz: Real, values: Real) -> Search:
+def peak_of(value_of: Callable[[Complex], Real], freq_hz: Real, values: Real) -> LineInterval:
     """Return the search of a peak about the largest value at the lines."""
     best = int(np.argmax(values))
     low, high = freq_hz[max(0, best - 1)], freq_hz[min(len(freq_hz) - 1, best + 1)]
-    return Search(value_of, float(low), float(high), is_peak=True)
+    return LineInterval(value_of, float(low), float(high), is_peak=True)
 
 
-def zoom_in(gain_of: LoopGainOf, searches: Sequence[Search]) -> Real:
+def zoom_in(gain_of: LoopGainOf, searches: Sequence[LineInterval]) -> Real:
     """Return the frequencies of crossings and peaks [Hz]; (n_search,).
 
     Args:
@@ -171,7 +171,7 @@ def zoom_in(gain_of: LoopGainOf, searches: Sequence[Search]) -> Real:
     return places
 
 
-def _narrow(search: Search, lines: Real, values: Real) -> tuple[Real, float]:
+def _narrow(search: LineInterval, lines: Real, values: Real) -> tuple[Real, float]:
     """Return the part of an interval with the crossing or peak, and the best place in it [Hz]."""
     if search.is_peak:
         best = int(np.argmax(values))

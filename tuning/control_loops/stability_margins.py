@@ -24,8 +24,8 @@ import numpy as np
 from identification.words import Complex, Real
 from tuning.control_loops.loop_gain_lines import (
     LINE_SETTINGS,
+    LineInterval,
     LoopGainOf,
-    Search,
     crossings_of,
     follow_loop_gain,
     peak_of,
@@ -163,7 +163,7 @@ def _plain_sensitivity(gains: Complex) -> Real:
 _SIZES_AT_ONCE = (_scaled_sensitivity, _plain_sensitivity)
 
 
-def _searches_of_loop(freq: Real, gains: Complex, number: int) -> tuple[list[Search], ...]:
+def _searches_of_loop(freq: Real, gains: Complex, number: int) -> tuple[list[LineInterval], ...]:
     """Return searches of |L| = 1, falling and rising, of real L, of the bandwidth and of |S|."""
 
     def log_size(some: Complex) -> Real:

@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.words import Complex, InputError, Real
 from mbmodel import Model, PosteriorOfModel, with_loops
+from tuning.control_loops.stability_margins import AllMargins
 from tuning.error_budget.budget import ErrorBudget, error_budget
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_margins import PlantMargins, plant_margins
@@ -96,6 +97,16 @@ class PlantBudget:
         lines = self.budget.linearised
         plant = LoopPlant.of(lines.model, self.budget.definition)
         return plant_margins(plant, lines.theta, self.posterior, samples, self.tuning)
+
+    @cached_property
+    def margins_before(self) -> AllMargins | None:
+        """Stability margins of the other machine; None without one, or without loops."""
+        if self.before is None or not self.budget.definition.loops:
+            return None
+        lines = self.before.linearised
+        plant = LoopPlant.of(lines.model, self.before.definition)
+        poles = self.before.states.poles()
+        return plant.margins(lines.theta, plant.poles(lines.theta, is_closed=False), poles)
 
     @cached_property
     def variant_margins(self) -> tuple[VariantMargins, ...]:
