@@ -50,9 +50,10 @@ def fit_baseline(
     """
     scene = set_scene(data.session, data.checks, data.directions, jobs, settings)
     scene = replace(scene, record=record)
-    null = fit_null_model(scene, settings)
+    null = admit_outliers(scene, fit_null_model(scene, settings), settings)
     proven = build_gross_hypotheses(data.checks, data.session)
-    return Baseline(replace(scene, theta=null.fit.theta), null, data.checks, proven)
+    scene = replace(scene, session=null.session, theta=null.fit.theta)
+    return Baseline(scene, null, data.checks, proven)
 
 
 def set_scene(
@@ -132,23 +133,25 @@ def refit_from(
     return min(null, refit, key=lambda candidate: candidate.objective)
 
 
-def fit_unbounded(scene: Scene, null: Refit, settings: DiagnosisSettings) -> tuple[float, float]:
-    """Return the gap of the null model without bounds of tolerances, and the largest tolerance.
+def admit_outliers(scene: Scene, null: Refit, settings: DiagnosisSettings) -> Refit:
+    """Return the null model with wider bounds of outlying tolerances, if it is better for them.
+
+    Among hundreds of tolerances some exceed their bounds of 2.5 standard deviations by chance. Left
+    at the bound, such a tolerance would look like an effect. Those at a bound are fitted up to
+    ``outlier_sigma``; one that ends there too is a fault, which no tolerance may hide.
 
     Args:
         scene: campaign and nominal model.
-        null: the null model.
-        settings: schedule.
-
-    Returns:
-        Mean square of the gap over that of the noise; shift in standard deviations.
+        null: null model.
+        settings: schedule, and the largest outlier.
     """
-    varies, x = null.session.parametrisation, null.fit.x
-    if not (varies.coordinates_at_bound(x) & varies.has_prior).any():
-        return null.gap, float(np.abs(x[varies.has_prior]).max(initial=0.0))
-    lifted = varies.lift_bounds()
-    session = replace(null.session, parametrisation=lifted)
+    varies, outlier = null.session.parametrisation, settings.outlier_sigma
+    at_bound = varies.coordinates_at_bound(null.fit.x) & varies.has_prior
+    wider = varies.widen_bounds(at_bound, outlier)
+    if np.array_equal(wider.upper, varies.upper):
+        return null
+    session = replace(null.session, parametrisation=wider)
     task = RefitTask(None, session, null.fit.theta, null.floor)
     (refit,) = run_refits(scene, [task], settings.schedule)
-    shifts = np.abs(refit.fit.x[lifted.has_prior])
-    return refit.gap, float(shifts.max(initial=0.0))
+    is_fault = bool((wider.coordinates_at_bound(refit.fit.x) & at_bound).any())
+    return null if is_fault or null.objective <= refit.objective else refit

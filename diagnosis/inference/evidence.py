@@ -131,8 +131,6 @@ class Evidence(_Row):
         small_faults: other faults that redundant channels prove; sets may contain them.
         unknown: places of sensors with a proven fault that is not in the catalogue.
         null: null model.
-        unbounded: the gap of the null model if no tolerance is bounded; None if not fitted.
-        largest_shift: the largest tolerance then [standard deviations].
         sets: sets of causes, in the order of their fits.
         pushed: free forces that explain the gap of the null model, the largest gain first.
         rest_pushed: free forces that explain the gap with the selected causes.
@@ -148,8 +146,6 @@ class Evidence(_Row):
     small_faults: tuple[Key, ...] = ()
     unknown: tuple[str, ...] = ()
     null: FittedSet
-    unbounded: float | None = None
-    largest_shift: float = 0.0
     sets: tuple[FittedSet, ...] = ()
     pushed: tuple[ForceGain, ...] = ()
     rest_pushed: tuple[ForceGain, ...] = ()

@@ -170,8 +170,6 @@ def select_material_sets(
 def _remove_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet], float]:
     """Return the sets without outliers of tolerances, and the gap that outliers do not explain."""
     gaps = [evidence.null.gap]
-    if evidence.unbounded is not None and evidence.largest_shift <= outlier:
-        gaps.append(evidence.unbounded)
     kept = []
     for fitted in evidence.admitted_sets:
         shifts = fitted.shifts or (None,) * len(fitted.keys)

@@ -62,6 +62,7 @@ def refit_laws(
     current: Refit,
     hypotheses: Sequence[Hypothesis],
     null_gap: float,
+    rivals: Sequence[Refit],
     settings: DiagnosisSettings,
 ) -> list[Refit]:
     """Refit the laws of joint directions that depend on the level, beside the causes there are.
@@ -71,6 +72,8 @@ def refit_laws(
         current: refit from which they begin.
         hypotheses: scored hypotheses of ``free_each_level``.
         null_gap: of the null model: free levels that do not close a fifth of it need no law.
+        rivals: refits of linear causes. No law explains much more than its free levels do, so that
+            none is simulated where these are far behind.
         settings: schedules, and that fifth.
 
     Returns:
@@ -84,6 +87,10 @@ def refit_laws(
     free = dict(zip(joints, run_refits(scene, tasks, settings.schedule), strict=True))
     joint = min(joints, key=lambda joint: free[joint].objective)
     if current.gap - free[joint].gap < settings.min_closed * null_gap:
+        return []
+    best = min((rival.objective for rival in rivals), default=np.inf)
+    gain = current.objective - free[joint].objective
+    if gain < LEVEL_SETTINGS.min_gain_share * (current.objective - best):
         return []
     nearby = replace(about, theta=_read_values(free[joint], about))
     laws = [

@@ -30,6 +30,7 @@ class LevelSettings:
         max_turns: refits of a law, each about the machine that the one before found.
         settled_nats: per value: a turn that lowers the objective by less is the last one.
         max_behind_nats: per value: a law that is farther behind the best one is refitted once.
+        min_gain_share: of what the best linear cause gains: free levels that gain less need no law.
         min_own_share: of the stiffness at the lowest level that a joint's own spring begins with.
         element_shares: stiffness of a sliding element where fits begin, of that at rest.
         slip_shares: stretch at which it slides, of the largest linear one.
@@ -65,6 +66,7 @@ class LevelSettings:
     max_turns: int = 8
     settled_nats: float = 2e-3
     max_behind_nats: float = 0.1
+    min_gain_share: float = 0.5
     min_own_share: float = 0.05
     element_shares: tuple[float, ...] = (0.15, 0.4, 0.8)
     slip_shares: tuple[float, ...] = (0.02, 0.06, 0.2, 0.6)

@@ -1,7 +1,7 @@
 """Evidence of a verdict: plain numbers of everything that was fitted."""
 
 from diagnosis.inference.evidence import Evidence, Scored
-from diagnosis.null_model import Baseline, fit_unbounded
+from diagnosis.null_model import Baseline
 from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import summarise_refit
 from diagnosis.search.fitted_sets import Search
@@ -23,7 +23,6 @@ def collect_evidence(
         settings: schedules.
     """
     null, selected = search.null, search.selected
-    unbounded, largest_shift = fit_unbounded(base.scene, null, settings)
     best_gain: dict[str, Scored] = {}
     for score in search.scores:
         effect, location, dof = score.hypothesis.key
@@ -38,8 +37,6 @@ def collect_evidence(
         small_faults=search.small_faults,
         unknown=base.checks.unknown,
         null=summarise_refit(null),
-        unbounded=unbounded,
-        largest_shift=largest_shift,
         sets=tuple(summarise_refit(refit) for refit in search.refits),
         pushed=fit_free_forces(base.scene, null.fit, ratio * null.floor),
         rest_pushed=rest,

@@ -54,7 +54,7 @@ def refit_round(
     for hypothesis in _suggest_candidates(base, current, settings):
         tasks.append(add_cause(current, hypothesis, _first_stages(hypothesis, settings)))
     refits = run_refits(scene, tasks, settings.schedule)
-    refits += refit_laws(scene, current, laws, base.null.gap, settings)
+    refits += refit_laws(scene, current, laws, base.null.gap, refits, settings)
     best = min(refits, key=lambda refit: refit.objective, default=None)
     if best is None or not is_gap_visible(best.gap):
         return refits

@@ -6,19 +6,17 @@ Each earlier cause is left out in turn, and dropped or replaced (``elimination.p
 is found by the next round, from a model that has the first (Draper and Smith 1998, ch. 15).
 
 While others are missing, an effect may be improbable or close little of the gap. The search
-therefore goes on as long as the last cause gains more than a wrong one does by chance, and as long
-as what remains may contain a cause that does.
+therefore goes on as long as the last cause gains more than a wrong one does by chance, and a gap
+remains that a further one may close.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Key
-from diagnosis.null_model import Baseline, refit_from
+from diagnosis.null_model import Baseline, admit_outliers, refit_from
 from diagnosis.refits.refit import Refit
 from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import Search, is_acceptable, is_material
@@ -55,7 +53,7 @@ def select_causes(
         search, path = reconsider_causes(base, search, best, settings)
         if is_acceptable(search, path, settings):
             search = replace(search, selected=path)
-        if not _can_hold_cause(search, path, settings):
+        if not is_gap_visible(path.gap):
             break
     return search
 
@@ -63,18 +61,8 @@ def select_causes(
 def _is_promising(search: Search, best: Refit, path: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether the search goes on from a set, be it improbable."""
     gain = path.objective - best.objective
-    return gain > load_calibration().chance or is_material(search, best, settings)
-
-
-def _can_hold_cause(search: Search, path: Refit, settings: DiagnosisSettings) -> bool:
-    """Return whether what a set leaves may contain a further cause.
-
-    A cause that closes all of it gains the mean logarithm of total variance over noise, about that
-    of the reciprocal of the noise share.
-    """
-    largest_gain = -float(np.log(max(path.statistics.noise_share, np.finfo(float).tiny)))
-    is_large = path.gap >= settings.min_closed * search.null.gap
-    return is_gap_visible(path.gap) and (is_large or largest_gain > load_calibration().chance)
+    chance = load_calibration().chance * (1 - best.statistics.noise_share)
+    return gain > chance or is_material(search, best, settings)
 
 
 def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:
@@ -83,4 +71,5 @@ def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings
     if best is None:
         return search
     null = refit_from(base.scene, search.null, best, settings)
+    null = null if null is search.null else admit_outliers(base.scene, null, settings)
     return replace(search, null=null, selected=search.selected if search.selected.causes else null)

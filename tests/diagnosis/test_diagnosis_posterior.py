@@ -156,11 +156,6 @@ def test_outliers_of_tolerances_are_no_causes_and_explain_what_they_close():
     assert [key for key, _ in posterior.causes] == [A]
 
 
-def test_without_bounds_of_tolerances_a_gap_that_an_outlier_closes_is_none():
-    assert compute_posterior(evidence(unbounded=0.01, largest_shift=3.0), CONSTANTS).none > 0.9
-    assert compute_posterior(evidence(unbounded=0.01, largest_shift=9.0), CONSTANTS).none < 0.1
-
-
 def test_proven_faults_are_present_with_certainty_and_others_beside_them():
     posterior = compute_posterior(evidence([fitted((A,), -2.0, 0.0)], proven=(SWAP,)), CONSTANTS)
     presence = dict(posterior.causes)

@@ -12,7 +12,7 @@ from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import mask_channels
 from diagnosis.estimates.intervals import fit_parameters
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.null_model import fit_null_model, fit_unbounded, refit_from
+from diagnosis.null_model import admit_outliers, fit_null_model, refit_from
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import add_cause, add_hypothesis, find_start, run_refits
 from diagnosis.search.score_test import compute_cosines, scores
@@ -238,9 +238,15 @@ def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tm
     scene = early_scene(session)
     null = refit_null(scene)
     assert null.gap > 0.5
-    gap, largest = fit_unbounded(scene, null, SETTINGS)
-    assert gap < 0.1
-    assert 3 < largest < 4
+    admitted = admit_outliers(scene, null, SETTINGS)
+    assert admitted.gap < 0.1
+    shifts = np.abs(admitted.fit.x[admitted.session.parametrisation.has_prior])
+    assert 3 < shifts.max() < 4
+    # What was no outlier keeps its bound, and a shift beyond the largest outlier is a fault.
+    widened = admitted.session.parametrisation.upper > null.session.parametrisation.upper
+    assert 1 <= widened.sum() < 20
+    assert admit_outliers(scene, null, replace(SETTINGS, outlier_sigma=2.8)) is null
+    assert admit_outliers(scene, admitted, SETTINGS) is admitted
     # The same tolerances released are that outlier too, as unlikely as one alone.
     (turned,) = propose_at(scene, "sensor_misalignment", "sensor:acc11")
     released = refit_with(scene, null, turned)

@@ -170,22 +170,6 @@ class Parametrisation:
             upper=np.where(widened & (self.upper == TOLERANCE_BOUND_SIGMA), bound, self.upper),
         )
 
-    def narrow_bounds(self, bound: float) -> "Parametrisation":
-        """Return a parametrisation in which widened tolerances have the 2.5-sigma bound again.
-
-        Args:
-            bound: bound to which they were widened [standard deviations].
-        """
-        return replace(
-            self,
-            lower=np.where(
-                self.has_prior & (self.lower == -bound), -TOLERANCE_BOUND_SIGMA, self.lower
-            ),
-            upper=np.where(
-                self.has_prior & (self.upper == bound), TOLERANCE_BOUND_SIGMA, self.upper
-            ),
-        )
-
     def release_priors(self, names: Sequence[str]) -> "Parametrisation":
         """Return a parametrisation in which some tolerances have neither prior nor bounds.
 
