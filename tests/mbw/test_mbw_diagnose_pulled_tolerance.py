@@ -19,9 +19,7 @@ def case(x, *, word="none"):
     found = SimpleNamespace(
         null=SimpleNamespace(fit=SimpleNamespace(parametrisation=parametrisation, x=np.array(x))),
         settings=SETTINGS,
-        evidence=SimpleNamespace(
-            variance="coherence", null=SimpleNamespace(serial=0.0), sets=()
-        ),
+        evidence=SimpleNamespace(variance="coherence", null=SimpleNamespace(serial=0.0), sets=()),
         checks=SimpleNamespace(faults=(), unknown=()),
         parameters=None,
         retuned=SimpleNamespace(unfinished=0),
