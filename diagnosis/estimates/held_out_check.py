@@ -1,28 +1,28 @@
 r"""Causes that predict held-out lines: the number of causes by cross-validation.
 
 A set of causes may absorb errors of a real machine that it does not cause. Such a fit is hardly
-better on lines that it did not see. So each cause must shrink the gap there by a factor e,
+better on lines that it did not see. The set must therefore gain there, under the likelihood of all
+fits (``tuning.assessment.model_error``), what the posterior asks of it on the lines of the fit,
 
-    excess_after^2 - 1 <= exp(-|S|) (excess_before^2 - 1).
+    c_before - c_after > |S| chance (1 - s),
 
-A fault of survival ratio q beside errors of the power b^2 shrinks it by (1 + q^2) + q^2 / b^2,
-thus by more than e from q = 1.31 on.
+c being the mean -ln L per value at the floor of held-out residuals, s the share of the noise in
+their variance.
 
 Otherwise sets of as many causes are not admitted, and the most probable set of fewer causes is
-checked (cross-validation instead of a penalty for each parameter: Stone 1977). Of a gap that is
+checked (cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap that is
 hardly visible on held-out lines, the fits alone decide.
 """
 
-import numpy as np
-
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import Posterior, compute_posterior
 from diagnosis.null_model import Baseline
 from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import DiagnosisSettings
 from diagnosis.verdict.established import find_present
-from tuning import Session, is_gap_visible
+from tuning import Session, estimate_model_error, is_gap_visible
 
 
 def admit_predictive_causes(
@@ -53,14 +53,18 @@ def admit_predictive_causes(
 
 
 def predicts_held_out(before: HeldOutGap, after: HeldOutGap, causes: int) -> bool:
-    """Return whether a set of causes closes enough of the gap on held-out lines.
+    """Return whether a set of causes makes held-out lines probable enough.
 
     Args:
         before: gap without the causes.
         after: gap with them.
         causes: number of causes.
     """
-    first, last = before.gap.excess, after.gap.excess
-    if first is None or last is None or not is_gap_visible(first**2 - 1):
+    excess = before.gap.excess
+    if excess is None or not is_gap_visible(excess**2 - 1):
         return True
-    return last**2 - 1 <= float(np.exp(-causes)) * (first**2 - 1)
+    first, last = (estimate_model_error(gap.predicted, gap.campaign) for gap in (before, after))
+    if first is None or last is None:
+        return True
+    chance = load_calibration().chance * (1 - after.refit.statistics.noise_share)
+    return first.cost / first.values - last.cost / last.values > causes * chance
