@@ -12,11 +12,13 @@ from mbw.plant.margin_schema import (
     MarginRow,
     MarginsRow,
     RobustTestRow,
+    StepRow,
     VariantLoopRow,
     VariantRow,
 )
 from tuning.control_loops.stability_margins import AllMargins, LoopMargins, Margin
 from tuning.error_budget.loop_margins import PlantMargins
+from tuning.error_budget.reference_step import ReferenceStep
 from tuning.error_budget.robust_stability import RobustTest
 from tuning.error_budget.variant_margins import VariantMargins
 
@@ -67,6 +69,19 @@ def _loop_row(margins: PlantMargins, number: int, before: AllMargins | None) -> 
         phase_crossovers=_crossover_rows(loop.phase_crossovers),
         worst_machine=margins.worst_sample(number) if samples else None,
         robust=_robust_rows(margins.robust[number]),
+        step=_step_row(margins.steps[number]),
+    )
+
+
+def _step_row(step: ReferenceStep | None) -> StepRow | None:
+    """Return the row of a step of the reference."""
+    if step is None:
+        return None
+    return StepRow(
+        final=step.final,
+        overshoot=step.overshoot,
+        rise_time=step.rise_time_s,
+        settling_time=step.settling_time_s,
     )
 
 

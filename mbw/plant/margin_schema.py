@@ -51,6 +51,22 @@ class CrossoverRow(BaseModel):
     margin: Number
 
 
+class StepRow(BaseModel):
+    """Response to a unit step of the reference.
+
+    Args:
+        final: value at the end of all time.
+        overshoot: largest value above the final one, relative to it.
+        rise_time: from 10 to 90 % [s]; null if not reached in 200 periods of the crossover.
+        settling_time: until it stays within 2 % [s]; null likewise.
+    """
+
+    final: Number
+    overshoot: Number
+    rise_time: Number | None
+    settling_time: Number | None
+
+
 class LoopMarginsRow(BaseModel):
     """Margins of a loop, all others closed.
 
@@ -69,6 +85,7 @@ class LoopMarginsRow(BaseModel):
         worst_machine: number of the machine of the posterior with the smallest modulus margin,
             from 0; null without a posterior.
         robust: tests by the weights that are known.
+        step: response to a step of the reference; null without a crossover.
     """
 
     loop: str
@@ -84,6 +101,7 @@ class LoopMarginsRow(BaseModel):
     phase_crossovers: list[CrossoverRow]
     worst_machine: int | None
     robust: list[RobustTestRow]
+    step: StepRow | None
 
 
 class AllLoopsRow(BaseModel):

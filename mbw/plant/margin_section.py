@@ -6,11 +6,12 @@ import numpy as np
 
 from identification.words import Complex, Real
 from mbw.page.html import pack_complex, pack_real
-from mbw.plant.margin_schema import LoopMarginsRow, MarginsRow
-from mbw.plant.margin_sentences import margin_table, variant_text
+from mbw.plant.margin_schema import LoopMarginsRow, MarginsRow, StepRow
+from mbw.plant.margin_sentences import margin_table, step_sentence, variant_text
 from tuning.control_loops.loop_gain_lines import single_loop_gains
 from tuning.control_loops.stability_margins import AllMargins
 from tuning.error_budget.loop_margins import PlantMargins
+from tuning.error_budget.reference_step import ReferenceStep
 
 _ROOM = 3.0  # factor of frequency beyond crossovers and band
 _MAX_DRAWN_SAMPLES = 20  # machines of the posterior
@@ -26,6 +27,7 @@ _TEXT = (
     '<nav id="loop-choice"></nav><div id="loop-gain"></div>'
     '<div class="pair"><div><h3>Nyquist plot of the loop gain</h3><div id="nyquist"></div></div>'
     '<div><h3>Sensitivity</h3><div id="sensitivity"></div></div></div>'
+    '<h3>Step of the reference</h3><div id="reference-step"></div>'
     '<p class="soft">Dots mark the margins. The dotted circle around -1 has the modulus margin as '
     "its radius.{samples}{weight}</p>"
 )
@@ -99,11 +101,24 @@ def _loop_data(
         "samples": [_curve(margins.samples[k], number, span) for k in drawn if k != worst],
         "worst": None if worst is None else _curve(margins.samples[worst], number, span),
         "weight": weight,
+        "step": _step_data(margins.steps[number], row.step),
         "before": None if before is None else _curve(before, number, span),
         "gain": [row.gain.frequency, row.gain.value],
         "reduction": [row.gain_reduction.frequency, row.gain_reduction.value],
         "phase": [row.phase.frequency, row.phase.value],
         "modulus": [row.modulus.frequency, row.modulus.value],
+    }
+
+
+def _step_data(step: ReferenceStep | None, row: StepRow | None) -> dict[str, object] | None:
+    """Return the response to a step of the reference, and its sentence."""
+    if step is None or row is None:
+        return None
+    return {
+        "time": pack_real(step.time_s),
+        "response": pack_real(step.response),
+        "final": step.final,
+        "sentence": step_sentence(row),
     }
 
 

@@ -7,11 +7,13 @@ from html import escape
 import numpy as np
 
 from mbw.page.html import badge
+from mbw.page.numbers import format_percent
 from mbw.plant.margin_schema import (
     LoopMarginsRow,
     MarginRow,
     MarginsRow,
     RobustTestRow,
+    StepRow,
     VariantRow,
 )
 
@@ -102,7 +104,21 @@ def _loop_texts(loop: LoopMarginsRow) -> list[str]:
         ]
         if missing:
             texts.append(f"{absent}: {', '.join(missing)}")
+    if loop.step is not None:
+        texts.append(step_sentence(loop.step))
     return [*texts, *(robust_sentence(test) for test in loop.robust)]
+
+
+def step_sentence(step: StepRow) -> str:
+    """Return overshoot and times of a step of the reference."""
+    rise, settling = (
+        "none" if time is None else f"{1e3 * time:.3g} ms"
+        for time in (step.rise_time, step.settling_time)
+    )
+    return (
+        f"step of the reference: overshoot {format_percent(step.overshoot)}, rise time {rise}, "
+        f"settling time to 2 % {settling}, final value {step.final:.4g}"
+    )
 
 
 def robust_sentence(test: RobustTestRow) -> str:

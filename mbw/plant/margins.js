@@ -98,11 +98,22 @@ function sensitivity(loop, gain) {
     yaxis: {type: "log", gridcolor: GRID, exponentformat: "power", ...range, title: {text: "magnitude"}}}, CONFIG);
 }
 
+function referenceStep(loop) {
+  const place = byId("reference-step");
+  if (!loop.step) { Plotly.purge(place); place.textContent = "The loop gain stays below one: the loop follows no reference."; return; }
+  if (!place.data) place.textContent = "";
+  const time = floats(loop.step.time), value = loop.step.final, level = size => ({type: "line", xref: "paper", x0: 0, x1: 1, y0: size, y1: size, line: {color: GREY, width: 1, dash: "dot"}});
+  Plotly.react(place, [{type: "scatter", mode: "lines", x: time, y: floats(loop.step.response), line: {color: BLUE, width: 2, simplify: false}, hovertemplate: "%{x:.4g} s: %{y:.4g}<extra></extra>"}],
+    {...PLOT, height: 320, margin: {l: 64, r: 12, t: 34, b: 46}, showlegend: false, shapes: [level(0.98 * value), level(1.02 * value)], title: {text: escaped(loop.step.sentence), font: {size: 13}},
+      xaxis: {gridcolor: GRID, zeroline: false, ticks: "outside", title: {text: "s", standoff: 4}}, yaxis: {gridcolor: GRID, zerolinecolor: GREY, title: {text: "measured per reference"}}}, CONFIG);
+}
+
 function drawLoop() {
   const loop = DATA.margins.loops[Number(state.loop)], gain = loopGain(loop);
   loopBode(loop, gain);
   nyquist(loop, gain);
   sensitivity(loop, gain);
+  referenceStep(loop);
   press(byId("loop-choice"));
 }
 

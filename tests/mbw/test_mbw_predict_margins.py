@@ -18,8 +18,10 @@ PROBE = """<script>
 setTimeout(() => {
   const names = id => byId(id).data.filter(t => t.showlegend !== false && t.name).map(t => t.name);
   const texts = {bode: names("loop-gain"), nyquist: names("nyquist"), sensitivity: names("sensitivity"), faults: FAULTS,
+    step: byId("reference-step").data.length,
     marks: byId("loop-gain").data.filter(t => t.text).map(t => t.text[1].trim())};
   byId("loop-choice").querySelectorAll("button")[1].click();
+  texts.none = byId("reference-step").textContent;
   texts.title = byId("loop-gain").layout.title.text;
   document.body.append(element("pre", JSON.stringify(texts), {id: "found"}));
 }, 2500);
@@ -67,6 +69,11 @@ def test_the_json_has_each_margin_with_its_interval_and_worst_machine(folder, ro
     assert axis["phase"]["frequency"] in crossovers
     worst = margins.samples[axis["worst_machine"]].loops[0].modulus.value
     assert worst == pytest.approx(axis["modulus"]["worst"])
+    step, shown = margins.steps[0], axis["step"]
+    assert shown["overshoot"] == pytest.approx(max(0.0, step.response.max() / step.final - 1))
+    assert shown["rise_time"] == pytest.approx(step.rise_time_s)
+    assert shown["settling_time"] == pytest.approx(step.settling_time_s)
+    assert row["loops"][1]["step"] is None
     both = row["all_loops"]["modulus"]
     assert both["value"] <= min(loop["modulus"]["value"] for loop in row["loops"]) + 1e-9
     tests = [*axis["robust"], *row["all_loops"]["robust"]]
@@ -99,6 +106,7 @@ def test_the_terminal_states_margins_of_each_loop_and_of_all(folder, row):
     assert f"gain {decibels:.3g} dB at" in text
     assert "no limit: gain reduction" in text
     assert "all loops at once:" in text
+    assert "step of the reference: overshoot" in text
     assert "robustly stable: |W T| is at most" in text
 
 
@@ -150,6 +158,8 @@ def test_the_page_draws_bode_nyquist_and_sensitivity(folder, row):
     assert f"modulus margin {axis['modulus']['value']:.2f}" in found["nyquist"]
     assert "critical point" in found["nyquist"]
     assert {"|S|", "|T|"} < set(found["sensitivity"])
+    assert found["step"] == 1
+    assert found["none"] == "The loop gain stays below one: the loop follows no reference."
     assert found["title"] == "loop gain of base"
 
 

@@ -38,11 +38,15 @@ class LoopStates:
         gain: B_cl of accelerations and forces, velocities of the floor, its displacements, each
             n_in, and noise; (n, 3 n_in + n_loop).
         readout: C of the errors; (n_error, n).
+        reading: C of what each controller reads, measurement and noise; (n_loop, n).
+        noise_through: D of it by the noise; (n_loop, n_loop).
     """
 
     dynamics: Real
     gain: Real
     readout: Real
+    reading: Real
+    noise_through: Real
 
     def poles(self) -> Complex:
         """Return the poles [rad/s]; (n,)."""
@@ -82,7 +86,8 @@ def loop_states(
     count, size = len(loops), len(base.dynamics)
     padding = np.zeros((len(base.gain), count))
     if not loops:
-        return LoopStates(base.dynamics, base.gain, ports.errors @ base.readout)
+        none = np.zeros((0, size)), np.zeros((0, 0))
+        return LoopStates(base.dynamics, base.gain, ports.errors @ base.readout, *none)
     read = np.stack(
         [
             row @ machine[loop.measured.derivative].readout
@@ -114,7 +119,8 @@ def loop_states(
     total_gain = np.vstack([gain - entry @ inverse @ through @ by_input, drive @ seen @ by_input])
     readout = np.zeros((len(ports.errors), len(dynamics)))
     readout[:, :size] = ports.errors @ base.readout
-    return LoopStates(dynamics, total_gain, readout)
+    reading = np.hstack([seen @ read, -by_control @ inverse @ output])
+    return LoopStates(dynamics, total_gain, readout, reading, seen)
 
 
 def _machine_states(

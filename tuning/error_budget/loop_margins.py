@@ -11,6 +11,7 @@ from tuning.assessment.multiplicative_error import MultiplicativeError, held_out
 from tuning.control_loops.stability import growing_pole
 from tuning.control_loops.stability_margins import AllMargins
 from tuning.error_budget.loop_plant import LoopPlant
+from tuning.error_budget.reference_step import ReferenceStep, reference_steps
 from tuning.error_budget.robust_stability import RobustTest, floor_tests, held_out_tests
 from tuning.files.result import TuningResult
 
@@ -26,6 +27,7 @@ class PlantMargins:
         robust: tests of each loop; n_loop.
         robust_at_once: tests of all loops at once.
         held_out: error of the plant of each loop; None where the tuning knows nothing of it.
+        steps: response of each loop to a step of its reference; None without a crossover.
     """
 
     names: tuple[str, ...]
@@ -34,6 +36,7 @@ class PlantMargins:
     robust: tuple[tuple[RobustTest, ...], ...]
     robust_at_once: tuple[RobustTest, ...]
     held_out: tuple[MultiplicativeError | None, ...]
+    steps: tuple[ReferenceStep | None, ...]
 
     def __repr__(self) -> str:
         """Return the margins of each loop in a line."""
@@ -81,6 +84,7 @@ def plant_margins(
         tuple(map(tuple, robust)),
         tuple(at_once),
         held_out,
+        reference_steps(plant, theta, nominal),
     )
 
 

@@ -59,7 +59,12 @@ class LoopPlant:
             open_poles: with all loops open, of a machine near this one [rad/s]; (n_pole,).
             closed_poles: with all loops closed [rad/s]; (n_pole,).
         """
-        lines = _lines(self.definition.band, open_poles, closed_poles)
+        controllers = [
+            np.linalg.eigvals(each.controller.dynamics) for each in self.definition.loops
+        ]
+        lines = _lines(
+            self.definition.band, np.concatenate([open_poles, *controllers, closed_poles])
+        )
         return stability_margins(self.gain_at(theta), lines)
 
     def lines(self, theta: Real, freq_hz: Real) -> Linearised:
@@ -77,9 +82,8 @@ class LoopPlant:
         return gain_of
 
 
-def _lines(band: tuple[float, float], open_poles: Complex, closed_poles: Complex) -> Real:
+def _lines(band: tuple[float, float], poles: Complex) -> Real:
     """Return lines to begin with, from far below to far above all poles and the band [Hz]."""
-    poles = np.concatenate([open_poles, closed_poles])
     sizes = np.abs(poles) / (2 * np.pi)
     sizes = sizes[sizes > _MIN_RELATIVE_POLE * sizes.max(initial=0.0)]
     low = min(band[0], float(sizes.min(initial=band[0]))) / _RANGE
