@@ -54,8 +54,8 @@ def check_model(model: str, band: tuple[float, float] | None) -> None:
     if reason := why_as_drawn(Path(model)):
         load_machine(Path(model))
         SCREEN.say(
-            f"the drawing is {model} itself, and true machines vary about it ({reason}: drawings "
-            "of other machines are made of plain models alone)"
+            f"{model} itself is the nominal model of all cases, and true machines vary about it: "
+            f"nominal models of its kind are drawn of plain files alone ({reason})"
         )
 
 

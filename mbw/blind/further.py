@@ -28,6 +28,7 @@ from truth import (
     list_further_tests,
     rank_gains,
 )
+from truth.campaign.further_tests import FORCE, HITS
 from truth.grade.rates import Rate
 
 FURTHER_JSON, FURTHER_TEXT = "further.json", "further.txt"
@@ -81,7 +82,9 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
     with options.outputs.open("blind", Path(options.model), "further", ()) as output:
         gains = rank_further(Path(options.model), options.band, options.choice)
         folder = output.path.absolute()
-        helpful = [gain for gain in gains if gain.most is not None]
+        helpful = [
+            gain for gain in gains if gain.most is not None and gain.name not in (HITS, FORCE)
+        ]
         confirmed = [
             _confirm(options, gain, folder / f"confirm_{number}", options.seed + number)
             for number, gain in enumerate(helpful[:confirm])

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from diagnosis.effects.proven_by_data import PROVEN
 from diagnosis.inference.calibration import load_calibration
 from identification.words import InputError
 from mbmodel import load_machine
@@ -69,7 +70,12 @@ def predict(test: UserTest, choice: Choice, max_values: int = MAX_VALUES) -> lis
         linear = linearise_test(
             test.station, test.repeated.protocol, test.repeated.tolerance, max_values
         )
-        effects = {name: draw for name, draw in known_effects().items() if name not in OUTSIDE}
+        # What only the data checks prove is no hypothesis of the fits, whose odds are predicted.
+        effects = {
+            name: draw
+            for name, draw in known_effects().items()
+            if name not in OUTSIDE and name not in PROVEN
+        }
         signatures, information = find_signatures(linear, effects, [])
     except TruthError as error:
         raise InputError(str(error)) from error

@@ -68,7 +68,58 @@ def leaks_table() -> str:
     return table(header, rows)
 
 
+def machine_kinds_table() -> str:
+    """Grades of blind tests on machines of every kind."""
+    rows = [
+        (
+            row["machine"] if row["machine"] != "all" else "All",
+            row["cases"],
+            _rate(row, "both_or_twin"),
+            _rate(row, "place_first"),
+            _rate(row, "false_alarm"),
+            fixed(row["core s"], 0),
+        )
+        for row in bench_rows("machine_kinds")
+    ]
+    header = (
+        "Machine",
+        "Cases",
+        "Cause and place",
+        "Place",
+        "False alarms",
+        "Core seconds per case",
+    )
+    return table(header, rows)
+
+
+def _rate(row: dict, mark: str) -> str:
+    """Return hits, number of cases and 95 % interval of a mark."""
+    if not row[f"{mark} of"]:
+        return ""
+    low, high = (100 * row[f"{mark} {end}"] for end in ("from", "to"))
+    return f"{row[mark]} of {row[f'{mark} of']} ({low:.0f} to {high:.0f} %)"
+
+
+def smallest_sizes_table() -> str:
+    """Rates at which predicted smallest sizes are found."""
+    rows = [
+        (
+            code_span(row["effect"]),
+            code_span(row["location"]),
+            f"{code_span(row['parameter'])} {significant(row['value'])}",
+            significant(row["of usual"], 2),
+            f"{row['found']} of {row['n']}",
+            f"{100 * row['from']:.0f} to {100 * row['to']:.0f}",
+        )
+        for row in bench_rows("smallest_sizes")
+    ]
+    header = ("Effect", "Place", "Predicted size", "Of a usual one", "Found", "95 % interval [%]")
+    return table(header, rows, 3)
+
+
 FIGURES = {
+    "machine-kinds-table": machine_kinds_table,
+    "smallest-sizes-table": smallest_sizes_table,
     "survival-table": survival_table,
     "truth-table": truth_table,
     "leaks-table": leaks_table,

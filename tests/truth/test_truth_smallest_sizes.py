@@ -11,6 +11,7 @@ from truth.campaign.bounded_least_squares import BOUND
 from truth.campaign.signatures import gram_matrix
 from truth.campaign.smallest_sizes import OUTLIER_SIGMA, needed_gain
 from truth.effects import CATALOGUE
+from truth.effects.effect import stated_number
 from truth.machine.random_tree import draw_tree
 
 NINE_OF_TEN = 1.2815515655446004
@@ -109,3 +110,30 @@ def test_the_smallest_size_has_the_needed_gain(test, found):
     assert information.gain(lossy[0], alone.value) == pytest.approx(alone.gain, rel=0.05)
     confused = {row.location: row.confused for row in sizes if row.effect == "viscoelastic"}
     assert any(name.startswith("structural_damping") for row in confused.values() for name in row)
+
+
+def test_a_size_is_stated_by_the_parameter_that_follows_it():
+    """The length of an offset; nothing for a body's mode, whose frequency stays."""
+    tree = draw_tree(12, 2)
+    protocol = Protocol((tree.first_aim(),), lines=161, resolution_hz=1.0)
+    test = linearise_test(tree, protocol, Tolerance())
+    names = ("flexible_body", "joint_coupling")
+    signatures, information = find_signatures(test, {name: CATALOGUE[name] for name in names}, [])
+    rows = predict_smallest(signatures, information, Weighing(0.5, 0.03, 0.1, test.values))
+    for row in rows:
+        expected = "" if row.effect == "flexible_body" else "offset"
+        assert row.parameter == (expected if row.is_found else "")
+        assert (row.value is None) == (row.parameter == "")
+        assert not row.is_found or row.of_usual > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "number"),
+    [
+        ("mass", 2.5, 2.5),
+        ("offset", (3.0, 0.0, -4.0), 5.0),
+        ("fraction", (1.0, 0.2, 1.0, 0.6), 0.2),
+    ],
+)
+def test_one_number_stands_for_a_parameter(name, value, number):
+    assert stated_number(name, value) == pytest.approx(number)

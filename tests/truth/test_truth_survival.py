@@ -16,7 +16,7 @@ from truth.campaign.protocol import Protocol, occasions, takes
 from truth.campaign.survival import refit_of
 from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
-from truth.errors import NoPlaceError
+from truth.errors import NoPlaceError, TruthError
 from truth.machine.machine_on_test import Machine
 from truth.machine.random_tree import draw_tree
 from truth.machine.rig import Occasion, accelerance
@@ -252,6 +252,9 @@ def test_an_effect_may_be_sized_for_a_parameter_of_its_answer(two_bodies):
     too_large = replace(plan, cause=Cause((replace(wanted, parameter=("delay", 9.0)),)))
     with pytest.raises(NoPlaceError, match="no draw of 20 can have the delay 9"):
         draw_campaign(two_bodies, too_large)
+    unknown = replace(plan, cause=Cause((replace(wanted, parameter=("mass", 1.0)),)))
+    with pytest.raises(TruthError, match="no parameter 'mass' sets its size: it has delay"):
+        draw_campaign(two_bodies, unknown)
 
 
 def test_more_corrections_come_nearer_to_a_ratio_that_further_steps_hide():

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from truth.campaign.draw import stream
 from truth.campaign.survival import Refit
 from truth.effects import Effect, Scene
+from truth.effects.effect import stated_number
 from truth.effects.other_packages import known_effects
 from truth.errors import NoPlaceError, TruthError
 from truth.machine.machine_on_test import Machine
@@ -153,10 +154,14 @@ def _off(drawn: Drawn, ratio: float) -> float:
 
 def _with_parameter(effect: Effect, name: str, value: float) -> Effect | None:
     """Return the effect at the size at which its answer has a parameter; None if none has it."""
+    names = effect.answer().parameters
+    if name not in names:
+        has = f"it has {', '.join(names)}" if names else "it has none"
+        raise TruthError(f"{effect.answer().effect}: no parameter {name!r} sets its size: {has}")
 
     def off(logarithm: float) -> float:
-        stated = np.asarray(effect.sized(float(np.exp(logarithm))).answer().parameters[name])
-        return float(np.linalg.norm(stated) if stated.ndim else stated) - value  # a vector's length
+        stated = effect.sized(float(np.exp(logarithm))).answer().parameters[name]
+        return stated_number(name, stated) - value
 
     if effect.limits is None:
         return None

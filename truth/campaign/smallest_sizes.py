@@ -21,7 +21,7 @@ import numpy as np
 
 from truth.campaign.bounded_least_squares import BOUND
 from truth.campaign.signatures import Information, Signature, families, gram_matrix
-from truth.effects.effect import Effect
+from truth.effects.effect import Effect, stated_number
 from truth.machine.station import Real
 
 _NINE_OF_TEN = 1.2815515655446004  # standard deviations below which one in ten lies
@@ -211,12 +211,12 @@ def _explained(gram: Real, number: int, row: Sequence[int]) -> float:
 
 
 def _stated(drawn: Effect, size: float) -> tuple[str, float | None]:
-    """Return the first parameter of an answer that a size changes; of a vector its length.
+    """Return the first parameter of an answer that a size changes.
 
     The participation of a flexible body, for example, is no parameter: then there is none.
     """
     at_size, at_half = (drawn.sized(part * size).answer().parameters for part in (1.0, 0.5))
     for name, value in at_size.items():
         if not np.array_equal(np.asarray(value), np.asarray(at_half[name])):
-            return name, float(np.linalg.norm(np.asarray(value, np.float64)))
+            return name, stated_number(name, value)
     return "", None

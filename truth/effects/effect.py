@@ -39,6 +39,21 @@ class Answer:
     kind: str = ""
 
 
+def stated_number(name: str, value: Parameter) -> float:
+    """Return the number that stands for a parameter.
+
+    It is the length of a vector, and of the fractions that supports carry the smallest.
+
+    Args:
+        name: of the parameter.
+        value: one number, or several.
+    """
+    values = np.asarray(value, np.float64)
+    if not values.ndim:
+        return float(values)
+    return float(values.min() if name == "fraction" else np.linalg.norm(values))
+
+
 class Effect(Protocol):
     """A drawn effect at its place, ready to be put into a machine.
 

@@ -32,5 +32,5 @@ def why_as_drawn(path: Path) -> str:
     try:
         mjcf_reader.read_station(path)
     except TruthError as reason:
-        return str(reason)
+        return str(reason).removesuffix("; remove it")
     return ""
