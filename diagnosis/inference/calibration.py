@@ -16,7 +16,7 @@ class Calibration(BaseModel):
             key is the source of the gap: neighbouring lines, or the variance from coherences or
             from third differences.
         hidden_width: width of the logarithm of ``hidden``.
-        tempering: kappa, share of the independent values that counts.
+        error_values: number of independent values that the error of a model holds.
         chance: gain of a wrong cause on the model error of a real machine [nats per value].
         force_scale: temperature of the softmax over places, as a share of the largest gain.
         campaigns: number of campaigns of the calibration.
@@ -29,13 +29,29 @@ class Calibration(BaseModel):
 
     hidden: Mapping[str, float]
     hidden_width: float
-    tempering: float
+    error_values: float
     chance: float
     force_scale: float
     campaigns: int = 0
     command: str = ""
     seeds: str = ""
     evidence: str = ""
+
+    def count_independent(self, noise_share: float, values: int) -> float:
+        """Return the number of independent values in a residual of noise and model error.
+
+        The noise of each value is independent; the error of a model is shared by lines, channels
+        and hits. With the share s of the noise in the variance, 1 - s is the correlation within
+        clusters of values / error_values, and the count is values over the design effect (Kish
+        1965, ch. 5.4), about
+
+            1 / [s / values + (1 - s) / error_values].
+
+        Args:
+            noise_share: share of the noise in the variance.
+            values: number of values.
+        """
+        return 1 / (noise_share / values + (1 - noise_share) / self.error_values)
 
 
 @cache

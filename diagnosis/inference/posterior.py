@@ -1,19 +1,22 @@
 r"""Posterior probabilities of sets of causes, each with or without a rest.
 
 Every set S is fitted at its own model-error floor; c_S is its mean -ln L per value, tolerances
-included. Errors of a model are correlated, so that the residual of the best set contains N_eff
-independent values (``tuning.residual_statistics``). Relative to the empty set with a rest
-("unexplained"), the log probability is
+included. The noise of n values is independent, but the error of a model is shared by lines,
+channels and hits: with a share s of the noise in the variance, the residual of the best set holds
 
-    l_S = kappa N_eff [ c_0 - c_S - n_S chance (1 - s) ] - n_S ln M,
+    N = 1 / [s / n + (1 - s) / n_e]
 
-where n_S is the number of its causes that no redundant channels prove, and s is the share of the
-noise in the variance of the residual of the best set. The best of M hypotheses gains by chance.
-ln M is that of a uniform prior. ``chance`` per value and share of model error accounts for errors
-of a real machine that resemble effects. A fault that redundant channels prove without a model
-pays for neither: whether it is a cause depends on its part of the gap. kappa and chance are
-calibrated on virtual machines whose errors are known. The empty set without a rest ("none") has
-odds of
+independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error alone. Relative to
+the empty set with a rest ("unexplained"), the log probability is
+
+    l_S = N [ c_0 - c_S - n_S chance (1 - s) ] - n_S ln M,
+
+where n_S is the number of its causes that no redundant channels prove. The best of M hypotheses
+gains by chance; ln M is the cost of a uniform prior. ``chance`` per value and share of model error
+accounts for errors of a real machine that resemble effects. A fault that redundant channels prove
+without a model pays for neither: whether it is a cause depends on its part of the gap. n_e and
+chance are calibrated on virtual machines whose errors are known. The empty set without a rest
+("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
@@ -133,7 +136,7 @@ def compute_log_odds(
         return np.zeros(0)
     null = evidence.null
     best = min(sets, key=lambda fitted: fitted.objective)
-    count = constants.tempering * best.effective_values
+    count = constants.count_independent(best.noise_share, best.values)
     chance = constants.chance * (1 - best.noise_share)
     prior = float(np.log(max(evidence.hypotheses, 1)))
     gains = np.array([null.objective - fitted.objective for fitted in sets])
@@ -144,25 +147,32 @@ def compute_log_odds(
 def select_material_sets(
     null: FittedSet, sets: Sequence[FittedSet], settings: DiagnosisSettings = SETTINGS
 ) -> list[FittedSet]:
-    """Return the sets whose last cause is material.
+    """Return the sets each of whose causes is material beside the others.
 
-    It closes a fifth of the null model's gap when it is added, or the model error falls to less
-    than a fifth: beside a strong effect a weaker one closes little of the gap, and most of what
-    then remains. Errors of a real machine resemble any number of small effects; they are the rest,
-    and no single effect is nearly all of it.
+    It closes a fifth of the null model's gap when it is added last, or the model error falls to
+    less than a fifth: beside a strong effect a weaker one closes little of the gap, and most of
+    what then remains. Errors of a real machine resemble any number of small effects; they are the
+    rest, and no single effect is nearly all of it. Sets that were not fitted tell nothing; that of
+    the last cause is the null model then.
 
     Args:
         null: the null model.
         sets: sets of causes, each with the last added one at its end.
         settings: thresholds.
     """
-    earlier = {frozenset(fitted.keys): fitted for fitted in reversed(sets)}
+    fits = {frozenset(fitted.keys): fitted for fitted in (*reversed(_select_best_fits(sets)), null)}
 
     def is_material(fitted: FittedSet) -> bool:
-        before = earlier.get(frozenset(fitted.keys[:-1]), null)
-        closes = before.gap - fitted.gap >= settings.min_closed * null.gap
+        others = [
+            fits.get(frozenset(fitted.keys) - {key}, null if key == fitted.keys[-1] else None)
+            for key in fitted.keys
+        ]
+        return all(adds_much(other, fitted) for other in others if other is not None)
+
+    def adds_much(before: FittedSet, after: FittedSet) -> bool:
+        closes = before.gap - after.gap >= settings.min_closed * null.gap
         has_rest = is_gap_visible(before.gap)
-        return closes or (has_rest and fitted.floor < settings.min_closed * before.floor)
+        return closes or (has_rest and after.floor < settings.min_closed * before.floor)
 
     return [fitted for fitted in sets if is_material(fitted)]
 

@@ -18,7 +18,7 @@ from diagnosis.settings import SETTINGS
 CONSTANTS = Calibration(
     hidden={"coherence": 0.1, "differences": 0.3, "lines": 0.01},
     hidden_width=0.25,
-    tempering=0.1,
+    error_values=80.0,
     chance=0.5,
     force_scale=0.04,
 )
@@ -28,7 +28,7 @@ SWAP = ("sensor_swap", "sensor:acc2", "tx+ty")
 
 
 def fitted(keys, cost, gap, **more):
-    """A set of causes with a cost [nats per value] and a gap; 1000 of 6000 values independent."""
+    """A set of causes with a cost [nats per value] and a gap; a fifth of the variance is noise."""
     numbers = {"noise_share": 0.2, "effective_values": 1000.0, "floor": 0.01} | more
     return FittedSet(
         keys=keys,
@@ -57,7 +57,7 @@ def total(posterior):
 def test_the_log_odds_of_a_set_are_those_computed_by_hand():
     one, two = fitted((A,), -2.0, 0.5), fitted((A, B), -3.0, 0.0)
     logs = compute_log_odds(evidence(), [one, two], CONSTANTS)
-    count = 0.1 * 1000.0  # kappa N_eff of the best set
+    count = 1 / (0.2 / 6000 + 0.8 / 80.0)  # at the noise share of the best set
     chance = 0.5 * (1 - 0.2)  # per cause, at the noise share of the best set
     expected = [
         count * (2.0 - chance) - np.log(50),
@@ -66,10 +66,18 @@ def test_the_log_odds_of_a_set_are_those_computed_by_hand():
     np.testing.assert_allclose(logs, expected)
 
 
+def test_noise_alone_is_independent_and_model_error_alone_is_shared():
+    assert CONSTANTS.count_independent(1.0, 6000) == pytest.approx(6000)
+    assert CONSTANTS.count_independent(0.0, 6000) == pytest.approx(80)
+    # Kish: n / (1 + (m - 1) rho) with clusters of m = n / n_e values and correlation rho = 1 - s.
+    exact = 6000 / (1 + (6000 / 80 - 1) * 0.7)
+    assert CONSTANTS.count_independent(0.3, 6000) == pytest.approx(exact, rel=0.01)
+
+
 def test_the_cost_of_tolerances_counts_with_the_values_that_the_fit_saw():
     free, shifted = fitted((A,), -2.0, 0.5), fitted((B,), -2.0, 0.5, prior=60.0)
     first, second = compute_log_odds(evidence(), [free, shifted], CONSTANTS)
-    assert first - second == pytest.approx(0.1 * 1000.0 * 60.0 / 6000)
+    assert first - second == pytest.approx(60.0 / 6000 / (0.2 / 6000 + 0.8 / 80.0))
 
 
 def test_log_odds_of_no_set_are_an_empty_array():
@@ -130,7 +138,16 @@ def test_a_cause_that_closes_less_than_a_fifth_is_not_material_at_the_same_model
     beside = fitted((B, C), -1.5, 5.5)
     rest = fitted((C, A), -2.0, 0.05)
     material = select_material_sets(null, [little, enough, most, beside, rest], SETTINGS)
-    assert [fitted_set.keys for fitted_set in material] == [(B,), (C,), (B, C)]
+    # C closes enough beside B, but B closes nothing beside C, whichever came last.
+    assert [fitted_set.keys for fitted_set in material] == [(B,), (C,)]
+
+
+def test_both_causes_of_a_material_pair_close_a_fifth_beside_each_other():
+    null = fitted((), 0.0, 10.0)
+    alone = [fitted((A,), -1.0, 6.0), fitted((B,), -1.0, 5.0)]
+    pair = fitted((A, B), -2.0, 2.0)
+    material = select_material_sets(null, [*alone, pair], SETTINGS)
+    assert [fitted_set.keys for fitted_set in material] == [(A,), (B,), (A, B)]
 
 
 def test_a_weak_cause_beside_a_strong_one_is_material_if_the_model_error_falls_to_a_fifth():
@@ -203,7 +220,7 @@ def test_causes_within_three_nats_of_each_other_are_confounded():
 def test_a_fault_that_redundant_channels_prove_pays_no_chance():
     alone, beside = fitted((A,), -0.1, 0.5), fitted((A, B), -0.6, 0.0)
     logs = compute_log_odds(evidence(small_faults=(A,)), [alone, beside], CONSTANTS)
-    count, chance = 0.1 * 1000.0, 0.5 * (1 - 0.2)
+    count, chance = CONSTANTS.count_independent(0.2, 6000), 0.5 * (1 - 0.2)
     np.testing.assert_allclose(logs, [count * 0.1, count * (0.6 - chance) - np.log(50)])
     sets = [fitted((A,), -0.1, 0.5)]
     assert dict(compute_posterior(evidence(sets), CONSTANTS).causes).get(A, 0.0) < 1e-2

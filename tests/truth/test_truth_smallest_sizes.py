@@ -79,13 +79,13 @@ def test_the_slope_is_that_of_the_frfs(test, found):
 
 def test_the_needed_gain_is_the_root_of_its_equation():
     """Without rivals and hidden gap kappa (g - z sqrt(2 g)) = ln M, a quadratic in sqrt(g)."""
-    weighing = Weighing(tempering=0.03, hidden=1e-30, hidden_width=0.27, values=1000)
+    weighing = Weighing(weight=0.03, hidden=1e-30, hidden_width=0.27, values=1000)
     root = NINE_OF_TEN / np.sqrt(2) + np.sqrt(NINE_OF_TEN**2 / 2 + np.log(250) / 0.03)
     assert needed_gain(weighing, 250, np.zeros(0)) == pytest.approx(root**2, rel=1e-6)
 
 
 def test_a_rival_that_explains_more_raises_it_and_a_twin_makes_it_infinite():
-    weighing = Weighing(tempering=0.03, hidden=0.01, hidden_width=0.27, values=10_000)
+    weighing = Weighing(weight=0.03, hidden=0.01, hidden_width=0.27, values=10_000)
     gains = [needed_gain(weighing, 2, np.array([share, 0.0])) for share in (0.0, 0.9, 0.999)]
     assert gains[0] <= gains[1] < gains[2]
     assert np.isinf(needed_gain(weighing, 2, np.array([1.0, 1.0])))

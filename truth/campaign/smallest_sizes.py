@@ -38,13 +38,13 @@ class Weighing:
     """How a diagnosis weighs gains.
 
     Args:
-        tempering: kappa.
+        weight: kappa, of a nat of the fit in the odds.
         hidden: gap per value that badly known noise may hide.
         hidden_width: width of its odds.
         values: number N of complex values of the test.
     """
 
-    tempering: float
+    weight: float
     hidden: float
     hidden_width: float
     values: int
@@ -115,8 +115,8 @@ def needed_gain(weighing: Weighing, hypotheses: int, shares: Real) -> float:
         nothing = (weighing.hidden * weighing.values / gain) ** (1 / weighing.hidden_width)
         prior = np.log(hypotheses) + np.log1p(nothing)
         left = gain * np.maximum(1 - shares, 0.0)
-        odds = np.exp(-weighing.tempering * _in_nine_of_ten(left))
-        return bool(weighing.tempering * _in_nine_of_ten(gain) >= prior and odds.sum() <= 1)
+        odds = np.exp(-weighing.weight * _in_nine_of_ten(left))
+        return bool(weighing.weight * _in_nine_of_ten(gain) >= prior and odds.sum() <= 1)
 
     return _first(is_enough)
 
