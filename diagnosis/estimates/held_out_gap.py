@@ -117,6 +117,7 @@ def estimate_gaps(
     """
     scene, first, last = base.scene, null, best
     if base.proven or whole.campaign is not scene.session.campaign:
+        whole = replace(whole, parametrisation=null.session.parametrisation)
         first, last = _refit_whole(scene, whole, (null, best), base.proven, settings)
     width = block_width(first.session.model, first.fit.theta, whole.campaign.freq_hz)
     if not last.causes:

@@ -163,11 +163,11 @@ def select_material_sets(
     fits = {frozenset(fitted.keys): fitted for fitted in (*reversed(_select_best_fits(sets)), null)}
 
     def is_material(fitted: FittedSet) -> bool:
-        others = [
+        without_one = [
             fits.get(frozenset(fitted.keys) - {key}, null if key == fitted.keys[-1] else None)
             for key in fitted.keys
         ]
-        return all(adds_much(other, fitted) for other in others if other is not None)
+        return all(adds_much(fewer, fitted) for fewer in without_one if fewer is not None)
 
     def adds_much(before: FittedSet, after: FittedSet) -> bool:
         closes = before.gap - after.gap >= settings.min_closed * null.gap
