@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import binom, norm
 
 from diagnosis.data_checks.candidates import build_gross_hypotheses
 from diagnosis.data_checks.check_data import CheckedData
@@ -15,7 +16,7 @@ from diagnosis.refits.refitting import RefitTask, find_start, run_refits
 from diagnosis.settings import DiagnosisSettings
 from identification import lines_are_independent
 from mbmodel import RigidDirection
-from tuning import STAGES, Session, fit, random_starts
+from tuning import STAGES, TOLERANCE_BOUND_SIGMA, Session, fit, random_starts
 
 _START_FLOOR = STAGES[2].model_error_floor  # of the nominal model
 
@@ -138,7 +139,9 @@ def admit_outliers(scene: Scene, null: Refit, settings: DiagnosisSettings) -> Re
 
     Among hundreds of tolerances some exceed their bounds of 2.5 standard deviations by chance. Left
     at the bound, such a tolerance would look like an effect. Those at a bound are fitted up to
-    ``outlier_sigma``; one that ends there too is a fault, which no tolerance may hide.
+    ``outlier_sigma``. One that ends there too is a fault, which no tolerance may hide, and so are
+    several: that k of n shifts exceed the k-th largest by chance (binomial tail) must be as likely
+    as that one exceeds ``outlier_sigma``.
 
     Args:
         scene: campaign and nominal model.
@@ -153,5 +156,12 @@ def admit_outliers(scene: Scene, null: Refit, settings: DiagnosisSettings) -> Re
     session = replace(null.session, parametrisation=wider)
     task = RefitTask(None, session, null.fit.theta, null.floor)
     (refit,) = run_refits(scene, [task], settings.schedule)
-    is_fault = bool((wider.coordinates_at_bound(refit.fit.x) & at_bound).any())
+    shifts = -np.sort(-np.abs(refit.fit.x[wider.has_prior]))
+    beyond = shifts[shifts > TOLERANCE_BOUND_SIGMA]
+    counts = np.arange(len(beyond))
+    by_chance = binom.sf(counts, len(shifts), 2 * norm.sf(beyond))
+    least = binom.sf(0, len(shifts), 2 * norm.sf(outlier))
+    is_fault = bool(
+        (wider.coordinates_at_bound(refit.fit.x) & at_bound).any() or (by_chance < least).any()
+    )
     return null if is_fault or null.objective <= refit.objective else refit

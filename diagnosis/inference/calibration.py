@@ -17,6 +17,8 @@ class Calibration(BaseModel):
             from third differences.
         hidden_width: width of the logarithm of ``hidden``.
         error_values: number of independent values that the error of a model holds.
+        max_noise_share: share of the noise in a variance at most: no model is exact, and with its
+            parameters any cause fits some noise.
         chance: gain of a wrong cause on the model error of a real machine [nats per value].
         force_scale: temperature of the softmax over places, as a share of the largest gain.
         campaigns: number of campaigns of the calibration.
@@ -30,6 +32,7 @@ class Calibration(BaseModel):
     hidden: Mapping[str, float]
     hidden_width: float
     error_values: float
+    max_noise_share: float
     chance: float
     force_scale: float
     campaigns: int = 0
@@ -51,7 +54,8 @@ class Calibration(BaseModel):
             noise_share: share of the noise in the variance.
             values: number of values.
         """
-        return 1 / (noise_share / values + (1 - noise_share) / self.error_values)
+        share = min(noise_share, self.max_noise_share)
+        return 1 / (share / values + (1 - share) / self.error_values)
 
 
 @cache

@@ -56,6 +56,7 @@ class FitSummary:
     """
 
     chi_square: float
+    floor: float
     serial: float | None
     doubt: float
     cost: float

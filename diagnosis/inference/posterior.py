@@ -14,17 +14,14 @@ the empty set with a rest ("unexplained"), the log probability is
 where n_S is the number of its causes that no redundant channels prove. The best of M hypotheses
 gains by chance; ln M is the cost of a uniform prior. ``chance`` per value and share of model error
 accounts for errors of a real machine that resemble effects. A fault that redundant channels prove
-without a model pays for neither: whether it is a cause depends on its part of the gap. n_e and
-chance are calibrated on virtual machines whose errors are known. The empty set without a rest
-("none") has odds of
+without a model pays for neither: its part of the gap decides. n_e and chance are calibrated on
+virtual machines whose errors are known. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
 where ``hidden`` is the mean square of a gap that badly known noise may hide. A cause that only
-releases tolerances is no cause if they then shift by no more than an outlier.
-
-Places are those of the causes. The probability of "unexplained" is divided among all places by a
-softmax of the gains of a free force. ``calibration.json`` has the constants and their seeds.
+releases tolerances is none if they then shift by no more than an outlier. The probability of
+"unexplained" is divided among all places by a softmax of the gains of a free force.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +32,7 @@ import numpy as np
 from scipy.special import softmax
 
 from diagnosis.inference.calibration import Calibration, load_calibration
-from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain, Key
+from diagnosis.inference.evidence import Evidence, FitSummary, FittedSet, ForceGain, Key
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from tuning import is_gap_visible
@@ -97,7 +94,7 @@ def compute_posterior(
 
     Args:
         evidence: fits as plain numbers.
-        calibration: the committed one if None.
+        calibration: constants and their seeds; those committed if None.
         settings: thresholds.
     """
     constants = calibration or load_calibration()
@@ -147,13 +144,9 @@ def compute_log_odds(
 def select_material_sets(
     null: FittedSet, sets: Sequence[FittedSet], settings: DiagnosisSettings = SETTINGS
 ) -> list[FittedSet]:
-    """Return the sets each of whose causes is material beside the others.
+    """Return the sets each of whose causes adds much beside the others.
 
-    It closes a fifth of the null model's gap when it is added last, or the model error falls to
-    less than a fifth: beside a strong effect a weaker one closes little of the gap, and most of
-    what then remains. Errors of a real machine resemble any number of small effects; they are the
-    rest, and no single effect is nearly all of it. Sets that were not fitted tell nothing; that of
-    the last cause is the null model then.
+    Sets that were not fitted tell nothing; that of the last cause is the null model then.
 
     Args:
         null: the null model.
@@ -163,18 +156,23 @@ def select_material_sets(
     fits = {frozenset(fitted.keys): fitted for fitted in (*reversed(_select_best_fits(sets)), null)}
 
     def is_material(fitted: FittedSet) -> bool:
-        without_one = [
-            fits.get(frozenset(fitted.keys) - {key}, null if key == fitted.keys[-1] else None)
-            for key in fitted.keys
-        ]
-        return all(adds_much(fewer, fitted) for fewer in without_one if fewer is not None)
-
-    def adds_much(before: FittedSet, after: FittedSet) -> bool:
-        closes = before.gap - after.gap >= settings.min_closed * null.gap
-        has_rest = is_gap_visible(before.gap)
-        return closes or (has_rest and after.floor < settings.min_closed * before.floor)
+        sets_without = {key: frozenset(fitted.keys) - {key} for key in fitted.keys}
+        fewer = [fits[without] for without in sets_without.values() if without in fits]
+        if sets_without[fitted.keys[-1]] not in fits:
+            fewer.append(null)
+        return all(adds_much(null, before, fitted, settings.min_closed) for before in fewer)
 
     return [fitted for fitted in sets if is_material(fitted)]
+
+
+def adds_much(null: FitSummary, before: FitSummary, after: FitSummary, min_closed: float) -> bool:
+    """Return whether one more cause closes a fifth of the gap, or lets the error fall to a fifth.
+
+    Beside a strong effect a weaker one closes little of the gap, and most of what remains.
+    """
+    if before.gap - after.gap >= min_closed * null.gap:
+        return True
+    return is_gap_visible(before.gap) and after.floor < min_closed * before.floor
 
 
 def _remove_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet], float]:

@@ -72,8 +72,7 @@ def refit_laws(
         current: refit from which they begin.
         hypotheses: scored hypotheses of ``free_each_level``.
         null_gap: of the null model: free levels that do not close a fifth of it need no law.
-        rivals: refits of linear causes. No law explains much more than its free levels do, so that
-            none is simulated where these are far behind.
+        rivals: refits of linear causes: no law is simulated whose free levels are far behind.
         settings: schedules, and that fifth.
 
     Returns:

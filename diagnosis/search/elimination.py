@@ -20,7 +20,7 @@ from diagnosis.refits.refitting import (
     find_start,
     run_refits,
 )
-from diagnosis.search.fitted_sets import Search, is_acceptable, is_more_probable
+from diagnosis.search.fitted_sets import Search, is_last_material, is_more_probable
 from diagnosis.search.refit_round import list_excluded, score_hypotheses
 from diagnosis.search.score_test import select_best_of_sites
 from diagnosis.settings import DiagnosisSettings
@@ -44,7 +44,7 @@ def reconsider_causes(
     shorter = _leave_out(base.scene, best, removable, settings)
     search = replace(search, refits=(*search.refits, *shorter))
     kept = best
-    if is_acceptable(search, best, settings):
+    if is_last_material(search, best, settings) and is_more_probable(search, best, search.selected):
         for refit in shorter:
             kept = kept if is_more_probable(search, kept, refit) else refit
     if kept is not best:

@@ -19,7 +19,7 @@ from diagnosis.inference.evidence import Key
 from diagnosis.null_model import Baseline, admit_outliers, refit_from
 from diagnosis.refits.refit import Refit
 from diagnosis.search.elimination import reconsider_causes
-from diagnosis.search.fitted_sets import Search, is_acceptable, is_material
+from diagnosis.search.fitted_sets import Search, is_acceptable, is_last_material
 from diagnosis.search.refit_round import list_excluded, refit_round, score_hypotheses
 from diagnosis.settings import DiagnosisSettings
 from tuning import is_gap_visible
@@ -62,7 +62,7 @@ def _is_promising(search: Search, best: Refit, path: Refit, settings: DiagnosisS
     """Return whether the search goes on from a set, be it improbable."""
     gain = path.objective - best.objective
     chance = load_calibration().chance * (1 - best.statistics.noise_share)
-    return gain > chance or is_material(search, best, settings)
+    return gain > chance or is_last_material(search, best, settings)
 
 
 def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:

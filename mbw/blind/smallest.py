@@ -31,8 +31,6 @@ from truth.campaign.linearised_test import MAX_VALUES
 from truth.effects.other_packages import known_effects
 from truth.effects.outside import OUTSIDE
 
-EXACT_NOISE_SHARE = 0.99  # of the residual of a machine that is exact but for the force sensor
-
 SMALLEST_JSON, SMALLEST_PAGE, SMALLEST_TEXT = "smallest.json", "smallest.html", "smallest.txt"
 
 
@@ -82,7 +80,7 @@ def predict(test: UserTest, choice: Choice, max_values: int = MAX_VALUES) -> lis
     except TruthError as error:
         raise InputError(str(error)) from error
     constants = load_calibration()
-    independent = constants.count_independent(EXACT_NOISE_SHARE, linear.values)
+    independent = constants.count_independent(1.0, linear.values)
     weighing = Weighing(
         independent / linear.values,
         constants.hidden["lines"],

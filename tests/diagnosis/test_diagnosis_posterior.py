@@ -19,6 +19,7 @@ CONSTANTS = Calibration(
     hidden={"coherence": 0.1, "differences": 0.3, "lines": 0.01},
     hidden_width=0.25,
     error_values=80.0,
+    max_noise_share=0.99,
     chance=0.5,
     force_scale=0.04,
 )
@@ -66,8 +67,10 @@ def test_the_log_odds_of_a_set_are_those_computed_by_hand():
     np.testing.assert_allclose(logs, expected)
 
 
-def test_noise_alone_is_independent_and_model_error_alone_is_shared():
-    assert CONSTANTS.count_independent(1.0, 6000) == pytest.approx(6000)
+def test_noise_is_independent_and_model_error_is_shared():
+    nearly = CONSTANTS.count_independent(0.99, 6000)
+    assert nearly == pytest.approx(1 / (0.99 / 6000 + 0.01 / 80))
+    assert CONSTANTS.count_independent(1.0, 6000) == nearly
     assert CONSTANTS.count_independent(0.0, 6000) == pytest.approx(80)
     # Kish: n / (1 + (m - 1) rho) with clusters of m = n / n_e values and correlation rho = 1 - s.
     exact = 6000 / (1 + (6000 / 80 - 1) * 0.7)

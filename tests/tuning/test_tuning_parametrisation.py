@@ -208,3 +208,12 @@ def test_sizes_that_vary_by_themselves_move_along_a_line_as_far_as_before(whole,
     # With further Parts they still do.
     more = toleranced.extend(parametrise(whole, TOLERANCE))
     np.testing.assert_array_equal(more.theta(x), toleranced.theta(x))
+
+
+def test_a_parameter_that_follows_a_linear_one_is_linear(toleranced):
+    names = [name for name in toleranced.names if name.endswith(".stiffness")][:2]
+    tied = toleranced.vary_linearly(names[:1]).tie_parameters({names[1]: names[0]})
+    x = np.zeros(tied.size)
+    x[list(tied.names).index(names[0])] = 2.0
+    theta = dict(zip((p.name for p in tied.parameters), tied.theta(x), strict=True))
+    assert theta[names[1]] == theta[names[0]]

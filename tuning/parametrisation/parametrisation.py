@@ -244,22 +244,26 @@ class Parametrisation:
     def tie_parameters(self, ties: Mapping[str, str]) -> "Parametrisation":
         """Return a parametrisation in which some parameters take the value of others.
 
-        A parameter that follows a fixed one is fixed too.
+        A parameter that follows a fixed one is fixed too; one that follows a linear one is linear.
 
         Args:
             ties: name of the parameter to follow, of equal unit, by name of the follower.
         """
         index_of = {parameter.name: k for k, parameter in enumerate(self.parameters)}
         member, scale, fixed = self.coordinate_of.copy(), self.scale.copy(), self.fixed.copy()
+        parameters = list(self.parameters)
         for name, followed in ties.items():
             follower, leader = index_of[name], index_of[followed]
             member[follower], scale[follower] = member[leader], scale[leader]
             fixed[follower] = fixed[leader]
+            is_size = parameters[leader].positive
+            parameters[follower] = replace(parameters[follower], positive=is_size)
         kept = np.unique(member[member >= 0])
         number = np.full(self.size + 1, -1)
         number[kept] = np.arange(len(kept))
         return replace(
             self,
+            parameters=tuple(parameters),
             coordinate_of=number[member],
             scale=scale,
             fixed=fixed,
