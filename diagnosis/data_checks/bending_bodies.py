@@ -72,7 +72,8 @@ def find_constant_errors(
     if not released or low.sum() < MIN_BLOCK_LINES:
         return []
     (below,) = check_bodies(campaign.select_lines(low), (check.body,))
-    sizes = {key_of(fault): _error_of(fault) for fault in list_probable(below, settings)}
+    seen = [fault for fault in list_probable(below, settings) if fault.effect in RELEASED]
+    sizes = {key_of(fault): _error_of(fault) for fault in seen}
     return [
         fault
         for fault in released

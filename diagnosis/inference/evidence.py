@@ -48,6 +48,7 @@ class FitSummary:
 
     Args:
         chi_square: mean square of residual over noise; 1 is noise alone.
+        floor: relative model error.
         serial: mean product of the residuals of neighbouring lines; None where lines share noise.
         doubt: excess of chi square over one that a badly known variance explains.
         cost: -ln L at the floor, mean of all values [nats].

@@ -50,7 +50,7 @@ class Refit(FitSummary):
         return self.statistics.chi_square
 
     @property
-    def floor(self) -> float:
+    def floor(self) -> float:  # type: ignore[override]
         """Relative model error."""
         return self.statistics.floor
 

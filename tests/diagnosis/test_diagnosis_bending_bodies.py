@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from solid_bodies import Case, draw
 
+from diagnosis.data_checks import bending_bodies
 from diagnosis.data_checks.bending_bodies import find_constant_errors, list_probable
 from diagnosis.data_checks.sensors import check_sensors
 from diagnosis.inference.evidence import BENDS
@@ -43,3 +44,13 @@ def test_a_fault_that_low_lines_do_not_show_is_not_constant():
     mount = Fault("mount_resonance", true.location, true.dof, 1.0, {"frequency": 500.0}, 1.0)
     faults = [true, larger, elsewhere, mount]
     assert find_constant_errors(campaign, check, faults, SETTINGS) == [true]
+
+
+def test_low_lines_may_show_faults_of_several_parameters(monkeypatch):
+    campaign = bent(SEEDS[0], 1.8)
+    (check,) = check_bodies(campaign)
+    (true,) = (f for f in list_probable(check, SETTINGS) if f.effect == "sensor_gain")
+    sizes = {"frequency": 500.0, "damping": 0.02}
+    mount = Fault("mount_resonance", "sensor:p0_2", "tx", 1.0, sizes, 1.0)
+    monkeypatch.setattr(bending_bodies, "list_probable", lambda *_: [true, mount])
+    assert find_constant_errors(campaign, check, [true], SETTINGS) == [true]
