@@ -210,7 +210,7 @@ def test_quieter_channels_show_smaller_sizes(campaign, smallest, tmp_path):
     quiet = json.loads((tmp_path / "out" / "smallest.json").read_text())["sizes"]
     usual = json.loads((smallest[0] / "smallest.json").read_text())["sizes"]
     (before,) = (row["value"] for row in usual if row["effect"] == "joint_coupling")
-    assert quiet[0]["value"] < 0.8 * before  # the rest is tolerance
+    assert quiet[0]["value"] < 0.9 * before  # the rest is tolerance
 
 
 def test_confirmed_cases_have_the_predicted_size(campaign, tmp_path, monkeypatch):
