@@ -1,4 +1,4 @@
-"""What the parameters of a model write into the MJCF."""
+"""Edits of the MJCF that hold the parameters of a model."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING

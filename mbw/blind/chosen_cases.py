@@ -1,7 +1,10 @@
 """Options of a blind test, and its cases on the workers that they name."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import typer
 
 from identification.words import InputError, WorkbenchError
 from mbmodel import load_machine
@@ -9,8 +12,9 @@ from mbw.blind.case_files import TREES, BlindCase
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import run_cases
 from mbw.blind.user_test import is_campaign, read_user_test
+from mbw.files import write_json
 from mbw.messages import SCREEN
-from mbw.output_folder import ResultOptions
+from mbw.output_folder import OutputFolder, ResultOptions
 from truth import WHOLE_DECK, Choice, why_as_drawn
 from tuning.workers.executors import Workers
 
@@ -103,3 +107,33 @@ def run_chosen(
         request["further"] = further
     prepare_folder(request, out, overwrite=options.outputs.overwrite)
     return run_all(replace(options, seed=seed, choice=choice, shard=None), out, further)
+
+
+def run_prediction(
+    options: BlindOptions, name: str, file: str, compute: Callable[[OutputFolder], str]
+) -> Path:
+    """Run a prediction about one machine in a folder of its own, and print its table.
+
+    Args:
+        options: of the blind test.
+        name: option that asks for the prediction, and end of the folder's name.
+        file: its JSON.
+        compute: writes all files into the folder, and returns the table.
+
+    Returns:
+        The folder of the result.
+
+    Raises:
+        InputError: the model cannot be used, or there are only random machines.
+    """
+    if options.model == TREES:
+        raise InputError(f"--{name} needs one machine: name an MJCF or a campaign")
+    check_model(options.model, options.band)
+    with options.outputs.open("blind", Path(options.model), name, ()) as output:
+        table = compute(output)
+        folder = output.path.absolute()
+        if options.outputs.json is not None:
+            write_json((folder / file).read_text("utf-8"), options.outputs.json)
+    if not (SCREEN.quiet or options.outputs.has_json_on_stdout):
+        typer.echo(table.rstrip())
+    return folder

@@ -10,16 +10,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import typer
-
 from identification.words import InputError
-from mbw.blind.case_files import TREES
-from mbw.blind.chosen_cases import BlindOptions, check_model, run_chosen
-from mbw.blind.grading import rate_found
+from mbw.blind.chosen_cases import BlindOptions, run_chosen, run_prediction
+from mbw.blind.grading import count_found
 from mbw.blind.smallest import predict
 from mbw.blind.user_test import read_test
-from mbw.files import write_json
 from mbw.messages import SCREEN
+from mbw.output_folder import OutputFolder
 from truth import (
     Choice,
     FurtherGain,
@@ -29,7 +26,6 @@ from truth import (
     rank_gains,
 )
 from truth.campaign.further_tests import FORCE, HITS
-from truth.grade.rates import Rate
 
 FURTHER_JSON, FURTHER_TEXT = "further.json", "further.txt"
 _RANKED_VALUES = 10_000  # complex values of the signatures: they rank tests as well as four times
@@ -76,10 +72,8 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
     Raises:
         InputError: the model cannot be used, or there are only random machines.
     """
-    if options.model == TREES:
-        raise InputError("--further needs one machine: name an MJCF or a campaign")
-    check_model(options.model, options.band)
-    with options.outputs.open("blind", Path(options.model), "further", ()) as output:
+
+    def compute(output: OutputFolder) -> str:
         gains = rank_further(Path(options.model), options.band, options.choice)
         folder = output.path.absolute()
         helpful = [
@@ -97,12 +91,10 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
         with output.write() as place:
             (place / FURTHER_JSON).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
             (place / FURTHER_TEXT).write_text(table, encoding="utf-8")
-        if options.outputs.json is not None:
-            write_json((folder / FURTHER_JSON).read_text("utf-8"), options.outputs.json)
-    if not (SCREEN.quiet or options.outputs.has_json_on_stdout):
-        typer.echo(table.rstrip())
-    SCREEN.say(f"further tests in {folder / FURTHER_JSON}")
-    return folder
+        SCREEN.say(f"further tests in {folder / FURTHER_JSON}")
+        return table
+
+    return run_prediction(options, "further", FURTHER_JSON, compute)
 
 
 def rank_further(path: Path, band: tuple[float, float] | None, choice: Choice) -> list[FurtherGain]:
@@ -136,8 +128,8 @@ def _confirm(options: BlindOptions, gain: FurtherGain, out: Path, seed: int) -> 
         raise InputError(f"{gain.name} helps no effect that has a size: choose others by --effect")
     value = _size_between(old, new)
     choice = Choice((new.effect,), (new.location,), (), (new.parameter, value), options.choice.dirt)
-    before, after = (
-        rate_found(run_chosen(options, seed, choice, out / folder, further), new.effect)
+    (found_before, interval_before), (found_after, interval_after) = (
+        count_found(run_chosen(options, seed, choice, out / folder, further), new.effect)
         for folder, further in (("before", ""), ("after", gain.name))
     )
     return FurtherConfirmation(
@@ -146,10 +138,10 @@ def _confirm(options: BlindOptions, gain: FurtherGain, out: Path, seed: int) -> 
         new.location,
         new.parameter,
         value,
-        _hits(before),
-        _hits(after),
-        _interval(before),
-        _interval(after),
+        found_before,
+        found_after,
+        interval_before,
+        interval_after,
     )
 
 
@@ -157,14 +149,6 @@ def _size_between(old: SmallestSize, new: SmallestSize) -> float:
     """Return a size that the further test finds and the test as it is does not, as predicted."""
     smallest = new.value or 0.0
     return float((old.value * smallest) ** 0.5) if old.value else _BEYOND * smallest
-
-
-def _hits(rate: Rate) -> tuple[int, int]:
-    return (round(rate.rate * rate.n) if rate.n and rate.rate is not None else 0), rate.n
-
-
-def _interval(rate: Rate) -> tuple[float, float]:
-    return rate.low or 0.0, 1.0 if rate.high is None else rate.high
 
 
 def further_table(gains: Sequence[FurtherGain], confirmed: Sequence[FurtherConfirmation]) -> str:

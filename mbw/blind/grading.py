@@ -8,7 +8,7 @@ from mbw.blind.case_files import TREES, BlindCase
 from mbw.blind.page import GRADES, PAGE, TABLES, describe_failures, render
 from mbw.output_folder import OutputFolder
 from truth.grade import Case, Report, grade, tables, to_json
-from truth.grade.rates import Rate, rate_of
+from truth.grade.rates import rate_of
 
 
 def write_grades(output: OutputFolder, cases: Sequence[BlindCase], title: str) -> Report:
@@ -29,15 +29,21 @@ def write_grades(output: OutputFolder, cases: Sequence[BlindCase], title: str) -
     return report
 
 
-def rate_found(cases: Sequence[BlindCase], effect: str) -> Rate:
-    """Return the rate at which verdicts name an effect and its place, with its interval.
+def count_found(
+    cases: Sequence[BlindCase], effect: str
+) -> tuple[tuple[int, int], tuple[float, float]]:
+    """Return how often verdicts name an effect and its place.
 
     Args:
         cases: cases that were drawn; those without the effect do not count.
         effect: name of the effect.
+
+    Returns:
+        Cases that are right, and the number of cases; 95 % interval of the rate (Wilson).
     """
     report = grade([graded_case(case) for case in cases], baselines=False)
-    return rate_of([line.marks["both_or_twin"] for line in report.lines if line.truth == effect])
+    rate = rate_of([line.marks["both_or_twin"] for line in report.lines if line.truth == effect])
+    return (round(rate.hits), rate.n), (rate.low or 0.0, 1.0 if rate.high is None else rate.high)
 
 
 def describe_discarded_draws(cases: Sequence[BlindCase]) -> str:

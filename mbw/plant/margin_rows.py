@@ -52,8 +52,8 @@ def _loop_row(margins: PlantMargins, number: int, before: AllMargins | None) -> 
     samples = [each.loops[number] for each in margins.samples]
 
     def row(pick: Callable[[LoopMargins], Margin], sign: float = 1.0) -> MarginRow:
-        known = _margin_row(pick(loop), [pick(sample) for sample in samples], sign)
-        return _beside(known, None if before is None else pick(before.loops[number]))
+        margin = _margin_row(pick(loop), [pick(sample) for sample in samples], sign)
+        return _beside(margin, None if before is None else pick(before.loops[number]))
 
     return LoopMarginsRow(
         loop=margins.names[number],
@@ -89,8 +89,8 @@ def _all_loops_row(margins: PlantMargins, before: AllMargins | None) -> AllLoops
     """Return the row of all loops at once."""
 
     def row(pick: Callable[[AllMargins], Margin]) -> MarginRow:
-        known = _margin_row(pick(margins.nominal), [pick(each) for each in margins.samples])
-        return _beside(known, None if before is None else pick(before))
+        margin = _margin_row(pick(margins.nominal), [pick(each) for each in margins.samples])
+        return _beside(margin, None if before is None else pick(before))
 
     return AllLoopsRow(
         modulus=row(lambda each: each.modulus),
@@ -128,10 +128,10 @@ def _margin_row(nominal: Margin, samples: Sequence[Margin], sign: float = 1.0) -
             float(limit) if np.isfinite(limit) and (sign > 0 or limit > 0) else None
             for limit in limits
         )
-    known = nominal.is_finite
+    is_finite = nominal.is_finite
     return MarginRow(
-        value=nominal.value if known else None,
-        frequency=nominal.freq_hz if known else None,
+        value=nominal.value if is_finite else None,
+        frequency=nominal.freq_hz if is_finite else None,
         low=low,
         high=high,
         worst=worst,

@@ -131,16 +131,18 @@ def _make_model(machine: str, folder: Path) -> Path:
 
 def _rates(machine: str, rows: Sequence[dict]) -> dict[str, object]:
     """Return how often the cause, its place and its absence are found, with Wilson intervals."""
-    own = [row for row in rows if machine in (row["machine"], "all")]
-    drawn = [row for row in own if "failed" not in row]
+    machine_rows = [row for row in rows if machine in (row["machine"], "all")]
+    drawn = [row for row in machine_rows if "failed" not in row]
     rates: dict[str, object] = {"machine": machine, "cases": len(drawn)}
     for name in MARKS:
         of_effects = name != "false_alarm"
         marks = [row[name] for row in drawn if (row["effect"] != NOTHING) == of_effects]
-        known = [mark for mark in marks if mark is not None]
-        low, high = wilson(round(sum(known)), len(known)) if known else (0.0, 1.0)
-        rates |= {name: round(sum(known)), f"{name} of": len(known)}
+        graded_marks = [mark for mark in marks if mark is not None]
+        low, high = (
+            wilson(round(sum(graded_marks)), len(graded_marks)) if graded_marks else (0.0, 1.0)
+        )
+        rates |= {name: round(sum(graded_marks)), f"{name} of": len(graded_marks)}
         rates |= {f"{name} from": low, f"{name} to": high}
-    rates["no place"] = sum("failed" in row for row in own)
+    rates["no place"] = sum("failed" in row for row in machine_rows)
     rates["core s"] = sum(row["core s"] for row in drawn) / max(len(drawn), 1)
     return rates

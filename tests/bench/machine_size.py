@@ -1,4 +1,4 @@
-"""What a machine costs by its number of bodies: core seconds and peak memory, with exponents.
+"""Core seconds and peak memory of a machine by its number of bodies, with their exponents.
 
 Each body has six springs and an accelerometer of three axes; the last one is hit along three axes,
 and 51 lines are computed. A tuning varies all tolerances. Each step runs in a process of its own,

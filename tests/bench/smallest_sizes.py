@@ -82,13 +82,15 @@ def _case(number: int) -> dict[str, object]:
 
 def _rate(place: tuple[str, str], rows: Sequence[dict]) -> dict[str, object]:
     """Return how often the predicted size of one place is found, with its Wilson interval."""
-    own = [row for row in rows if (row["effect"], row["location"]) == place and "found" in row]
-    hits = round(sum(row["found"] for row in own))
-    low, high = wilson(hits, len(own))
-    first = own[0]
+    place_rows = [
+        row for row in rows if (row["effect"], row["location"]) == place and "found" in row
+    ]
+    hits = round(sum(row["found"] for row in place_rows))
+    low, high = wilson(hits, len(place_rows))
+    first = place_rows[0]
     return {
         **{key: first[key] for key in ("effect", "location", "parameter", "value", "of usual")},
-        "n": len(own),
+        "n": len(place_rows),
         "found": hits,
         "from": low,
         "to": high,

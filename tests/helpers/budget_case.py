@@ -5,6 +5,8 @@ import json
 import numpy as np
 
 from mbmodel import ParameterPosterior, load_machine, machine_model
+from tuning.error_budget.loop_margins import plant_margins
+from tuning.error_budget.loop_plant import LoopPlant
 from tuning.error_budget.read_definition import read_definition
 from tuning.files.posterior_file import write_posterior
 
@@ -54,6 +56,20 @@ phase_deg = 40.0
 FLOOR_HZ, FLOOR = np.array([1.0, 9.0, 60.0]), np.array([1e-4, 4e-3, 8e-4])
 
 
+def write_machine(place):
+    """Write the machine and the spectrum of the floor's acceleration; return the folder."""
+    (place / "two.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
+    write_floor(place, ";")
+    return place
+
+
+def write_floor(place, separator):
+    """Write the spectrum of the floor's acceleration."""
+    rows = [f"{f}{separator}{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True)]
+    text = "\n".join([f"f{separator}x [(m/s^2)^2/Hz]", *rows])
+    (place / "floor.csv").write_text(text + "\n", encoding="utf-8")
+
+
 def write_tuned_case(place, extra=""):
     """Write a tuned machine with its posterior, its nominal one, and a budget with a loop."""
     (place / "two.xml").write_text(TWO.format(**{**VALUES, "k1": 7e5}), encoding="utf-8")
@@ -70,8 +86,7 @@ def write_tuned_case(place, extra=""):
         0.03**2 * np.eye(4), 0.02, 0.01,
     )  # fmt: skip
     write_posterior(posterior, tuned / "posterior.npz")
-    rows = "\n".join(f"{f},{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
-    (place / "floor.csv").write_text(f"f,x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
+    write_floor(place, ",")
     text = BUDGET.format(gain=3e5, delay=3e-4, lines="") + extra
     (place / "budget.toml").write_text(text, encoding="utf-8")
 
@@ -99,6 +114,12 @@ def loop_definition(folder, model, extra="", gain=3e5):
     file = folder / "budget.toml"
     file.write_text(BUDGET.format(gain=gain, delay=LOOP_DELAY, lines="") + extra, encoding="utf-8")
     return read_definition(file, model.machine)
+
+
+def margins_of(budget, **known):
+    """Return the margins of a budget's loops; ``known`` as ``plant_margins`` takes it."""
+    plant = LoopPlant.of(budget.linearised.model, budget.definition)
+    return plant_margins(plant, budget.linearised.theta, **known)
 
 
 def open_loop(theta=None):

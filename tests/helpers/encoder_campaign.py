@@ -59,6 +59,17 @@ def write_axis(path: Path) -> None:
     )
 
 
+def write_loaded_axis(path: Path, mass: float) -> None:
+    """Write the axis with a known mass [kg] welded to the carriage's centre."""
+    write_axis(path)
+    text = path.read_text(encoding="utf-8").replace(
+        '<site name="acc2"',
+        f'<body name="ballast"><inertial pos="0 0 0" mass="{mass}" diaginertia="1e-9 1e-9 1e-9"/>'
+        '</body><site name="acc2"',
+    )
+    path.write_text(text, encoding="utf-8")
+
+
 def axis_frfs(
     freq_hz: np.ndarray,
     scales: Mapping[str, float],

@@ -70,8 +70,8 @@ def test_a_diagnosed_cause_is_an_alternative_plant_with_its_probability(folder, 
         assert probability == pytest.approx(cause["probability"], abs=1e-9)
         assert bands["weights"].sum() == pytest.approx(1.0)
         assert f"mass_error@body:carriage ({100 * probability:.3g} %)" in said
-        other = verdict["causes"][1]
-        stands = f"{other['effect']}@{other['location']} ({100 * other['probability']:.3g} %)"
+        rival = verdict["causes"][1]
+        stands = f"{rival['effect']}@{rival['location']} ({100 * rival['probability']:.3g} %)"
         assert f"the tuned plant stands for {stands} too" in said
         assert "encoder.gain" not in said  # no part of a plant
 

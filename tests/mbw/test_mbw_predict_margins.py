@@ -149,18 +149,18 @@ def test_python_control_has_the_same_margins_from_the_files_alone(folder, row, n
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
 def test_the_page_draws_bode_nyquist_and_sensitivity(folder, row):
-    found = browse((folder / "out" / "plant.html").read_text("utf-8"), folder, probe=PROBE)
-    assert found["faults"] == []
-    assert found["bode"] == ["worst machine", "as drawn (two.xml)", "loop gain"]
+    page = browse((folder / "out" / "plant.html").read_text("utf-8"), folder, probe=PROBE)
+    assert page["faults"] == []
+    assert page["bode"] == ["worst machine", "as drawn (two.xml)", "loop gain"]
     axis = row["loops"][0]
     decibels, phase = 20 * np.log10(axis["gain"]["value"]), axis["phase"]["value"]
-    assert found["marks"] == [f"gain {decibels:.1f} dB", f"phase {phase:.1f}°"]
-    assert f"modulus margin {axis['modulus']['value']:.2f}" in found["nyquist"]
-    assert "critical point" in found["nyquist"]
-    assert {"|S|", "|T|"} < set(found["sensitivity"])
-    assert found["step"] == 1
-    assert found["none"] == "The loop gain stays below one: the loop follows no reference."
-    assert found["title"] == "loop gain of base"
+    assert page["marks"] == [f"gain {decibels:.1f} dB", f"phase {phase:.1f}°"]
+    assert f"modulus margin {axis['modulus']['value']:.2f}" in page["nyquist"]
+    assert "critical point" in page["nyquist"]
+    assert {"|S|", "|T|"} < set(page["sensitivity"])
+    assert page["step"] == 1
+    assert page["none"] == "The loop gain stays below one: the loop follows no reference."
+    assert page["title"] == "loop gain of base"
 
 
 def test_a_budget_without_loops_has_no_margins(folder):

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES
+from budget_case import BUDGET, write_machine
 
 import mbworkbench as mb
 
@@ -11,9 +11,7 @@ import mbworkbench as mb
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("face")
-    (place / "two.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
-    rows = "\n".join(f"{f},{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
-    (place / "floor.csv").write_text(f"f,x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
+    write_machine(place)
     text = BUDGET.format(gain=3e5, delay=0.0, lines="")
     (place / "budget.toml").write_text(text, encoding="utf-8")
     return place

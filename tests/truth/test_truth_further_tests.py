@@ -47,7 +47,7 @@ def gains(tree, protocol, names=("mass_error", "joint_coupling")):
     """The gain of each effect and place per square of its size, where no tolerance is bounded."""
     test = linearise_test(tree, protocol, Tolerance())
     signatures, _ = find_signatures(test, {name: CATALOGUE[name] for name in names}, [])
-    return np.array([one.left @ one.left for one in signatures])
+    return np.array([signature.left @ signature.left for signature in signatures])
 
 
 def test_a_users_test_gets_every_point_that_is_not_hit_and_sensor_that_is_not_read(own):
@@ -123,7 +123,7 @@ def test_a_gain_counts_what_is_found_before_and_after():
 
 def test_tests_are_ranked_by_what_they_find_and_then_by_sizes():
     before = [row("a", 2.0), row("b", 0.5)]
-    found, small, large = (
+    findable, small, large = (
         compare_sizes(name, before, after)
         for name, after in (
             ("found", [row("a", 0.9), row("b", 0.5)]),
@@ -131,4 +131,8 @@ def test_tests_are_ranked_by_what_they_find_and_then_by_sizes():
             ("large", [row("a", 1.9), row("b", 0.4)]),
         )
     )
-    assert [gain.name for gain in rank_gains([large, small, found])] == ["found", "small", "large"]
+    assert [gain.name for gain in rank_gains([large, small, findable])] == [
+        "found",
+        "small",
+        "large",
+    ]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES
+from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES, write_machine
 from scipy.linalg import eigh, expm
 
 from identification.words import InputError
@@ -23,11 +23,7 @@ from tuning.error_budget.rms_interval import (
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    place = tmp_path_factory.mktemp("budget")
-    (place / "two.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
-    rows = "\n".join(f"{f};{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
-    (place / "floor.csv").write_text(f"f;x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
-    return place
+    return write_machine(tmp_path_factory.mktemp("budget"))
 
 
 @pytest.fixture(scope="module")

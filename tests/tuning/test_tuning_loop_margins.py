@@ -6,31 +6,26 @@ import control
 import numpy as np
 import pytest
 from budget_case import (
-    FLOOR,
-    FLOOR_HZ,
     SECOND_LOOP,
-    TWO,
     VALUES,
     loop_definition,
     loop_gain_by_hand,
+    margins_of,
     spring_posterior,
+    write_machine,
 )
 
 from mbmodel import load_machine, machine_model
 from tuning.error_budget.budget import error_budget
 from tuning.error_budget.closed_loop_states import loop_states
-from tuning.error_budget.loop_margins import closed_loops, plant_margins
+from tuning.error_budget.loop_margins import closed_loops
 from tuning.error_budget.loop_plant import LoopPlant
 from tuning.error_budget.plant_budget import plant_budget
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    place = tmp_path_factory.mktemp("margins")
-    (place / "two.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
-    rows = "\n".join(f"{f};{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
-    (place / "floor.csv").write_text(f"f;x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
-    return place
+    return write_machine(tmp_path_factory.mktemp("margins"))
 
 
 @pytest.fixture(scope="module")
@@ -38,22 +33,17 @@ def model(folder):
     return machine_model(load_machine(folder / "two.xml"))
 
 
-def margins_of(budget, **known):
-    plant = LoopPlant.of(budget.linearised.model, budget.definition)
-    return plant_margins(plant, budget.linearised.theta, **known)
-
-
 def test_the_loop_gain_of_a_machine_has_the_margins_of_python_control(folder, model):
     budget = error_budget(model, model.drawn, loop_definition(folder, model))
-    found = margins_of(budget).nominal
+    nominal = margins_of(budget).nominal
     np.testing.assert_allclose(
-        found.gains[:, 0, 0], loop_gain_by_hand(found.freq_hz)[:, 0, 0], rtol=1e-8
+        nominal.gains[:, 0, 0], loop_gain_by_hand(nominal.freq_hz)[:, 0, 0], rtol=1e-8
     )
     # python-control interpolates data: phase and distance, on lines that are far denser
     freq = np.geomspace(0.1, 2e3, 20_000)
     data = control.frd(loop_gain_by_hand(freq)[:, 0, 0], 2 * np.pi * freq)
     _, phases, distances, _, at_phase, _ = control.stability_margins(data, returnall=True)
-    loop = found.loops[0]
+    loop = nominal.loops[0]
     assert loop.modulus.value == pytest.approx(distances.min(), rel=1e-5)
     best = np.argmin(np.abs(phases))
     assert loop.phase.value == pytest.approx(phases[best], rel=1e-4)
@@ -89,16 +79,18 @@ def test_the_poles_reach_the_axis_at_gain_and_delay_margin(folder, model):
 def test_two_loops_are_those_of_matrices_by_hand(folder, model):
     budget = error_budget(model, model.drawn, loop_definition(folder, model, SECOND_LOOP))
     margins = margins_of(budget)
-    found = margins.nominal
+    nominal = margins.nominal
     assert margins.names == ("axis", "base")
-    np.testing.assert_allclose(found.gains, loop_gain_by_hand(found.freq_hz), rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(
+        nominal.gains, loop_gain_by_hand(nominal.freq_hz), rtol=1e-7, atol=1e-12
+    )
     dense = loop_gain_by_hand(np.geomspace(0.1, 2e3, 20_000))
     axis, base = dense[:, 0, 0], dense[:, 1, 1]
     cross = dense[:, 0, 1] * dense[:, 1, 0]
     for number, (own, other) in enumerate(((axis, base), (base, axis))):
         single = own - cross / (1 + other)  # with the other loop closed
         distance = np.abs(1 + single).min()
-        assert found.loops[number].modulus.value == pytest.approx(distance, rel=1e-4)
+        assert nominal.loops[number].modulus.value == pytest.approx(distance, rel=1e-4)
 
 
 def test_samples_of_the_posterior_have_margins_of_their_own(folder, model):

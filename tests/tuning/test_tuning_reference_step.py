@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from budget_case import FLOOR, FLOOR_HZ, SECOND_LOOP, TWO, VALUES, loop_definition
+from budget_case import SECOND_LOOP, VALUES, loop_definition, write_machine
 
 from mbmodel import as_drawn, load_machine
 from tuning.error_budget.loop_margins import plant_margins
@@ -13,11 +13,7 @@ from tuning.error_budget.reference_step import ReferenceStep, reference_steps
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    place = tmp_path_factory.mktemp("step")
-    (place / "two.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
-    rows = "\n".join(f"{f};{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
-    (place / "floor.csv").write_text(f"f;x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
-    return place
+    return write_machine(tmp_path_factory.mktemp("step"))
 
 
 def plant_by_hand():

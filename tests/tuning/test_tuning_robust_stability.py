@@ -5,15 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from budget_case import (
-    FLOOR,
-    FLOOR_HZ,
     LOOP_DELAY,
     SECOND_LOOP,
-    TWO,
     VALUES,
     loop_definition,
     loop_gain_by_hand,
+    margins_of,
     spring_posterior,
+    write_machine,
 )
 from scipy.linalg import eigh
 
@@ -22,8 +21,6 @@ from mbmodel import FrfRequest, frf_bands, load_machine, machine_model
 from tuning import LevelFrfs, TuningResult
 from tuning.assessment.multiplicative_error import held_out_loop_error
 from tuning.error_budget.budget import error_budget
-from tuning.error_budget.loop_margins import plant_margins
-from tuning.error_budget.loop_plant import LoopPlant
 from tuning.error_budget.plant_budget import plant_budget
 from tuning.error_budget.robust_stability import FLOOR as FLOOR_WEIGHT
 from tuning.error_budget.robust_stability import HELD_OUT
@@ -31,21 +28,12 @@ from tuning.error_budget.robust_stability import HELD_OUT
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    place = tmp_path_factory.mktemp("margins")
-    (place / "two.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
-    rows = "\n".join(f"{f};{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
-    (place / "floor.csv").write_text(f"f;x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
-    return place
+    return write_machine(tmp_path_factory.mktemp("margins"))
 
 
 @pytest.fixture(scope="module")
 def model(folder):
     return machine_model(load_machine(folder / "two.xml"))
-
-
-def margins_of(budget, **known):
-    plant = LoopPlant.of(budget.linearised.model, budget.definition)
-    return plant_margins(plant, budget.linearised.theta, **known)
 
 
 def test_the_floor_is_the_error_of_the_plant_that_its_bands_have(folder, model):
@@ -107,10 +95,10 @@ def test_a_plant_that_errs_by_the_weight_is_critical_where_it_reaches_one(folder
 def test_the_own_plant_of_a_loop_counts_before_the_error_at_the_inputs(folder, model):
     (loop,) = loop_definition(folder, model).loops
     error = 0.1 * np.exp(1j * LINES)
-    own = held_out_loop_error(tuning_with(error, has_own=True), loop)
-    np.testing.assert_allclose(own.errors, 0.1 * np.ones((1, len(LINES))), rtol=1e-9)
-    other = held_out_loop_error(tuning_with(error, has_own=False), loop)
-    np.testing.assert_allclose(other.errors, 0.1 * np.ones((1, len(LINES))), rtol=1e-6)
+    loop_error = held_out_loop_error(tuning_with(error, has_own=True), loop)
+    np.testing.assert_allclose(loop_error.errors, 0.1 * np.ones((1, len(LINES))), rtol=1e-9)
+    input_error = held_out_loop_error(tuning_with(error, has_own=False), loop)
+    np.testing.assert_allclose(input_error.errors, 0.1 * np.ones((1, len(LINES))), rtol=1e-6)
     # inputs of different units have no common error
     mixed = tuning_with(error, has_own=False, inputs=("acc1:+tx", "acc1:+rz"))
     assert held_out_loop_error(mixed, loop) is None

@@ -38,60 +38,60 @@ def test_margins_are_those_of_python_control(name):
     gains, phases, distances, at_gain, at_phase, at_distance = control.stability_margins(
         system, returnall=True
     )
-    found = margins_of(system).loops[0]
+    loop = margins_of(system).loops[0]
     above, below = gains[gains > 1], gains[gains < 1]
-    assert found.gain.value == pytest.approx(min(above, default=np.inf), rel=1e-6)
-    assert found.reduction.value == pytest.approx(max(below, default=0.0), rel=1e-6)
+    assert loop.gain.value == pytest.approx(min(above, default=np.inf), rel=1e-6)
+    assert loop.reduction.value == pytest.approx(max(below, default=0.0), rel=1e-6)
     best = np.argmin(np.abs(phases))
-    assert found.phase.value == pytest.approx(phases[best], abs=1e-5)
-    assert found.phase.freq_hz == pytest.approx(at_phase[best] / (2 * np.pi), rel=1e-6)
-    assert found.modulus.value == pytest.approx(distances.min(), rel=1e-5)
+    assert loop.phase.value == pytest.approx(phases[best], abs=1e-5)
+    assert loop.phase.freq_hz == pytest.approx(at_phase[best] / (2 * np.pi), rel=1e-6)
+    assert loop.modulus.value == pytest.approx(distances.min(), rel=1e-5)
     nearest = at_distance[np.argmin(distances)] / (2 * np.pi)
-    assert found.modulus.freq_hz == pytest.approx(nearest, rel=2e-3)
-    np.testing.assert_allclose(found.gain_crossovers[:, 0], np.sort(at_phase) / (2 * np.pi))
+    assert loop.modulus.freq_hz == pytest.approx(nearest, rel=2e-3)
+    np.testing.assert_allclose(loop.gain_crossovers[:, 0], np.sort(at_phase) / (2 * np.pi))
     lines = at_gain[at_gain > 0] / (2 * np.pi)
-    np.testing.assert_allclose(found.phase_crossovers[:, 0], np.sort(lines), rtol=1e-6)
-    assert found.crossover.value == pytest.approx(at_phase.max() / (2 * np.pi), rel=1e-6)
+    np.testing.assert_allclose(loop.phase_crossovers[:, 0], np.sort(lines), rtol=1e-6)
+    assert loop.crossover.value == pytest.approx(at_phase.max() / (2 * np.pi), rel=1e-6)
 
 
 @pytest.mark.parametrize("delay", [0.02, 0.11])
 def test_an_integrator_with_a_delay_has_the_margins_of_the_closed_form(delay):
     # L = w1 exp(-s t) / s: phase 90 deg - w1 t, delay that over w1, gain pi / (2 w1 t).
     rate = 7.0
-    found = margins_of(rate / S, delay=delay).loops[0]
+    loop = margins_of(rate / S, delay=delay).loops[0]
     phase = np.pi / 2 - rate * delay
-    assert found.phase.value == pytest.approx(np.degrees(phase), rel=1e-9)
-    assert found.delay.value == pytest.approx(phase / rate, rel=1e-9)
-    assert found.crossover.value == pytest.approx(rate / (2 * np.pi), rel=1e-9)
-    assert found.gain.value == pytest.approx(np.pi / (2 * rate * delay), rel=1e-9)
-    assert found.gain.freq_hz == pytest.approx(1 / (4 * delay), rel=1e-9)
+    assert loop.phase.value == pytest.approx(np.degrees(phase), rel=1e-9)
+    assert loop.delay.value == pytest.approx(phase / rate, rel=1e-9)
+    assert loop.crossover.value == pytest.approx(rate / (2 * np.pi), rel=1e-9)
+    assert loop.gain.value == pytest.approx(np.pi / (2 * rate * delay), rel=1e-9)
+    assert loop.gain.freq_hz == pytest.approx(1 / (4 * delay), rel=1e-9)
     # |S| = |w / (w - i w1 exp(-i w t))|, on a fine grid
     omega = np.linspace(0.1, 200.0, 1_000_001)
     size = np.abs(omega / (omega - 1j * rate * np.exp(-1j * omega * delay)))
-    assert 1 / found.modulus.value == pytest.approx(size.max(), rel=1e-6)
+    assert 1 / loop.modulus.value == pytest.approx(size.max(), rel=1e-6)
     first = omega[np.argmax(size > np.sqrt(0.5))] / (2 * np.pi)
-    assert found.bandwidth.value == pytest.approx(first, rel=1e-3)
+    assert loop.bandwidth.value == pytest.approx(first, rel=1e-3)
 
 
 def test_a_phase_margin_is_negative_where_phase_lead_is_critical():
     system = 15 / ((S + 1) * (S + 2) * (S + 3)) * NOTCH**4
-    found = margins_of(system).loops[0]
-    late = found.gain_crossovers[found.gain_crossovers[:, 1] < 0]
-    assert found.delay.value <= np.min(np.radians(late[:, 1] + 360) / (2 * np.pi * late[:, 0]))
+    loop = margins_of(system).loops[0]
+    late = loop.gain_crossovers[loop.gain_crossovers[:, 1] < 0]
+    assert loop.delay.value <= np.min(np.radians(late[:, 1] + 360) / (2 * np.pi * late[:, 0]))
     angle = np.angle(-system(2j * np.pi * late[0, 0]))
     assert np.radians(late[0, 1]) == pytest.approx(angle, abs=1e-6)
 
 
 def test_a_loop_gain_that_stays_above_one_bears_no_delay():
-    found = margins_of(3.0 * (S + 1) / (S + 2)).loops[0]
-    assert found.delay.value == 0.0
-    assert not found.phase.is_finite
+    loop = margins_of(3.0 * (S + 1) / (S + 2)).loops[0]
+    assert loop.delay.value == 0.0
+    assert not loop.phase.is_finite
 
 
 def test_a_loop_that_is_real_and_negative_at_rest_has_that_gain_margin():
-    found = margins_of(-0.4 / (1 + S / 30)).loops[0]
-    assert found.gain.value == pytest.approx(2.5, rel=1e-6)
-    assert found.gain.freq_hz == 0.0
+    loop = margins_of(-0.4 / (1 + S / 30)).loops[0]
+    assert loop.gain.value == pytest.approx(2.5, rel=1e-6)
+    assert loop.gain.freq_hz == 0.0
 
 
 # ---- several loops --------------------------------------------------------------------------
@@ -119,14 +119,14 @@ def lines_of_plant():
 
 
 def test_each_loop_has_the_margins_of_the_plant_with_the_other_loop_closed():
-    found = stability_margins(plant_at, lines_of_plant())
+    margins = stability_margins(plant_at, lines_of_plant())
     for number, other in ((0, 1), (1, 0)):
         around = np.zeros((2, 2))
         around[other, other] = GAINS[other]
         single = control.feedback(PLANT, around)[number, number] * GAINS[number]
         gain, phase, *_ = control.stability_margins(single)
         distance = np.abs(1 + single(2j * np.pi * np.geomspace(1e-3, 1e3, 300_001))).min()
-        loop = found.loops[number]
+        loop = margins.loops[number]
         assert loop.modulus.value == pytest.approx(distance, rel=1e-5)
         assert loop.gain.value == pytest.approx(gain, rel=1e-4)  # one of them at 0 Hz
         if np.isfinite(phase):
@@ -136,23 +136,23 @@ def test_each_loop_has_the_margins_of_the_plant_with_the_other_loop_closed():
 def test_the_margin_of_all_loops_has_no_units():
     lines = lines_of_plant()
     plain = stability_margins(plant_at, lines)
-    other = stability_margins(lambda freq: plant_at(freq, (1e6, 1e-3)), lines)
-    assert other.modulus.value == pytest.approx(plain.modulus.value, rel=1e-6)
-    assert other.singular.value < 1e-3 * plain.singular.value
+    rescaled = stability_margins(lambda freq: plant_at(freq, (1e6, 1e-3)), lines)
+    assert rescaled.modulus.value == pytest.approx(plain.modulus.value, rel=1e-6)
+    assert rescaled.singular.value < 1e-3 * plain.singular.value
     assert plain.modulus.value <= min(loop.modulus.value for loop in plain.loops) + 1e-9
 
 
 def test_the_margin_of_all_loops_holds_for_changes_of_all_at_once():
     # S = (1 + GK)^-1: a diagonal change D of 1 + GK is critical if det(1 + D S) = 0.
     lines = lines_of_plant()
-    found = stability_margins(plant_at, lines)
-    closed = sensitivity(plant_at(np.array([found.modulus.freq_hz])))[0]
+    margins = stability_margins(plant_at, lines)
+    closed = sensitivity(plant_at(np.array([margins.modulus.freq_hz])))[0]
     random = np.random.default_rng(3)
     turns = np.exp(2j * np.pi * random.random((4000, 2)))
     radii = np.abs(1 / np.linalg.eigvals(turns[:, :, None] * closed)).min(axis=1)
     # No change below the margin is critical, and one hardly larger is: Perron's bound is close.
-    assert radii.min() >= found.modulus.value * (1 - 1e-9)
-    assert radii.min() < 1.1 * found.modulus.value
+    assert radii.min() >= margins.modulus.value * (1 - 1e-9)
+    assert radii.min() < 1.1 * margins.modulus.value
 
 
 def test_scaled_singular_values_lie_between_spectral_radius_and_singular_value():

@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 import pytest
-from encoder_campaign import axis_frfs, write_axis, write_encoder_campaign
+from encoder_campaign import axis_frfs, write_encoder_campaign, write_loaded_axis
 from typer.testing import CliRunner
 
 import mbworkbench as mb
@@ -25,21 +25,9 @@ SCALES = {"carriage_tx": 1.2, "frame_tx": 0.85, "frame_ry": 1.15}
 WIDE = "[tolerance]\nmass = 0.1\ninertia = 0.1\nhammer_gain = 0.06\n"
 
 
-def write_loaded(folder):
-    """The axis with a known mass welded to the carriage, beside model.xml."""
-    write_axis(folder / "loaded.xml")
-    path = folder / "loaded.xml"
-    text = path.read_text(encoding="utf-8").replace(
-        '<site name="acc2"',
-        f'<body name="ballast"><inertial pos="0 0 0" mass="{ADDED}" diaginertia="1e-9 1e-9 1e-9"/>'
-        '</body><site name="acc2"',
-    )
-    path.write_text(text, encoding="utf-8")
-
-
 def write_case(folder, further, **case):
     folder.mkdir(parents=True, exist_ok=True)
-    write_loaded(folder)
+    write_loaded_axis(folder / "loaded.xml", ADDED)
     write_encoder_campaign(folder, further=further, **case)
     return folder
 

@@ -9,7 +9,13 @@ import re
 
 import numpy as np
 import pytest
-from encoder_campaign import CHANNELS, REFERENCES, axis_frfs, write_axis, write_encoder_campaign
+from encoder_campaign import (
+    CHANNELS,
+    REFERENCES,
+    axis_frfs,
+    write_encoder_campaign,
+    write_loaded_axis,
+)
 from typer.testing import CliRunner
 
 import mbworkbench as mb
@@ -64,14 +70,7 @@ def encirclements(**state):
 
 def write_case(folder, extra=""):
     folder.mkdir(parents=True, exist_ok=True)
-    write_axis(folder / "loaded.xml")
-    path = folder / "loaded.xml"
-    text = path.read_text(encoding="utf-8").replace(
-        '<site name="acc2"',
-        f'<body name="ballast"><inertial pos="0 0 0" mass="{ADDED}" diaginertia="1e-9 1e-9 1e-9"/>'
-        '</body><site name="acc2"',
-    )
-    path.write_text(text, encoding="utf-8")
+    write_loaded_axis(folder / "loaded.xml", ADDED)
     further = {LOADED: {"added_mass": ADDED}, POSE: {"shift": SHIFT}}
     write_encoder_campaign(folder, further=further, lines=60, extra=extra)
     (folder / "budget.toml").write_text(BUDGET, encoding="utf-8")

@@ -58,18 +58,18 @@ def held_out_tests(
 ) -> tuple[list[list[RobustTest]], list[RobustTest]]:
     """Return |W T| of each loop, and of all, W the held-out error of each plant."""
     robust: list[list[RobustTest]] = [[] for _ in errors]
-    known = {k: error for k, error in enumerate(errors) if error is not None}
-    if not known:
+    known_errors = {k: error for k, error in enumerate(errors) if error is not None}
+    if not known_errors:
         return robust, []
-    lines = next(iter(known.values())).freq_hz
+    lines = next(iter(known_errors.values())).freq_hz
     inside = (nominal.freq_hz > lines[0]) & (nominal.freq_hz < lines[-1])
     freq = np.unique(np.concatenate([nominal.freq_hz[inside], lines]))
     closed = np.eye(len(errors)) - sensitivity(plant.gain_at(theta)(freq))
     weighted = np.zeros_like(closed)
-    for k, error in known.items():
+    for k, error in known_errors.items():
         weighted[:, k] = np.interp(freq, lines, error.quantile)[:, None] * closed[:, k]
         robust[k].append(_peak(HELD_OUT, freq, np.abs(weighted[:, k, k])))
-    is_whole = len(known) == len(errors)
+    is_whole = len(known_errors) == len(errors)
     at_once = [_peak(HELD_OUT, freq, scaled_singular_values(weighted))] if is_whole else []
     return robust, at_once
 
