@@ -149,9 +149,9 @@ def admit_outliers(scene: Scene, null: Refit, settings: DiagnosisSettings) -> Re
         settings: schedule, and the largest outlier.
     """
     varies, outlier = null.session.parametrisation, settings.outlier_sigma
-    at_bound = varies.coordinates_at_bound(null.fit.x) & varies.has_prior
-    wider = varies.widen_bounds(at_bound, outlier)
-    if np.array_equal(wider.upper, varies.upper):
+    wider = varies.widen_bounds(varies.coordinates_at_bound(null.fit.x), outlier)
+    widened = (wider.lower < varies.lower) | (wider.upper > varies.upper)
+    if not widened.any():
         return null
     session = replace(null.session, parametrisation=wider)
     task = RefitTask(None, session, null.fit.theta, null.floor)
@@ -162,6 +162,6 @@ def admit_outliers(scene: Scene, null: Refit, settings: DiagnosisSettings) -> Re
     by_chance = binom.sf(counts, len(shifts), 2 * norm.sf(beyond))
     least = binom.sf(0, len(shifts), 2 * norm.sf(outlier))
     is_fault = bool(
-        (wider.coordinates_at_bound(refit.fit.x) & at_bound).any() or (by_chance < least).any()
+        (wider.coordinates_at_bound(refit.fit.x) & widened).any() or (by_chance < least).any()
     )
     return null if is_fault or null.objective <= refit.objective else refit

@@ -7,7 +7,7 @@ fits (``tuning.assessment.model_error``), what the posterior asks of it on the l
     c_before - c_after > |S| chance (1 - s),
 
 c being the mean -ln L per value at the floor of held-out residuals, s the share of the noise in
-their variance.
+the variance of the fit with the causes.
 
 Otherwise sets of as many causes are not admitted, and the most probable set of fewer causes is
 checked (cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap that is

@@ -145,7 +145,12 @@ def _motor(machine: Machine, motor: Signal) -> ActuatorGain:
     """Return the gain of a motor."""
     if motor.name not in machine.motors:
         refuse_point_without_direction(machine, motor.name)
-        names = ", ".join(machine.motors) or "none"
+        if not machine.motors:
+            raise UsageError(
+                f"{motor.name!r} is no motor of the model, which has none: name a point and its "
+                "direction, such as POINT:+tz"
+            )
+        names = ", ".join(machine.motors)
         raise UsageError(f"{motor.name!r} is no motor of the model: choose one of {names}")
     return machine.motors[motor.name]
 

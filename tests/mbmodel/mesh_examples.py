@@ -1,5 +1,8 @@
 """Shapes with known mass properties, as points and triangles turned outward."""
 
+import itertools
+
+import meshio
 import numpy as np
 
 BOX_FACES = np.array(
@@ -90,3 +93,24 @@ def obj_text(points, faces):
     lines = ["v " + " ".join(f"{x:.17g}" for x in point) for point in points]
     lines += ["f " + " ".join(str(k + 1) for k in face) for face in faces]
     return "\n".join(lines) + "\n"
+
+
+def write_as(folder, kind, points, cells):
+    """Write a mesh in one of the formats; cells by meshio's names."""
+    suffix = kind.split()[0]
+    path = folder / f"{kind.replace(' ', '_')}.{suffix}"
+    if kind == "stl text":
+        path.write_text(stl_text(points, cells["triangle"]), encoding="utf-8")
+    elif kind == "stl solid":  # a binary file whose header begins like a text file's
+        meshio.Mesh(points, cells).write(path, binary=True)
+        path.write_bytes(b"solid" + path.read_bytes()[5:])
+    elif suffix == "stl":
+        meshio.Mesh(points, cells).write(path, binary=True)
+    elif suffix == "obj":
+        path.write_text(obj_text(points, itertools.chain(*cells.values())), encoding="utf-8")
+    elif suffix == "msh":
+        mesh = meshio.Mesh(points, cells)
+        mesh.write(path, file_format=kind.split()[1], binary="binary" in kind)
+    else:
+        meshio.Mesh(points, cells).write(path)
+    return path

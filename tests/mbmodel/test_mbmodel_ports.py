@@ -190,6 +190,20 @@ def test_what_has_no_linear_model_is_refused_by_name(
     assert port.partition(":")[0] in str(refusal.value)
 
 
+def test_a_model_without_motors_is_told_to_name_a_point(tmp_path: Path, machine: Machine) -> None:
+    with pytest.raises(UsageError, match="choose one of drive"):
+        _values(machine, ["carriage:+tz"], ["engine"], "receptance")
+    without = tmp_path / "without.xml"
+    without.write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="mass"><inertial pos="0 0 0" '
+        'mass="1" diaginertia="1 1 1"/><joint type="slide" stiffness="9"/></body></worldbody>'
+        "</mujoco>",
+        encoding="utf-8",
+    )
+    with pytest.raises(UsageError, match=r"has none: name a point and its direction"):
+        _values(load_machine(without), ["mass:+tz"], ["engine"], "receptance")
+
+
 def test_names_with_the_mark_of_a_pair_are_points_if_there_is_such_a_point() -> None:
     assert parse_port("a-b:+x", ("a-b",)) == Dof("a-b", "+tx")
     assert parse_port("a-b:-x", ("a", "b")) == Signal("a-b:-tx")
