@@ -135,13 +135,13 @@ def refit_from(
 
 
 def admit_outliers(scene: Scene, null: Refit, settings: DiagnosisSettings) -> Refit:
-    """Return the null model with wider bounds of outlying tolerances, if it is better for them.
+    """Return the null model with wider bounds on outlying tolerances, if they lower its objective.
 
     Among hundreds of tolerances some exceed their bounds of 2.5 standard deviations by chance. Left
     at the bound, such a tolerance would look like an effect. Those at a bound are fitted up to
-    ``outlier_sigma``. One that ends there too is a fault, which no tolerance may hide, and so are
-    several: that k of n shifts exceed the k-th largest by chance (binomial tail) must be as likely
-    as that one exceeds ``outlier_sigma``.
+    ``outlier_sigma``. One that ends there too is a fault, which no tolerance may hide. So are
+    several that are improbable together: the binomial probability that k of n tolerances shift as
+    far as the k-th largest must not be below that of one beyond ``outlier_sigma``.
 
     Args:
         scene: campaign and nominal model.

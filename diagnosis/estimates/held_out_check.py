@@ -53,7 +53,7 @@ def admit_predictive_causes(
 
 
 def predicts_held_out(before: HeldOutGap, after: HeldOutGap, causes: int) -> bool:
-    """Return whether a set of causes makes held-out lines probable enough.
+    """Return whether a set of causes predicts held-out lines well enough.
 
     Args:
         before: gap without the causes.

@@ -16,9 +16,9 @@ class Calibration(BaseModel):
             key is the source of the gap: neighbouring lines, or the variance from coherences or
             from third differences.
         hidden_width: width of the logarithm of ``hidden``.
-        error_values: number of independent values that the error of a model holds.
-        max_noise_share: share of the noise in a variance at most: no model is exact, and with its
-            parameters any cause fits some noise.
+        error_values: effective sample size of the model error: its number of independent values.
+        max_noise_share: largest share of the noise in a variance: no model is exact, and the
+            parameters of any cause fit some noise.
         chance: gain of a wrong cause on the model error of a real machine [nats per value].
         force_scale: temperature of the softmax over places, as a share of the largest gain.
         campaigns: number of campaigns of the calibration.

@@ -7,6 +7,7 @@ calibrated on stored evidence, and a new calibration needs no fit.
 from pydantic import BaseModel, ConfigDict
 
 from identification.words import VarianceSource
+from tuning import is_gap_visible
 
 Key = tuple[str, str, str | None]  # effect, location, dof
 BENDS = "flexible_body"  # the effect on a body, not on a sensor, that redundant channels prove
@@ -74,6 +75,20 @@ class FitSummary:
         """Mean square of the residual gap over that of the noise."""
         beyond = self.chi_square - 1
         return beyond if self.serial is None else max(self.serial, beyond - self.doubt)
+
+    def is_material_step(self, before: "FitSummary", null: "FitSummary", min_closed: float) -> bool:
+        """Return whether one more cause closes part of the gap, or leaves that part of the error.
+
+        Beside a strong effect a weaker one closes little of the gap, and most of what remains.
+
+        Args:
+            before: fit without the cause.
+            null: null model.
+            min_closed: that part.
+        """
+        if before.gap - self.gap >= min_closed * null.gap:
+            return True
+        return is_gap_visible(before.gap) and self.floor < min_closed * before.floor
 
 
 class FittedSet(_Row, FitSummary):

@@ -32,10 +32,9 @@ import numpy as np
 from scipy.special import softmax
 
 from diagnosis.inference.calibration import Calibration, load_calibration
-from diagnosis.inference.evidence import Evidence, FitSummary, FittedSet, ForceGain, Key
+from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain, Key
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-from tuning import is_gap_visible
 
 Keys = tuple[Key, ...]
 Site = tuple[str, str]  # effect, location
@@ -160,19 +159,9 @@ def select_material_sets(
         fewer = [fits[without] for without in sets_without.values() if without in fits]
         if sets_without[fitted.keys[-1]] not in fits:
             fewer.append(null)
-        return all(adds_much(null, before, fitted, settings.min_closed) for before in fewer)
+        return all(fitted.is_material_step(before, null, settings.min_closed) for before in fewer)
 
     return [fitted for fitted in sets if is_material(fitted)]
-
-
-def adds_much(null: FitSummary, before: FitSummary, after: FitSummary, min_closed: float) -> bool:
-    """Return whether one more cause closes a fifth of the gap, or lets the error fall to a fifth.
-
-    Beside a strong effect a weaker one closes little of the gap, and most of what remains.
-    """
-    if before.gap - after.gap >= min_closed * null.gap:
-        return True
-    return is_gap_visible(before.gap) and after.floor < min_closed * before.floor
 
 
 def _remove_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet], float]:

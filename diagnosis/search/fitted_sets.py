@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence, Key
-from diagnosis.inference.posterior import adds_much, compute_log_odds, select_material_sets
+from diagnosis.inference.posterior import compute_log_odds, select_material_sets
 from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import Refit, summarise_refit
 from diagnosis.search.score_test import Score
@@ -44,7 +44,7 @@ class Search:
 def is_last_material(search: Search, refit: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether the last cause of a set is material."""
     before = search.refit_of(refit.keys[:-1]) or search.null
-    return adds_much(search.null, before, refit, settings.min_closed)
+    return refit.is_material_step(before, search.null, settings.min_closed)
 
 
 def is_material(search: Search, refit: Refit, settings: DiagnosisSettings) -> bool:
