@@ -17,6 +17,7 @@ from tuning.error_budget.machine_files import (
 )
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
+from tuning.error_budget.sampling_images import image_sentences
 from tuning.error_budget.variant_margins import VariantMargins
 from tuning.files.result import TUNED_JSON
 from tuning.variant_model import read_variant_model
@@ -87,11 +88,18 @@ class ErrorBudgetResult:
         return rows
 
     def __repr__(self) -> str:
-        """Return each error with its interval and its largest source in a line."""
-        return "\n".join(
+        """Return each error with its interval and its largest source in a line, and remarks."""
+        lines = [
             f"{name}: {value} rms{f' (95 %: {ends})' if ends else ''}, largest source {source}"
             for name, value, ends, source in self._rows()
-        )
+        ]
+        return "\n".join([*lines, *self.remarks])
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences on what the budget leaves out, such as images of sampled loops."""
+        budget = self.plant.budget
+        return [*budget.definition.remarks, *image_sentences(budget)]
 
     def _repr_html_(self) -> str:
         """Return a table of the errors for a notebook."""
@@ -123,7 +131,7 @@ def error_budget(
 
     Raises:
         InputError: a file cannot be used, or the machine is unstable with its loops.
-        UsageError: a controller of no loop, or one that is not continuous.
+        UsageError: a controller of no loop, or one that is no linear controller.
     """
     if not isinstance(model, MachineModel):
         model = read_model(tuned_file(as_path(model)))

@@ -1,12 +1,13 @@
 """Reader of controllers of one input and one output: from zeros, poles and gain, or a .mat file."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from identification.readers.loop_toml import MIN_PERIOD_S
 from identification.readers.matlab5 import read_matlab5
 from identification.words import Controller, InputError, Real
 
@@ -16,9 +17,15 @@ _CONTROLLER_REMEDY = "give A, B, C, D, or num, den, or zeros, poles, gain"
 
 
 def controller_from_roots(
-    zeros: Sequence[complex], poles: Sequence[complex], gain: float
+    zeros: Sequence[complex], poles: Sequence[complex], gain: float, period_s: float = 0.0
 ) -> Controller:
     """Return ``gain prod(s - zero) / prod(s - pole)``, zeros and poles in rad/s.
+
+    Args:
+        zeros: [rad/s], or in z.
+        poles: likewise.
+        gain: of the product.
+        period_s: sampling period [s], for zeros and poles in z; 0 for a continuous controller.
 
     Raises:
         ValueError: more zeros than poles, or a complex root without its conjugate.
@@ -32,25 +39,28 @@ def controller_from_roots(
         if (pairs > _MAX_CONJUGATE_ERROR * scale).any():
             raise ValueError(f"{name} hold a complex number without its conjugate: add it")
     if len(zeros) > len(poles):
-        raise ValueError(
-            f"{len(zeros)} zeros and {len(poles)} poles: add the poles that limit its bandwidth"
-        )
+        remedy = "poles at 0 for its delay" if period_s else "the poles that limit its bandwidth"
+        raise ValueError(f"{len(zeros)} zeros and {len(poles)} poles: add {remedy}")
     if not poles:
-        return Controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]))
+        return Controller(
+            np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]), period_s
+        )
     # One after the other, sections of second order keep the digits that one polynomial loses.
     blocks = [
         _real_arrays(scipy.signal.tf2ss(np.real(np.poly(top)), np.real(np.poly(bottom))))
         for top, bottom in _sections(zeros, poles)
     ]
     states, entry, output, through = reduce(_in_series, blocks)
-    return Controller(states, entry, gain * output, gain * through)
+    return Controller(states, entry, gain * output, gain * through, period_s)
 
 
 def read_controller(path: Path) -> Controller:
     """Read a controller from a .mat file with A, B, C, D, with num, den, or zeros, poles, gain.
 
+    A sampling period ``Ts`` or ``dt`` above 0 says that it is sampled.
+
     Raises:
-        InputError: the file cannot be read, or holds no continuous controller.
+        InputError: the file cannot be read, or holds no controller.
     """
     import scipy.signal  # noqa: PLC0415  # slow to load, and few commands need it
 
@@ -64,24 +74,45 @@ def read_controller(path: Path) -> Controller:
         raise InputError(
             f"{path}: {error}: {_CONTROLLER_REMEDY}, saved with -v7 or older"
         ) from error
-    for step in ("dt", "Ts"):
-        if step in arrays and np.any(np.asarray(arrays[step], float) > 0):
-            raise InputError(
-                f"{path}: {step} says that the controller is discrete: save the continuous one "
-                "and state the delay of the loop"
-            )
+    period = _period_of(path, arrays)
     try:
         if set("ABCD") <= set(arrays):
-            return Controller(*(np.atleast_2d(np.real(arrays[name])) for name in "ABCD"))
+            matrices = [np.atleast_2d(np.real(arrays[name])) for name in "ABCD"]
+            return Controller(matrices[0], matrices[1], matrices[2], matrices[3], period)
         if {"num", "den"} <= set(arrays):
             numerator, denominator = (np.ravel(arrays[name]) for name in ("num", "den"))
-            return Controller(*_real_arrays(scipy.signal.tf2ss(numerator, denominator)))
+            a, b, c, d = _real_arrays(scipy.signal.tf2ss(numerator, denominator))
+            return Controller(a, b, c, d, period)
         if {"zeros", "poles", "gain"} <= set(arrays):
             zeros, poles, gain = (np.ravel(arrays[name]) for name in ("zeros", "poles", "gain"))
-            return controller_from_roots(zeros.tolist(), poles.tolist(), float(gain[0].real))
+            return controller_from_roots(
+                zeros.tolist(), poles.tolist(), float(gain[0].real), period
+            )
     except (ValueError, TypeError, IndexError) as error:
         raise InputError(f"{path} holds no controller ({error}): {_CONTROLLER_REMEDY}") from error
     raise InputError(f"{path} holds no controller: {_CONTROLLER_REMEDY}")
+
+
+def _period_of(path: Path, arrays: Mapping[str, Any]) -> float:
+    """Return the sampling period of a controller [s]; 0 if it is continuous.
+
+    Raises:
+        InputError: it is sampled with a period that is not known, or cannot be used.
+    """
+    for step in ("dt", "Ts"):
+        if step not in arrays:
+            continue
+        values = np.ravel(np.asarray(arrays[step], float))
+        period = float(values[0]) if len(values) == 1 else float("nan")
+        if period == 0:
+            return 0.0
+        if MIN_PERIOD_S <= period <= 1:
+            return period
+        raise InputError(
+            f"{path}: {step} = {period:g} s is no sampling period from {MIN_PERIOD_S:g} s to 1 s: "
+            "state it, or 0 for a continuous controller"
+        )
+    return 0.0
 
 
 def _sections(

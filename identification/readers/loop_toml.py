@@ -9,15 +9,20 @@ from identification.readers.toml_files import FileName, TomlTable
 from identification.words import Quantity
 
 _MAX_ROOTS = 100  # of a controller
+MIN_PERIOD_S = 1e-7  # of a sampled controller
 Root = float | Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class ControllerTable(TomlTable):
-    """A controller by its zeros and poles [rad/s]; a complex one is ``[real, imaginary]``."""
+    """A controller by its zeros and poles [rad/s]; a complex one is ``[real, imaginary]``.
+
+    With the sampling period ``period`` [s] it is sampled, and zeros and poles are those in z.
+    """
 
     zeros: list[Root] = Field(default_factory=list, max_length=_MAX_ROOTS)
     poles: list[Root] = Field(default_factory=list, max_length=_MAX_ROOTS)
     gain: float
+    period: float | None = Field(default=None, ge=MIN_PERIOD_S, le=1.0)
 
 
 class LoopTable(TomlTable):

@@ -18,7 +18,14 @@ from identification.words.campaign import (
     Test,
     Tolerance,
 )
-from identification.words.control_loop import Controller, Loop, PortSum
+from identification.words.control_loop import (
+    Controller,
+    Loop,
+    PortSum,
+    between_multiples,
+    poles_in_s,
+    zero_order_hold,
+)
 from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import DERIVATIVE_ORDER, Frf, FrfEstimate, Quantity, VarianceSource
@@ -94,6 +101,7 @@ __all__ = [
     "UsageError",
     "VarianceSource",
     "WorkbenchError",
+    "between_multiples",
     "distinct_dofs",
     "drive_point_scale",
     "frozen_array",
@@ -101,7 +109,9 @@ __all__ = [
     "modal_sum",
     "node_number",
     "parse_port",
+    "poles_in_s",
     "settle_port",
     "shorten_names",
     "split_label",
+    "zero_order_hold",
 ]

@@ -1,6 +1,12 @@
 """Control loops of a machine: controllers, what they read, and the input that they drive.
 
 The feedback is negative: u = -K(s) exp(-s tau) y, s = i w, time convention exp(+i w t).
+
+A sampled controller reads y(k T), and a zero-order hold keeps its output over the period T. Of the
+held output to a sine, the part at the frequency of the sine itself is (Astrom and Wittenmark 1997,
+ch. 7)
+
+    K(z) h(s) y,    z = exp(s T),    h(s) = (1 - exp(-s T)) / (s T)
 """
 
 from dataclasses import dataclass
@@ -10,22 +16,66 @@ import numpy as np
 from identification.words._arrays import Complex, Real, frozen_array
 from identification.words.signal import Input, Output
 
+# Of s T, where searches of poles pass far from the imaginary axis.
+_MAX_SAMPLED_EXPONENT = 300.0
+# Distance in turns of z from 1, at multiples of the sampling rate.
+_MIN_TURN = 1e-8
+_MIN_POLE_Z = 1e-9  # of a pole in z, whose logarithm is to be finite
+
+
+def zero_order_hold(laplace: Complex, period_s: float) -> Complex:
+    """Return h(s) = (1 - exp(-s T)) / (s T) at each s; (n_freq,).
+
+    Args:
+        laplace: s [rad/s]; (n_freq,).
+        period_s: T [s].
+    """
+    exponent = _clip_exponent(between_multiples(laplace, period_s) * period_s)
+    is_zero = exponent == 0
+    hold = -np.expm1(-exponent) / np.where(is_zero, 1.0, exponent)
+    return np.where(is_zero, 1.0, hold)
+
+
+def between_multiples(laplace: Complex, period_s: float) -> Complex:
+    """Return each s [rad/s], moved off multiples of the sampling rate; (n_freq,).
+
+    There z is 1, where integrators have no value and the hold is zero. Their product has one, which
+    moves by 1e-7.
+
+    Args:
+        laplace: s [rad/s]; (n_freq,).
+        period_s: T [s].
+    """
+    turns = laplace.imag * period_s / (2 * np.pi)
+    is_multiple = (np.abs(turns - np.round(turns)) < _MIN_TURN) & (np.abs(turns) > 0.5)
+    return np.where(is_multiple, laplace + 2j * np.pi * _MIN_TURN / period_s, laplace)
+
+
+def _clip_exponent(exponent: Complex) -> Complex:
+    """Return exponents whose real parts lie within what a number can hold."""
+    limited: Complex = (
+        np.clip(exponent.real, -_MAX_SAMPLED_EXPONENT, _MAX_SAMPLED_EXPONENT) + 1j * exponent.imag
+    )
+    return limited
+
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """A continuous controller K(s) = C (s - A)^-1 B + D.
+    """A controller K(s) = C (s - A)^-1 B + D, or a sampled one with z in place of s.
 
     Args:
-        dynamics: A [1/s]; (n, n).
+        dynamics: A [1/s], without a unit if it is sampled; (n, n).
         input_matrix: B; (n, 1).
         output_matrix: C; (1, n).
         feedthrough: D; (1, 1).
+        period_s: sampling period T [s]; 0 for a continuous controller.
     """
 
     dynamics: Real
     input_matrix: Real
     output_matrix: Real
     feedthrough: Real
+    period_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
@@ -41,16 +91,44 @@ class Controller:
                 self, name, frozen_array(getattr(self, name), np.float64, shape, name)
             )
 
+    @property
+    def poles(self) -> Complex:
+        """Poles in s [rad/s]; of a sampled controller log(z) / T; (n,)."""
+        poles = np.asarray(np.linalg.eigvals(self.dynamics), complex)
+        return poles_in_s(poles, self.period_s) if self.period_s else poles
+
     def response(self, laplace: Complex) -> Complex:
-        """Return K(s) at each s [rad/s]; (n_freq,)."""
+        """Return K(s), or K(z) h(s) of a sampled controller, at each s [rad/s]; (n_freq,)."""
+        if not self.period_s:
+            return self._at(laplace)
+        return self.sampled_response(laplace) * zero_order_hold(laplace, self.period_s)
+
+    def sampled_response(self, laplace: Complex) -> Complex:
+        """Return K(z) of a sampled controller, without its hold, at each s [rad/s]; (n_freq,)."""
+        exponent = _clip_exponent(between_multiples(laplace, self.period_s) * self.period_s)
+        return self._at(np.exp(exponent))
+
+    def _at(self, points: Complex) -> Complex:
+        """Return C (p - A)^-1 B + D at points p of the plane; (n_freq,)."""
         size = len(self.dynamics)
         if not size:
-            return np.full(len(laplace), self.feedthrough[0, 0], complex)
-        resolvent = laplace[:, None, None] * np.eye(size) - self.dynamics
-        entry = np.broadcast_to(self.input_matrix.astype(complex), (len(laplace), size, 1))
+            return np.full(len(points), self.feedthrough[0, 0], complex)
+        resolvent = points[:, None, None] * np.eye(size) - self.dynamics
+        entry = np.broadcast_to(self.input_matrix.astype(complex), (len(points), size, 1))
         states = np.linalg.solve(resolvent, entry)
         response = self.output_matrix @ states + self.feedthrough
         return np.asarray(response[:, 0, 0], np.complex128)
+
+
+def poles_in_s(poles_z: Complex, period_s: float) -> Complex:
+    """Return poles log(z) / T of a system in discrete time [rad/s]; (n,).
+
+    Args:
+        poles_z: in z; those near 0, which forget at once, count as ``_MIN_POLE_Z``; (n,).
+        period_s: T [s].
+    """
+    size = np.maximum(np.abs(poles_z), _MIN_POLE_Z)
+    return np.asarray((np.log(size) + 1j * np.angle(poles_z)) / period_s, complex)
 
 
 @dataclass(frozen=True, eq=False)

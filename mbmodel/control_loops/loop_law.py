@@ -1,10 +1,17 @@
-"""The law K(s) exp(-s tau) of a control loop, and its states with Pade's fraction of the delay."""
+"""The law K(s) exp(-s tau) of a control loop, and its states with Pade's fraction of the delay.
+
+A sampled controller has the law K(z) h(s) exp(-s tau), h its zero-order hold. The images of a
+sampled signal at other frequencies are left out: they change the plant as the loop sees it by a
+part of the order (f T)^2. In states the controller is the continuous one of Tustin's rule,
+s = (2 / T) (z - 1) / (z + 1), and the hold a delay of T / 2.
+"""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from identification.words import Complex, Controller, Real
+from identification.words import Complex, Controller, Real, UsageError
 from mbmodel.export.delay_fraction import DelayFraction
 
 # A controller that integrates has no value at s = 0; there it is taken at this real s [rad/s], far
@@ -12,6 +19,8 @@ from mbmodel.export.delay_fraction import DelayFraction
 _LOWEST_RATE_RAD_S = 1e-6
 # Of exp(-s tau) far left in the plane, where searches of poles may pass: no pole lies beyond.
 _MAX_EXPONENT = 300.0
+# Of A + 1 of a sampled controller: beyond it a pole lies at z = -1.
+_MAX_RAISED_CONDITION = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +44,47 @@ class LoopLaw:
         growth = np.minimum(exponent.real, _MAX_EXPONENT) + 1j * exponent.imag
         return np.asarray(gain * np.exp(growth), np.complex128)
 
+    @property
+    def states_delay_s(self) -> float:
+        """Delay of the states, with that of the hold [s]."""
+        return self.delay_s + self.controller.period_s / 2
+
+
+def continuous_equivalent(controller: Controller) -> Controller:
+    """Return the continuous controller that Tustin's rule makes of a sampled one.
+
+    With z = (1 + x) / (1 - x), x = s T / 2, and M = (A + 1)^-1 (A - 1),
+
+        C (z - A)^-1 B + D = D - C (A + 1)^-1 B + 2 C (A + 1)^-2 (x - M)^-1 B
+
+    Raises:
+        UsageError: a pole at z = -1, which has no continuous counterpart.
+    """
+    if not controller.period_s:
+        return controller
+    raised = controller.dynamics + np.eye(len(controller.dynamics))
+    if len(raised) and np.linalg.cond(raised) > _MAX_RAISED_CONDITION:
+        raise UsageError(
+            "the sampled controller has a pole at z = -1, which has no continuous counterpart: "
+            "filter it below half of the sampling rate"
+        )
+    rate, unit = 2 / controller.period_s, np.eye(len(raised))
+    inverse: Real = np.asarray(np.linalg.inv(raised), np.float64)
+    entry: Real = inverse @ controller.input_matrix
+    return Controller(
+        rate * inverse @ (controller.dynamics - unit),
+        entry,
+        2 * rate * controller.output_matrix @ inverse,
+        controller.feedthrough - controller.output_matrix @ entry,
+    )
+
 
 @dataclass(frozen=True, eq=False)
 class LoopFraction:
     """A loop's law with Pade's fraction in place of its delay, in states: it ``HasStates``.
 
-    The controller x' = A x + B y, v = C x + D y is followed by the fraction 1 + f(s).
+    The controller x' = A x + B y, v = C x + D y is followed by the fraction 1 + f(s). It is the
+    continuous equivalent of a sampled one.
 
     Args:
         law: of the loop.
@@ -58,7 +102,7 @@ class LoopFraction:
     @property
     def constant(self) -> float:
         """Value at infinite frequency."""
-        through = float(self.law.controller.feedthrough[0, 0])
+        through = float(self._controller.feedthrough[0, 0])
         return through * (1.0 + self._delay.constant) if self.delay_order else through
 
     @property
@@ -68,7 +112,7 @@ class LoopFraction:
 
     def at(self, laplace: Complex) -> Complex:
         """Return it at each s; (n_freq,)."""
-        gain = self.law.controller.response(laplace)
+        gain = self._controller.response(laplace)
         return gain * (1.0 + self._delay.at(laplace)) if self.delay_order else gain
 
     def states(self) -> tuple[Real, Real, Real]:
@@ -77,7 +121,7 @@ class LoopFraction:
         Returns:
             (order, order), (order,), (order,).
         """
-        controller = self.law.controller
+        controller = self._controller
         matrices = controller.dynamics, controller.input_matrix, controller.output_matrix
         a, b, c = matrices[0], matrices[1][:, 0], matrices[2][0]
         if not self.delay_order:
@@ -94,4 +138,9 @@ class LoopFraction:
     @property
     def _delay(self) -> DelayFraction:
         """Pade's fraction, minus 1."""
-        return DelayFraction(self.law.delay_s, self.delay_order)
+        return DelayFraction(self.law.states_delay_s, self.delay_order)
+
+    @cached_property
+    def _controller(self) -> Controller:
+        """The controller in continuous time."""
+        return continuous_equivalent(self.law.controller)

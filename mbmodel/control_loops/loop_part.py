@@ -12,6 +12,7 @@ adds to the dynamic stiffness of the machine the term of rank one
 
 Where the floor moves, its share L U a / s^2 of the reading is a further force on the machine.
 The Part has no parameters. Its ports follow T, and so do the derivatives by all other parameters.
+The law of a sampled controller is the part at the frequency itself (``loop_law``).
 Sensors and forces of a loop are those of the drawing: tolerances of sensors and hammer act on the
 recorded channels alone.
 """
@@ -22,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.words import Loop, Real, UsageError
-from mbmodel.control_loops.loop_law import LoopLaw
+from mbmodel.control_loops.loop_law import LoopLaw, continuous_equivalent
 from mbmodel.frf.ports import find_ports
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import NotInMjcf
@@ -104,10 +105,15 @@ def with_loops(machine: Machine, loops: Sequence[Loop]) -> Machine:
         loops: with ports of the machine, by distinct names.
 
     Raises:
-        UsageError: a port that the machine does not have, or a reading of forces or weight.
+        UsageError: a port that the machine does not have, a reading of forces or weight, or a
+            sampled controller with a pole at z = -1.
     """
     variants = {name: with_loops(each, loops) for name, each in machine.variants.items()}
     closed = replace(machine, loops=tuple(loops), variants=variants)
     for part in loop_parts(closed):
+        try:
+            continuous_equivalent(part.loop.controller)
+        except UsageError as error:
+            raise UsageError(f"loop {part.loop.name!r}: {error}") from error
         part.changes(np.zeros(0), PartContext(closed))
     return closed

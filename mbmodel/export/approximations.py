@@ -16,18 +16,18 @@ error has a floor that grows with the band, whatever the order. Any other law is
 stable poles (``vector_fitting``) that do not grow outside the band, or by such branches.
 
 The controller of a control loop is rational: its states hold it exactly, beside the fraction of its
-delay.
+delay. A sampled one is the continuous one of Tustin's rule, with the delay of its hold.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.optimize
 
 from identification.words import Complex, Integers, Real
 from mbmodel.control_loops.loop_law import LoopFraction, LoopLaw
 from mbmodel.export.delay_fraction import DelayFraction
+from mbmodel.export.maxwell_branches import fit_maxwell_branches
 from mbmodel.export.rational_function import HasStates, RationalFunction
 from mbmodel.export.vector_fitting import fit_poles_and_residues
 from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation
@@ -40,7 +40,6 @@ _MAX_FITTED_ORDER = 24  # of any other law
 _MAX_BRANCHES = 24  # of a constant loss: six a decade over four decades
 # Share by which the error of a constant loss may exceed the floor that no order goes below.
 _FLOOR_MARGIN = 0.02
-_OUTER_CORNERS = 4.0  # corner frequencies reach beyond the band by this factor
 # Range beyond both ends of the band in which a fit may be so many times larger than the law.
 _OUTER_RANGE, _OUTER_LINES, _MAX_GROWTH = 100.0, 400, 5.0
 _MAX_FITTED_LINES = 400  # lines of a fit; more change nothing
@@ -51,7 +50,7 @@ class Approximation:
     """A rational function in place of a law f(s).
 
     Args:
-        kind: ``exact``, ``pade``, ``maxwell branches`` or ``fitted poles``.
+        kind: ``exact``, ``pade``, ``tustin``, ``maxwell branches`` or ``fitted poles``.
         function: r(s).
         max_error: largest |r - f| in the band over the largest |f| there.
         rms_error: root mean square of it over the lines.
@@ -155,15 +154,15 @@ def _controller_states(law: LoopLaw, freq_hz: Real) -> Approximation:
 
     The order is that of the delay alone, since K may be far larger at some lines than at others.
     """
-    if not law.delay_s:
+    delay_s = law.states_delay_s
+    if not delay_s:
         return _measure("exact", LoopFraction(law, 0), law, freq_hz)
     delay = _smallest_order(
-        lambda order: _measure(
-            "pade", DelayFraction(law.delay_s, order), LateForce(law.delay_s), freq_hz
-        ),
+        lambda order: _measure("pade", DelayFraction(delay_s, order), LateForce(delay_s), freq_hz),
         _MAX_PADE_ORDER,
     )
-    return _measure("pade", LoopFraction(law, delay.function.order), law, freq_hz)
+    kind = "tustin" if law.controller.period_s else "pade"
+    return _measure(kind, LoopFraction(law, delay.function.order), law, freq_hz)
 
 
 def _smallest_order(build: Callable[[int], Approximation], largest: int) -> Approximation:
@@ -215,7 +214,7 @@ def _fewest_branches(
     fits = [
         _measure(
             "maxwell branches",
-            _maxwell_branches(laplace, values, weights[lines], branches, lowest_constant),
+            fit_maxwell_branches(laplace, values, weights[lines], branches, lowest_constant),
             shape,
             freq_hz,
             is_passive=True,
@@ -225,38 +224,3 @@ def _fewest_branches(
     ]
     floor = min(fit.weighted_error for fit in fits)
     return next(fit for fit in fits if fit.weighted_error <= (1 + _FLOOR_MARGIN) * floor)
-
-
-def _maxwell_branches(
-    laplace: Complex, values: Complex, weights: Real, branches: int, lowest_constant: float
-) -> RationalFunction:
-    """Fit a law by a spring, and Maxwell branches and a damper of positive size.
-
-    The spring may be negative, down to a bound. Non-negative least squares (Lawson and Hanson
-    1974): without a bound it is the difference of two springs, with one it counts from there.
-    """
-    omega = laplace.imag
-    corners = np.geomspace(omega[0] / _OUTER_CORNERS, omega[-1] * _OUTER_CORNERS, branches)
-    is_bounded = np.isfinite(lowest_constant)
-    start = lowest_constant if is_bounded else 0.0
-    columns = np.stack(
-        [
-            np.ones_like(laplace),
-            np.zeros_like(laplace) if is_bounded else -np.ones_like(laplace),
-            laplace / omega[-1],
-            *(laplace / (laplace + corner) for corner in corners),
-        ],
-        axis=1,
-    )
-    target = np.concatenate([values.real - start, values.imag])
-    rows = np.tile(weights / weights.max(), 2)
-    matrix = np.vstack([columns.real, columns.imag])
-    sizes, _ = scipy.optimize.nnls(rows[:, None] * matrix, rows * target)
-    used = sizes[3:] > 0
-    sum_of_branches = float(sizes[3:].sum())
-    return RationalFunction(
-        -corners[used] + 0j,
-        -(sizes[3:] * corners)[used] + 0j,
-        start + float(sizes[0] - sizes[1]) + sum_of_branches,
-        float(sizes[2] / omega[-1]),
-    )

@@ -51,7 +51,7 @@ def discretise(system: SystemMatrices, period_s: float, delays_s: Real) -> Sampl
     Raises:
         InputError: a delay of more than 10000 periods.
     """
-    lateness = [_split_delay(float(delay), period_s) for delay in delays_s]
+    lateness = [split_delay(float(delay), period_s) for delay in delays_s]
     whole = system.balance_units()
     memory = [periods + (fraction > 0) for periods, fraction in lateness]
     first = whole.order + np.cumsum([0, *memory])  # state of each input's last value
@@ -79,8 +79,12 @@ def discretise(system: SystemMatrices, period_s: float, delays_s: Real) -> Sampl
     return SampledSystem(held, period_s, tuple(names))
 
 
-def _split_delay(delay: float, period: float) -> tuple[int, float]:
-    """Return the whole periods of a delay, and the rest [s]."""
+def split_delay(delay: float, period: float) -> tuple[int, float]:
+    """Return the whole periods of a delay, and the rest [s].
+
+    Raises:
+        InputError: a delay of more than 10000 periods.
+    """
     if delay > _MAX_DELAY_PERIODS * period:
         raise InputError(
             f"a delay of {delay:g} s is more than {_MAX_DELAY_PERIODS} sampling periods of "

@@ -7,7 +7,7 @@ import numpy as np
 from identification.words import Loop
 from mbw.predict.named_arrays import write_named_arrays
 from tuning.control_loops.loop_gain_lines import single_loop_gains
-from tuning.control_loops.stability_margins import LoopMargins
+from tuning.control_loops.margin_values import LoopMargins
 from tuning.error_budget.loop_margins import PlantMargins
 
 MARGINS_NPZ, MARGINS_MAT = "margins.npz", "margins.mat"
@@ -30,6 +30,7 @@ def write_margins(margins: PlantMargins, loops: tuple[Loop, ...], folder: Path) 
         "freq_hz": nominal.freq_hz,
         "loop_gain": single_loop_gains(nominal.gains),
         "all_loops_gain": nominal.gains,
+        "periods": np.array([loop.controller.period_s for loop in loops]),
         **{
             name: np.array(
                 [[_value(loop, name) for loop in each.loops] for each in margins.samples]

@@ -16,7 +16,7 @@ from mbw.plant.margin_schema import (
     VariantLoopRow,
     VariantRow,
 )
-from tuning.control_loops.stability_margins import AllMargins, LoopMargins, Margin
+from tuning.control_loops.margin_values import AllMargins, LoopMargins, Margin
 from tuning.error_budget.loop_margins import PlantMargins
 from tuning.error_budget.reference_step import ReferenceStep
 from tuning.error_budget.robust_stability import RobustTest
@@ -57,6 +57,7 @@ def _loop_row(margins: PlantMargins, number: int, before: AllMargins | None) -> 
 
     return LoopMarginsRow(
         loop=margins.names[number],
+        period=margins.period_s or None,
         crossover=row(lambda each: each.crossover),
         bandwidth=row(lambda each: each.bandwidth),
         gain=row(lambda each: each.gain),

@@ -72,6 +72,7 @@ class LoopMarginsRow(BaseModel):
 
     Args:
         loop: name.
+        period: sampling period of its controller [s]; null for a continuous one.
         crossover: frequency above which |L| stays below one [Hz].
         bandwidth: frequency at which |S| first rises above 1 / sqrt(2) [Hz].
         gain: factor by which the gain may rise.
@@ -89,6 +90,7 @@ class LoopMarginsRow(BaseModel):
     """
 
     loop: str
+    period: Number | None
     crossover: MarginRow
     bandwidth: MarginRow
     gain: MarginRow

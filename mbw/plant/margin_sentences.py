@@ -61,7 +61,7 @@ def margin_lines(row: MarginsRow) -> list[str]:
     over = f", over {row.machines} machines of the posterior" if row.machines else ""
     lines = [f"stability margins{over}:"]
     for loop in row.loops:
-        lines.append(f"  loop {loop.loop}:")
+        lines.append(f"  loop {_loop_title(loop)}:")
         lines += [f"    {text}" for text in _loop_texts(loop)]
     if row.all_loops is not None:
         both = row.all_loops
@@ -87,6 +87,11 @@ def variant_text(row: VariantRow) -> str:
         texts.append(f"{loop.loop} {', '.join(shown)}")
     some = f"; unstable in {row.unstable_machines} machines of the posterior"
     return f"{row.variant}: {'; '.join(texts)}{some if row.unstable_machines else ''}"
+
+
+def _loop_title(loop: LoopMarginsRow) -> str:
+    """Return the name of a loop, with its sampling period."""
+    return loop.loop if loop.period is None else f"{loop.loop}, sampled every {loop.period:g} s"
 
 
 def _loop_texts(loop: LoopMarginsRow) -> list[str]:
@@ -134,7 +139,7 @@ def robust_sentence(test: RobustTestRow) -> str:
 def margin_table(row: MarginsRow) -> str:
     """Return HTML of the table of margins: a row per loop."""
     head = "".join(f"<th>{shown.name}</th>" for shown in _SHOWN_MARGINS)
-    body = [_table_row(loop.loop, _cells(loop), loop.robust) for loop in row.loops]
+    body = [_table_row(_loop_title(loop), _cells(loop), loop.robust) for loop in row.loops]
     if row.all_loops is not None:
         cells = [*["-"] * (len(_SHOWN_MARGINS) - 1), _cell(row.all_loops.modulus, _MODULUS)]
         body.append(_table_row(ALL_LOOPS, cells, row.all_loops.robust))

@@ -27,6 +27,7 @@ from tuning.error_budget.machine_files import (
 )
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
+from tuning.error_budget.sampling_images import image_sentences
 from tuning.files.result import TUNED_MJCF
 from tuning.variant_model import VariantModel
 
@@ -190,6 +191,7 @@ def _compute_budget(
     unstable = [each.sentence(names_of_loops) for each in plant.variant_margins]
     remarks = [
         *definition.remarks,
+        *image_sentences(plant.budget),
         *(f"{text[:1].upper()}{text[1:]}." for text in unstable if text),
     ]
     if plant.before_failure and before is not None:
@@ -200,13 +202,6 @@ def _compute_budget(
     units = [definition.units[error.name][1] for error in row.errors]
     sentences = cause_sentences(row, units, causes) if causes else []
     return BudgetResult(plant, row, names, tuple(sentences))
-
-
-def _unstable_variants(plant: PlantBudget) -> list[str]:
-    """Return a sentence on each model or pose of a test in which the loops are unstable."""
-    loops = ", ".join(loop.name for loop in plant.budget.definition.loops)
-    sentences = (each.sentence(loops) for each in plant.variant_margins)
-    return [f"{text[:1].upper()}{text[1:]}." for text in sentences if text is not None]
 
 
 def _name_of(before: Path) -> str:

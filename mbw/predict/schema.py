@@ -124,7 +124,7 @@ class LawRow(BaseModel):
 
     Args:
         parameter: such as ``tilt_tx.loss_factor``; ``loop:ty`` for a control loop that is closed.
-        kind: ``exact``, ``pade``, ``maxwell branches`` or ``fitted poles``.
+        kind: ``exact``, ``pade``, ``tustin``, ``maxwell branches`` or ``fitted poles``.
         order: of the rational function.
         states: that it adds.
         max_error, rms_error: of the law over the lines of the band, relative to its largest

@@ -57,6 +57,11 @@ def _law_sentence(rows: Sequence[LawRow]) -> str:
     if row.kind == "exact":
         return f"{names}: exact, with {states}"
     passive = ", passive" if row.is_passive else ""
+    if row.kind == "tustin":
+        return (
+            f"{names}: sampled controller by Tustin's rule with the delay of its hold ({states}), "
+            f"error at most {format_percent(row.max_error)}"
+        )
     if row.max_error_of_stiffness is None:
         return (
             f"{names}: controller with {_KINDS[row.kind]} of its delay ({states}), error at most "

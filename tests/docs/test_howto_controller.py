@@ -15,7 +15,7 @@ def test_the_page_prints_what_it_says(monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     names = {}
     blocks = BLOCK.findall(PAGE.read_text(encoding="utf-8"))
-    assert [kind for kind, _ in blocks].count("text") == 4
+    assert [kind for kind, _ in blocks].count("text") == 5
     for kind, content in blocks:
         if kind == "python":
             exec(compile(content, PAGE.name, "exec"), names)

@@ -198,14 +198,43 @@ def test_a_spectrum_that_ends_within_the_band_is_remarked(tmp_path, machine):
     assert remark.startswith("The spectrum of floor covers 1 to 30 Hz of the band from 2 to 45 Hz")
 
 
-def test_controllers_that_are_discrete_or_wide_are_refused(tmp_path):
-    with pytest.raises(UsageError, match=r"discrete, with a step of 0\.001"):
-        controller_from_system(control.tf([1], [1, 0.5], 0.001))
+def test_sampled_controllers_are_read_with_their_period(tmp_path):
+    s, period = 2j * np.pi * np.array([0.3, 20.0, 240.0, 1000.0]), 1e-3
+    z = np.exp(s * period)
+    held = -np.expm1(-s * period) / (s * period)
+    expected = 5.0 * (z - 0.9) / ((z - 0.5) * (z - 0.999)) * held
+    law = control.zpk([0.9], [0.5, 0.999], 5.0, dt=period)
+    matrices = control.ss(law)
+    numerator, denominator = 5.0 * np.poly([0.9]), np.poly([0.5, 0.999])
+    for name, arrays in (
+        ("abcd", {"A": matrices.A, "B": matrices.B, "C": matrices.C, "D": matrices.D}),
+        ("fraction", {"num": numerator, "den": denominator}),
+        ("roots", {"zeros": [0.9], "poles": [0.5, 0.999], "gain": 5.0}),
+    ):
+        scipy.io.savemat(tmp_path / f"{name}.mat", {**arrays, "Ts": period})
+        read = read_controller(tmp_path / f"{name}.mat")
+        assert read.period_s == period
+        assert read.response(s[:3]) == pytest.approx(expected[:3], rel=1e-9)
+    for system in (law, control.tf(law), matrices):
+        read = controller_from_system(system)
+        assert read.response(s[:3]) == pytest.approx(expected[:3], rel=1e-9)
+    # the integrator's part at the sampling rate: its pole and the zero of the hold cancel there
+    integrator = controller_from_system(control.tf([1], [1, -1], period))
+    limit = 1 / (2j * np.pi)  # h(s) / (z - 1) = 1 / (s T z) at s T = 2 pi i
+    assert integrator.response(s[3:]) == pytest.approx(limit, rel=1e-6)
+
+
+def test_controllers_that_are_discrete_without_a_period_or_wide_are_refused(tmp_path):
+    with pytest.raises(UsageError, match="discrete with the step True: give its sampling period"):
+        controller_from_system(control.tf([1], [1, 0.5], True))
     with pytest.raises(UsageError, match="2 x 2 channels"):
         controller_from_system(control.ss([], [], [], np.eye(2)))
-    scipy.io.savemat(tmp_path / "x.mat", {"num": 1.0, "den": 1.0, "Ts": 0.001})
-    with pytest.raises(InputError, match="discrete"):
-        read_controller(tmp_path / "x.mat")
+    for step in (-1.0, 20.0):
+        scipy.io.savemat(tmp_path / "x.mat", {"num": 1.0, "den": 1.0, "Ts": step})
+        with pytest.raises(InputError, match=rf"Ts = {step:g} s is no sampling period"):
+            read_controller(tmp_path / "x.mat")
+    with pytest.raises(ValueError, match="2 zeros and 1 poles: add poles at 0 for its delay"):
+        controller_from_roots([0.1, 0.2], [0.3], 1.0, 1e-3)
     scipy.io.savemat(tmp_path / "y.mat", {"K": 1.0})
     with pytest.raises(InputError, match="holds no controller"):
         read_controller(tmp_path / "y.mat")

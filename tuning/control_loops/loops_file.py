@@ -17,7 +17,10 @@ LOOPS_JSON = "loops.json"
 
 
 class LoopRow(BaseModel):
-    """A control loop u = -K exp(-s tau) y; the controller K by its state space."""
+    """A control loop u = -K exp(-s tau) y; the controller K by its state space.
+
+    ``period`` is its sampling period [s], 0 for a continuous one.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
@@ -33,6 +36,7 @@ class LoopRow(BaseModel):
     B: list[list[float]]
     C: list[list[float]]
     D: list[list[float]]
+    period: float = 0.0
 
 
 class LoopsFile(BaseModel):
@@ -146,6 +150,7 @@ def _loop_row(loop: Loop) -> LoopRow:
         B=controller.input_matrix.tolist(),
         C=controller.output_matrix.tolist(),
         D=controller.feedthrough.tolist(),
+        period=controller.period_s,
     )
 
 
@@ -157,6 +162,7 @@ def _loop_of_row(row: LoopRow, names: Sequence[str]) -> Loop:
         np.array(row.B).reshape(size, 1),
         np.array(row.C).reshape(1, size),
         np.array(row.D),
+        row.period,
     )
     ports = [parse_port(text, names) for text in row.outputs]
     terms = tuple(zip(ports, row.weights, strict=True))

@@ -73,7 +73,9 @@ def _controller(path: Path, key: str, table: LoopTable) -> Controller:
     if isinstance(roots, str):
         return read_controller(path.parent / roots)
     try:
-        return controller_from_roots(as_roots(roots.zeros), as_roots(roots.poles), roots.gain)
+        return controller_from_roots(
+            as_roots(roots.zeros), as_roots(roots.poles), roots.gain, roots.period or 0.0
+        )
     except ValueError as error:
         raise InputError(f"{path}: {key}.controller: {error}") from error
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.words import Complex, Controller, InputError, Loop, Real
+from identification.words import Complex, InputError, Loop, Real
 from mbmodel import Machine, Model, as_drawn, closed_loop_dynamics, with_loops
 
 # A pole grows if its real part exceeds this part of its size; rounding leaves that of free bodies,
@@ -133,9 +133,7 @@ def _hint(machine: Machine) -> str:
 def _turn_sign(loop: Loop) -> Loop:
     """Return a loop with the opposite sign of its gain."""
     known = loop.controller
-    turned = Controller(
-        known.dynamics, known.input_matrix, -known.output_matrix, -known.feedthrough
-    )
+    turned = replace(known, output_matrix=-known.output_matrix, feedthrough=-known.feedthrough)
     return replace(loop, controller=turned)
 
 

@@ -12,6 +12,8 @@ loops, L is that of one loop with all others closed, L = 1 / S_ll - 1, S = (1 + 
 (Skogestad and Postlethwaite 2005, ch. 2.4). A stable loop stays stable when its gain or phase
 changes by less, and any plant whose L moves by less than the modulus margin is stable too.
 
+The gain of a sampled loop ends at half of the sampling rate, where it is real.
+
 Several loops that change at once have the modulus margin 1 / max sigma(D S D^-1), whose diagonal D
 takes out the units of the signals (``scaled_singular_values``).
 """
@@ -33,97 +35,26 @@ from tuning.control_loops.loop_gain_lines import (
     single_loop_gains,
     zoom_in,
 )
+from tuning.control_loops.margin_values import AllMargins, LoopMargins, Margin
 from tuning.control_loops.scaled_singular_values import scaled_singular_values, singular_values
 
-# A loop gain whose lowest line is real and negative crosses the axis at 0 Hz: within this angle
+# A loop gain whose first line is real and negative crosses the axis at 0 Hz: within this angle
 # [rad], and if it is neither that of an integrator nor nothing.
 _REAL_ANGLE_RAD, _STATIC_SIZES = 0.02, (1e-3, 1e3)
 
 _BANDWIDTH_SIZE = float(np.sqrt(0.5))  # of S: -3 dB
-
-
-@dataclass(frozen=True)
-class Margin:
-    """A margin and its frequency.
-
-    Args:
-        value: infinite (or 0, of a gain reduction) where no change of this kind is critical; of
-            gains up to a factor of 1000.
-        freq_hz: at which it is taken [Hz]; not a number without one.
-    """
-
-    value: float
-    freq_hz: float = float("nan")
-
-    @property
-    def is_finite(self) -> bool:
-        """Whether a change of this kind is critical."""
-        return bool(np.isfinite(self.value) and np.isfinite(self.freq_hz))
-
-
 _NO_LIMIT = Margin(float("inf"))
 
 
-@dataclass(frozen=True, eq=False)
-class LoopMargins:
-    """Margins of one loop, all others closed.
-
-    Args:
-        crossover: frequency above which |L| stays below one [Hz]; its value is the frequency.
-        bandwidth: lowest frequency at which |S| rises above 1 / sqrt(2) [Hz], likewise.
-        gain: factor above one by which the gain may rise.
-        reduction: factor below one to which it may fall; 0 if it may vanish.
-        phase: [deg]; negative where phase lead is critical.
-        delay: that may be added [s].
-        modulus: smallest distance of L from -1.
-        gain_crossovers: frequencies with |L| = 1 [Hz], and phase margins there [deg]; (n, 2).
-        phase_crossovers: frequencies with L real and negative [Hz], and 1 / |L| there; (n, 2).
-    """
-
-    crossover: Margin
-    bandwidth: Margin
-    gain: Margin
-    reduction: Margin
-    phase: Margin
-    delay: Margin
-    modulus: Margin
-    gain_crossovers: Real
-    phase_crossovers: Real
-
-    def __repr__(self) -> str:
-        """Return the margins in one line."""
-        return (
-            f"gain {self.gain.value:.3g}, phase {self.phase.value:.3g} deg, delay "
-            f"{self.delay.value:.3g} s, modulus {self.modulus.value:.3g} (|S| at most "
-            f"{1 / self.modulus.value:.3g}), crossover {self.crossover.value:.4g} Hz"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class AllMargins:
-    """Margins of each loop, and of all at once.
-
-    Args:
-        loops: of each loop; n_loop.
-        modulus: of all loops at once, their units scaled out.
-        singular: 1 / max sigma(S) in SI units of the signals.
-        freq_hz: lines that follow the loop gains [Hz]; (n_freq,).
-        gains: GK there; (n_freq, n_loop, n_loop).
-    """
-
-    loops: tuple[LoopMargins, ...]
-    modulus: Margin
-    singular: Margin
-    freq_hz: Real
-    gains: Complex
-
-
-def stability_margins(gain_of: LoopGainOf, freq_hz: Real) -> AllMargins:
+def stability_margins(
+    gain_of: LoopGainOf, freq_hz: Real, *, is_sampled: bool = False
+) -> AllMargins:
     """Return the margins of closed loops that are stable.
 
     Args:
         gain_of: GK at any lines [Hz]; (n_freq, n_loop, n_loop).
         freq_hz: lines to begin with, from far below to far above all crossings [Hz].
+        is_sampled: whether the last line is half of the sampling rate.
     """
     freq, gains = follow_loop_gain(gain_of, freq_hz)
     count = gains.shape[-1]
@@ -140,7 +71,8 @@ def stability_margins(gain_of: LoopGainOf, freq_hz: Real) -> AllMargins:
             start += len(kind)
             parts.append((places[span], single_loop_gains(reached[span])[:, number]))
         lowest, highest = (single_loop_gains(gains[[k]])[0, number] for k in (0, -1))
-        loops.append(_margins_of_loop(parts, (complex(lowest), complex(highest)), freq[-1]))
+        last = _LastLine(complex(highest), float(freq[-1]), is_sampled)
+        loops.append(_margins_of_loop(parts, complex(lowest), last))
     if count == 1:
         return AllMargins(tuple(loops), loops[0].modulus, loops[0].modulus, freq, gains)
     scaled, singular = (
@@ -192,15 +124,24 @@ def _searches_of_loop(freq: Real, gains: Complex, number: int) -> tuple[list[Lin
     )
 
 
+@dataclass(frozen=True)
+class _LastLine:
+    """Loop gain at the highest line [Hz], and whether that is half of the sampling rate."""
+
+    gain: complex
+    freq_hz: float
+    is_sampled: bool
+
+
 def _margins_of_loop(
-    parts: Sequence[tuple[Real, Complex]], ends: tuple[complex, complex], highest_hz: float
+    parts: Sequence[tuple[Real, Complex]], lowest: complex, last: _LastLine
 ) -> LoopMargins:
     """Return the margins of one loop, all others closed.
 
     Args:
         parts: frequencies [Hz] and loop gains of each kind of ``_searches_of_loop``.
-        ends: loop gain at the lowest and at the highest line.
-        highest_hz: highest line [Hz].
+        lowest: loop gain at the lowest line.
+        last: that at the highest line.
     """
     falling, rising, real_axis, bandwidth, peak = parts
     unity = np.concatenate([falling[0], rising[0]])
@@ -208,13 +149,15 @@ def _margins_of_loop(
     unity = unity[order]
     angles = np.angle(-np.concatenate([falling[1], rising[1]])[order])
     real, inverse = real_axis[0], 1 / np.abs(real_axis[1])
+    ends = [(0.0, lowest), *([(last.freq_hz, last.gain)] if last.is_sampled else [])]
     smallest, largest = _STATIC_SIZES
-    if abs(np.angle(-ends[0])) < _REAL_ANGLE_RAD and smallest < abs(ends[0]) < largest:
-        real, inverse = np.append(0.0, real), np.append(1 / abs(ends[0]), inverse)
+    for freq, gain in ends:
+        if abs(np.angle(-gain)) < _REAL_ANGLE_RAD and smallest < abs(gain) < largest:
+            real, inverse = np.append(real, freq), np.append(inverse, 1 / abs(gain))
     delays = np.mod(angles, 2 * np.pi) / (2 * np.pi * unity)
     delay = _smallest(delays, unity, delays)
-    if abs(ends[1]) > 1:  # never below one: any further delay turns L around -1 somewhere
-        delay = Margin(0.0, highest_hz)
+    if abs(last.gain) > 1:  # never below one: any further delay turns L around -1 somewhere
+        delay = Margin(0.0, last.freq_hz)
     is_below = inverse < 1
     return LoopMargins(
         crossover=_smallest(falling[0], falling[0], -falling[0]),

@@ -10,21 +10,19 @@ upwards; its steps name the modes. Every share adds up: of sources (with the cro
 correlated ones), of modes, Re conj(E) E_r, and of joints, whose motions add up to the error.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from identification.words import Complex, InputError, Real
 from mbmodel import Evaluator, FrfRequest, Linearised, Model
-from tuning.error_budget.closed_loop_states import (
-    LoopStates,
-    loop_states,
-    refuse_unstable,
-)
+from tuning.error_budget.closed_loop_states import loop_states, refuse_unstable
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.frequency_grid import integration_lines, trapezoid_weights
+from tuning.error_budget.joined_states import LoopStates
 from tuning.error_budget.loop_algebra import LoopResponse, PortMap, close_loops, map_ports
+from tuning.error_budget.sampled_loops import LoopAliases
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,26 +127,31 @@ class ErrorBudget:
         """Poles that oscillate or decay, and the share of each; (n_pole,), (n_error, n_pole + 1).
 
         A pair of conjugate poles is one, by that of positive frequency. The last share is that of
-        no mode: of the floor's motion itself, and of laws that the state space approximates.
+        no mode: of the floor's motion itself, and of laws that the state space approximates. The
+        modes are those with the loops closed; with sampled loops those of the machine itself,
+        which the disturbances and the held controls drive.
         """
-        poles, readout, drive = self.states.modal_terms()
+        states, is_sampled = self.states, self.states.period_s > 0
+        if is_sampled:
+            definition = replace(self.definition, loops=())
+            states = loop_states(
+                self.linearised.model, self.linearised.theta, definition, self.ports
+            )
+        poles, readout, drive = states.modal_terms()
         s = 2j * np.pi * self.freq_hz
         inputs = len(self.ports.inputs)
         disturbances = self.ports.disturbances
         shares = np.zeros((len(self.rms), len(poles)))
         weighted = self._weigh_by_errors()
-        gain = drive[:, :inputs] @ disturbances
+        direct = drive[:, :inputs]
         rate_gain = drive[:, inputs : 2 * inputs] @ disturbances
         position_gain = drive[:, 2 * inputs : 3 * inputs] @ disturbances
-        noise_gain = drive[:, 3 * inputs :] @ self.ports.noise
-        factors = (np.ones(len(s)), 1 / s, 1 / s**2)
+        gain = direct @ disturbances + (
+            0.0 if is_sampled else drive[:, 3 * inputs :] @ self.ports.noise
+        )
         for k, pole in enumerate(poles):
-            term = sum(
-                factor[:, None] * row[k]
-                for factor, row in zip(
-                    factors, (gain + noise_gain, rate_gain, position_gain), strict=True
-                )
-            )
+            term = rate_gain[k] / s[:, None] + position_gain[k] / s[:, None] ** 2
+            term = term + (direct[k] @ self.response.right if is_sampled else gain[k])
             term = term * self.weights / (s - pole)[:, None]
             shares[:, k] = np.einsum("z,fs,fzs->z", readout[:, k], term, weighted).real
         kept = poles.imag >= 0
@@ -198,7 +201,8 @@ def budget_on_lines(
     ports = map_ports(definition)
     request = FrfRequest(freq, ports.outputs, ports.inputs, "receptance")
     linearised = Evaluator(model, request).at(theta)
-    response = close_loops(definition, ports, linearised.values, request.laplace)
+    aliases = LoopAliases.of(model, theta, definition, ports).at(request.laplace)
+    response = close_loops(definition, ports, linearised.values, request.laplace, aliases)
     budget = ErrorBudget(definition, linearised, ports, states, response, weights, count)
     if not np.isfinite(budget.rms).all():
         raise InputError(

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from identification.readers.loop_toml import MIN_PERIOD_S
 from identification.words import Controller, UsageError
 
 
@@ -12,7 +13,8 @@ def controller_from_system(system: Any) -> Controller:
         system: state space or transfer function of one input and one output, or a number.
 
     Raises:
-        UsageError: it is no continuous linear system of one input and one output.
+        UsageError: it is no linear system of one input and one output, or sampled with a period
+            that is not known.
     """
     import control  # noqa: PLC0415  # with its matplotlib it would add 0.7 s to every start
 
@@ -31,9 +33,10 @@ def controller_from_system(system: Any) -> Controller:
             f"the controller has {converted.noutputs} x {converted.ninputs} channels: give each "
             "loop a controller with one input and one output"
         )
-    if converted.dt not in (0, None):
+    period = 0.0 if converted.dt is None else converted.dt
+    if period is True or not (period == 0 or MIN_PERIOD_S <= period <= 1):
         raise UsageError(
-            f"the controller is discrete, with a step of {converted.dt} s: give the continuous one "
-            "and state the delay of the loop"
+            f"the controller is discrete with the step {converted.dt}: give its sampling period as "
+            f"dt, from {MIN_PERIOD_S:g} s to 1 s"
         )
-    return Controller(converted.A, converted.B, converted.C, converted.D)
+    return Controller(converted.A, converted.B, converted.C, converted.D, float(period))

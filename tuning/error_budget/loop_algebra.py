@@ -7,7 +7,8 @@ and u = -K (y + n) the controls:
     L = C_z - G_zu T C_y,     dE = L dH R
 
 E is the error per source: (G_zd - G_zu T G_yd) for a disturbance and -G_zu T for noise, whose N
-selects the measurement. A change dH of the FRFs changes E by L dH R.
+selects the measurement. A change dH of the FRFs changes E by L dH R. Sampled loops add the images
+of the sampler to G_yu K (``sampled_loops``); L neglects how these change.
 """
 
 from dataclasses import dataclass
@@ -100,7 +101,7 @@ class LoopResponse:
 
 
 def controller_response(definition: BudgetDefinition, laplace: Complex) -> Complex:
-    """Return K(s) of each loop with its delay; (n_freq, n_loop)."""
+    """Return K(s) of each loop with its delay, and the hold of a sampled one; (n_freq, n_loop)."""
     columns = [
         loop.controller.response(laplace) * np.exp(-laplace * loop.delay)
         for loop in definition.loops
@@ -109,7 +110,11 @@ def controller_response(definition: BudgetDefinition, laplace: Complex) -> Compl
 
 
 def loop_gains(
-    definition: BudgetDefinition, ports: PortMap, frfs: Complex, laplace: Complex
+    definition: BudgetDefinition,
+    ports: PortMap,
+    frfs: Complex,
+    laplace: Complex,
+    aliases: Complex | float = 0.0,
 ) -> Complex:
     """Return the loop gains GK, G from the controls to what the loops measure.
 
@@ -118,12 +123,13 @@ def loop_gains(
         ports: labels of the FRFs.
         frfs: H, receptances or what sensors read; (n_freq, n_out, n_in).
         laplace: s of every line [rad/s]; (n_freq,).
+        aliases: images of sampled loops; (n_freq, n_loop, n_loop).
 
     Returns:
         (n_freq, n_loop, n_loop).
     """
     plants = measured_rows(definition, ports, laplace) @ (frfs @ ports.controls)
-    return np.asarray(plants * controller_response(definition, laplace)[:, None, :])
+    return np.asarray(plants * controller_response(definition, laplace)[:, None, :] + aliases)
 
 
 def measured_rows(definition: BudgetDefinition, ports: PortMap, laplace: Complex) -> Complex:
@@ -133,7 +139,11 @@ def measured_rows(definition: BudgetDefinition, ports: PortMap, laplace: Complex
 
 
 def close_loops(
-    definition: BudgetDefinition, ports: PortMap, frfs: Complex, laplace: Complex
+    definition: BudgetDefinition,
+    ports: PortMap,
+    frfs: Complex,
+    laplace: Complex,
+    aliases: Complex | float = 0.0,
 ) -> LoopResponse:
     """Return the errors per source with all loops closed.
 
@@ -142,11 +152,12 @@ def close_loops(
         ports: labels of the FRFs.
         frfs: H, receptances or what sensors read; (n_freq, n_out, n_in).
         laplace: s of every line [rad/s]; (n_freq,).
+        aliases: images of sampled loops; (n_freq, n_loop, n_loop).
     """
     measured, count = measured_rows(definition, ports, laplace), len(definition.loops)
     to_controls = frfs @ ports.controls
     gains = controller_response(definition, laplace)
-    return_difference = np.eye(count) + (measured @ to_controls) * gains[:, None, :]
+    return_difference = np.eye(count) + (measured @ to_controls) * gains[:, None, :] + aliases
     # T = K (1 + G K)^-1 solves T (1 + G K) = K, K diagonal.
     effort = np.linalg.solve(
         return_difference.transpose(0, 2, 1), gains[:, :, None] * np.eye(count)

@@ -8,8 +8,9 @@ import numpy as np
 from identification.words import Complex, Real
 from mbmodel import PosteriorOfModel
 from tuning.assessment.multiplicative_error import MultiplicativeError, held_out_loop_error
+from tuning.control_loops.margin_values import AllMargins
+from tuning.control_loops.sampling import sampling_period
 from tuning.control_loops.stability import growing_pole
-from tuning.control_loops.stability_margins import AllMargins
 from tuning.error_budget.loop_plant import LoopPlant
 from tuning.error_budget.reference_step import ReferenceStep, reference_steps
 from tuning.error_budget.robust_stability import RobustTest, floor_tests, held_out_tests
@@ -28,6 +29,7 @@ class PlantMargins:
         robust_at_once: tests of all loops at once.
         held_out: error of the plant of each loop; None where the tuning knows nothing of it.
         steps: response of each loop to a step of its reference; None without a crossover.
+        period_s: sampling period of the loops [s]; 0 if they are continuous.
     """
 
     names: tuple[str, ...]
@@ -37,6 +39,7 @@ class PlantMargins:
     robust_at_once: tuple[RobustTest, ...]
     held_out: tuple[MultiplicativeError | None, ...]
     steps: tuple[ReferenceStep | None, ...]
+    period_s: float
 
     def __repr__(self) -> str:
         """Return the margins of each loop in a line."""
@@ -85,6 +88,7 @@ def plant_margins(
         tuple(at_once),
         held_out,
         reference_steps(plant, theta, nominal),
+        sampling_period(loops),
     )
 
 

@@ -7,10 +7,13 @@ import numpy as np
 from identification.words import Complex, Loop, Real
 from mbmodel import Evaluator, FrfRequest, Linearised, Model
 from tuning.control_loops.loop_gain_lines import LoopGainOf, first_lines
-from tuning.control_loops.stability_margins import AllMargins, stability_margins
+from tuning.control_loops.margin_values import AllMargins
+from tuning.control_loops.sampling import sampling_period
+from tuning.control_loops.stability_margins import stability_margins
 from tuning.error_budget.closed_loop_states import loop_states
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_algebra import PortMap, loop_gains, map_ports
+from tuning.error_budget.sampled_loops import LoopAliases
 
 _RANGE = 10.0  # of lines below the slowest and above the fastest pole, and of the band
 _MIN_RELATIVE_POLE = 1e-7  # of the fastest pole: slower ones are poles at 0 Hz
@@ -59,13 +62,12 @@ class LoopPlant:
             open_poles: with all loops open, of a machine near this one [rad/s]; (n_pole,).
             closed_poles: with all loops closed [rad/s]; (n_pole,).
         """
-        controllers = [
-            np.linalg.eigvals(each.controller.dynamics) for each in self.definition.loops
-        ]
+        controllers = [loop.controller.poles for loop in self.definition.loops]
+        period = sampling_period(self.definition.loops)
         lines = _lines(
-            self.definition.band, np.concatenate([open_poles, *controllers, closed_poles])
+            self.definition.band, np.concatenate([open_poles, *controllers, closed_poles]), period
         )
-        return stability_margins(self.gain_at(theta), lines)
+        return stability_margins(self.gain_at(theta), lines, is_sampled=period > 0)
 
     def lines(self, theta: Real, freq_hz: Real) -> Linearised:
         """Return the FRFs at some parameters and lines."""
@@ -74,17 +76,26 @@ class LoopPlant:
 
     def gain_at(self, theta: Real) -> LoopGainOf:
         """Return the loop gains GK at some parameters as a function of frequency."""
+        definition, ports = self.definition, self.ports
+        aliases = LoopAliases.of(self.model, theta, definition, ports)
 
         def gain_of(freq_hz: Real) -> Complex:
             lines = self.lines(theta, freq_hz)
-            return loop_gains(self.definition, self.ports, lines.values, lines.request.laplace)
+            laplace = lines.request.laplace
+            return loop_gains(definition, ports, lines.values, laplace, aliases.at(laplace))
 
         return gain_of
 
 
-def _lines(band: tuple[float, float], poles: Complex) -> Real:
-    """Return lines to begin with, from far below to far above all poles and the band [Hz]."""
+def _lines(band: tuple[float, float], poles: Complex, period_s: float) -> Real:
+    """Return lines to begin with, from far below to far above all poles and the band [Hz].
+
+    Those of sampled loops end at half of the sampling rate.
+    """
     sizes = np.abs(poles) / (2 * np.pi)
     sizes = sizes[sizes > _MIN_RELATIVE_POLE * sizes.max(initial=0.0)]
     low = min(band[0], float(sizes.min(initial=band[0]))) / _RANGE
+    if period_s:
+        highest = 0.5 / period_s
+        return first_lines(min(low, highest / _RANGE), highest, poles)
     return first_lines(low, max(band[1], float(sizes.max(initial=0.0))) * _RANGE, poles)

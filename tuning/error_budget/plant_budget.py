@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.words import Complex, InputError, Real
 from mbmodel import Model, PosteriorOfModel, with_loops
-from tuning.control_loops.stability_margins import AllMargins
+from tuning.control_loops.margin_values import AllMargins
 from tuning.error_budget.budget import ErrorBudget, error_budget
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_margins import PlantMargins, plant_margins

@@ -10,6 +10,7 @@ from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 from tuning.error_budget.budget import ErrorBudget
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_algebra import close_loops, map_ports
+from tuning.error_budget.sampled_loops import LoopAliases
 
 _CURVE_LINES = 400  # evenly spaced in the logarithm of frequency
 # Distances from a resonance in half widths, at which there are further lines.
@@ -104,7 +105,8 @@ def _responses(model: Model, theta: Real, definition: BudgetDefinition, freq: Re
     ports = map_ports(definition)
     request = FrfRequest(freq, ports.outputs, ports.inputs, "receptance")
     frfs = Evaluator(model, request).at(theta).values
-    errors = close_loops(definition, ports, frfs, request.laplace).errors
+    aliases = LoopAliases.of(model, theta, definition, ports).at(request.laplace)
+    errors = close_loops(definition, ports, frfs, request.laplace, aliases).errors
     plants = np.einsum("lo,foi,il->fl", ports.measured, frfs, ports.controls, optimize=True)
     derivatives = np.array([loop.measured.derivative for loop in definition.loops], int)
     plants = plants * request.laplace[:, None] ** derivatives
@@ -117,7 +119,8 @@ def _discrepancy(model: Model, budget: ErrorBudget, freq: Real) -> Real:
     ports = map_ports(definition)
     request = FrfRequest(freq, ports.outputs, ports.inputs, "receptance")
     lines = Evaluator(model, request).at(budget.linearised.theta)
-    response = close_loops(definition, ports, lines.values, request.laplace)
+    aliases = LoopAliases.of(model, lines.theta, definition, ports).at(request.laplace)
+    response = close_loops(definition, ports, lines.values, request.laplace, aliases)
     errors = discrepancy_motion(lines, response.left, response.right)
     count = (len(freq), 1, 1)
     plants = discrepancy_motion(

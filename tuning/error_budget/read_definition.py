@@ -9,6 +9,7 @@ import numpy as np
 from identification.words import InputError, Loop, PortSum, UsageError
 from mbmodel import Machine, input_unit
 from tuning.control_loops.read_loops import read_input, read_loops, read_port_sum
+from tuning.control_loops.sampling import sampling_period
 from tuning.error_budget.budget_toml import (
     BudgetFile,
     CorrelationTable,
@@ -60,6 +61,7 @@ def read_definition(
             "is closed here, so that it would count twice: open that one, or rename this one"
         )
     loops = (*machine.loops, *read_loops(path, machine, file.loop, controllers))
+    sampling_period(loops)  # refuses loops of different periods
     sources = _sources(path, machine, file, loops)
     if not sources:
         raise InputError(f"{path} names no source: add [disturbance.NAME] or [noise.NAME]")

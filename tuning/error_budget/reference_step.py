@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from identification.words import Real
-from tuning.control_loops.stability_margins import AllMargins
+from identification.words import Real, poles_in_s
+from tuning.control_loops.margin_values import AllMargins
 from tuning.error_budget.closed_loop_states import loop_states
+from tuning.error_budget.joined_states import LoopStates
 from tuning.error_budget.loop_plant import LoopPlant
 
 # Time constants of the slowest pole that is seen, within periods of the crossover; steps in it.
@@ -73,9 +74,11 @@ def reference_steps(
         margins: of the loops there. A loop without a crossover follows no reference: None.
     """
     states = loop_states(plant.model, theta, plant.definition, plant.ports)
-    count, size = len(margins.loops), len(states.dynamics)
-    poles, vectors = np.linalg.eig(states.dynamics)
+    count, period = len(margins.loops), states.period_s
+    points, vectors = np.linalg.eig(states.dynamics)
+    poles = poles_in_s(points, period) if period else points
     is_moving = np.abs(poles) > _MIN_POLE_OF_A_STEP * np.abs(poles).max(initial=0.0)
+    static = 1 / (1 - points[is_moving]) if period else -1 / poles[is_moving]
     steps: list[ReferenceStep | None] = []
     for number, loop in enumerate(margins.loops):
         if not loop.crossover.is_finite:
@@ -84,22 +87,38 @@ def reference_steps(
         drive = -states.gain[:, -count + number]
         through = -float(states.noise_through[number, number])
         terms = (states.reading[number] @ vectors) * np.linalg.solve(vectors, drive.astype(complex))
-        shares = terms[is_moving] / poles[is_moving]
-        final = float(1.0 + through - shares.sum().real)
+        shares = terms[is_moving] * static
+        final = float(1.0 + through + shares.sum().real)
         is_slow = np.abs(shares) > _SETTLED_WITHIN * abs(final)
         slowest = float(np.abs(poles[is_moving].real[is_slow]).min(initial=np.inf))
         shortest, longest = (periods / loop.crossover.value for periods in _PERIODS_OF_CROSSOVER)
-        time = np.linspace(
-            0.0, float(np.clip(_TIME_CONSTANTS / slowest, shortest, longest)), _TIME_STEPS + 1
-        )
-        augmented = np.zeros((size + 1, size + 1))
-        augmented[:size, :size] = states.dynamics
-        augmented[:size, size] = drive
-        step = scipy.linalg.expm(augmented * time[1])
+        duration = float(np.clip(_TIME_CONSTANTS / slowest, shortest, longest))
+        time, step = _transition(states, drive, duration)
         reading = np.append(states.reading[number], through)
-        state, values = np.append(np.zeros(size), 1.0), np.empty(len(time))
+        state, values = np.append(np.zeros(len(drive)), 1.0), np.empty(len(time))
         for k in range(len(time)):
             values[k] = 1.0 + reading @ state
             state = step @ state
         steps.append(ReferenceStep(time, values, final))
     return tuple(steps)
+
+
+def _transition(states: LoopStates, drive: Real, duration: float) -> tuple[Real, Real]:
+    """Return instants [s] (n_time,) and the matrix from one to the next of a state and a constant.
+
+    Args:
+        states: of the loops.
+        drive: of the states by the constant; (n,).
+        duration: of the step, about [s].
+    """
+    size = len(drive)
+    augmented = np.zeros((size + 1, size + 1))
+    augmented[:size, :size], augmented[:size, size] = states.dynamics, drive
+    if not states.period_s:
+        time = np.linspace(0.0, duration, _TIME_STEPS + 1)
+        return time, scipy.linalg.expm(augmented * time[1])
+    augmented[size, size] = 1.0
+    periods = int(np.ceil(duration / states.period_s / _TIME_STEPS))
+    count = int(np.ceil(duration / states.period_s / periods))
+    instants: Real = np.arange(count + 1, dtype=np.float64)
+    return periods * states.period_s * instants, np.linalg.matrix_power(augmented, periods)

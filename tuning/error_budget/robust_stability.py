@@ -24,8 +24,8 @@ from identification.words import Real
 from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 from tuning.assessment.multiplicative_error import MultiplicativeError
 from tuning.control_loops.loop_gain_lines import sensitivity
+from tuning.control_loops.margin_values import AllMargins
 from tuning.control_loops.scaled_singular_values import scaled_singular_values
-from tuning.control_loops.stability_margins import AllMargins
 from tuning.error_budget.loop_algebra import controller_response, measured_rows
 from tuning.error_budget.loop_plant import LoopPlant
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from identification.words import Complex, InputError, Real, UsageError
 from mbmodel import PosteriorOfModel
+from tuning.control_loops.margin_values import AllMargins
 from tuning.control_loops.stability import growing_pole, instability_sentence
-from tuning.control_loops.stability_margins import AllMargins
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_plant import LoopPlant
 from tuning.variant_model import VariantModel
