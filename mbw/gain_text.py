@@ -6,6 +6,7 @@ from html import escape
 from identification.words import Campaign
 from tuning.files.schema import ChannelGainRow
 
+_MIN_SHOWN_DELAY_S = 1e-5  # half of the default tolerance
 _MAX_LISTED_GAINS = 12  # in a sentence of the terminal; pages and files list all
 
 
@@ -47,7 +48,7 @@ def gain_table(rows: Sequence[ChannelGainRow]) -> str:
         return ""
     body = "".join(
         f'<tr><td class="name">{escape(_label(row))}</td><td>{row.gain:.4g}</td>'
-        f"<td>{_end(row, 0)}</td><td>{_end(row, 1)}</td></tr>"
+        f"<td>{_end(row, 0)}</td><td>{_end(row, 1)}</td><td>{_delay(row)}</td></tr>"
         for row in rows
     )
     return (
@@ -55,7 +56,7 @@ def gain_table(rows: Sequence[ChannelGainRow]) -> str:
         "<em>H</em><sub>measured</sub> = gain <em>H</em>. The FRFs of this page are divided by "
         "the gains that were estimated before the fit.</p>"
         '<table><thead><tr><th class="name">channel</th><th>gain</th>'
-        f'<th colspan="2">95 % interval</th></tr></thead><tbody>{body}</tbody></table>'
+        f'<th colspan="2">95 % interval</th><th></th></tr></thead><tbody>{body}</tbody></table>'
     )
 
 
@@ -67,10 +68,18 @@ def _label(row: ChannelGainRow) -> str:
 
 
 def _value(row: ChannelGainRow) -> str:
-    """Return a gain with its interval."""
+    """Return a gain with its interval, and the delay of a drive."""
+    late = f", {_delay(row)}" if _delay(row) else ""
     if row.interval is None:
-        return f"{row.gain:.4g}"
-    return f"{row.gain:.4g} ({row.interval[0]:.4g} to {row.interval[1]:.4g})"
+        return f"{row.gain:.4g}{late}"
+    return f"{row.gain:.4g} ({row.interval[0]:.4g} to {row.interval[1]:.4g}){late}"
+
+
+def _delay(row: ChannelGainRow) -> str:
+    """Return how late a drive is; empty for a channel, or without a delay worth stating."""
+    if row.delay is None or abs(row.delay) < _MIN_SHOWN_DELAY_S:
+        return ""
+    return f"{'late' if row.delay > 0 else 'early'} by {1e3 * abs(row.delay):.3g} ms"
 
 
 def _end(row: ChannelGainRow, end: int) -> str:

@@ -61,22 +61,39 @@ def list_limits(summary: TunedFile) -> list[str]:
     return sentences
 
 
-def calibration_sentence(tolerance: float) -> str:
+def calibration_sentence(tolerance: float | None) -> str:
     """Return what absolute stiffness rests on: a wrong force scales it as it scales all masses.
 
     Args:
-        tolerance: relative tolerance of the force channel's gain; 0 if it does not vary.
+        tolerance: relative tolerance of the force channel's gain; 0 if it does not vary, None if
+            no force has a known gain.
     """
+    if tolerance is None:
+        return (
+            "Absolute stiffness and damping rest on the masses of the model, since no force has a "
+            "known gain; the tolerances of masses are in the intervals."
+        )
     text = "Absolute stiffness and damping rest on the calibration of the force channel"
     if not tolerance:
         return f"{text}, which the intervals take as exact."
     return f"{text}; its tolerance of {100 * tolerance:.2g} % is in the intervals."
 
 
-def gain_tolerance(summary: TunedFile) -> float:
-    """Return the largest tolerance of a force channel's gain that varied; 0 without one."""
-    gains = [row for row in summary.parameters if re.fullmatch(r"hammer\(.*\)\.gain", row.name)]
-    return max((row.prior or 0.0 for row in gains), default=0.0)
+def gain_tolerance(summary: TunedFile) -> float | None:
+    """Return the largest tolerance of a known gain of a force that varied, 0 if none varied.
+
+    None if all gains of forces are unknown.
+    """
+    gains = {
+        row.name: row.prior or 0.0
+        for row in summary.parameters
+        if re.fullmatch(r"hammer\(.*\)\.gain", row.name)
+    }
+    drives = (row.location.partition(":")[2] for row in summary.channel_gains if row.dof is None)
+    unknown = {f"hammer({name}).gain" for name in drives}
+    if gains and set(gains) <= unknown:
+        return None
+    return max((prior for name, prior in gains.items() if name not in unknown), default=0.0)
 
 
 def describe_not_in_mjcf(names: Sequence[str], list_file: str) -> str:

@@ -36,14 +36,9 @@ from tuning.misfit.misfit import Misfit
 from tuning.misfit.modal_misfit import modes_in_band, select_modes
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
-from tuning.session import (
-    Session,
-    build_toleranced_model,
-    open_campaign,
-    open_session,
-    rebuild_for_machine,
-)
+from tuning.session import Session, open_campaign, open_session
 from tuning.solvers.nlopt_solver import TUNING_ALGORITHM, Minimum
+from tuning.toleranced_model import build_toleranced_model, rebuild_for_machine
 
 __all__ = [
     "CHECKPOINT_FILE",

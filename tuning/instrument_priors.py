@@ -3,6 +3,7 @@
 from glob import escape
 
 from identification.readers.campaign_toml import CampaignSettings, port_key
+from identification.words import TOLERANCE_BOUND_SIGMA, Campaign
 
 
 def instrument_priors(settings: CampaignSettings) -> dict[str, float]:
@@ -26,3 +27,19 @@ def instrument_priors(settings: CampaignSettings) -> dict[str, float]:
             if deviation is not None:
                 priors[f"hammer({place}).{kind}"] = deviation
     return priors
+
+
+def drive_delay_ranges(settings: CampaignSettings, campaign: Campaign) -> dict[str, float]:
+    """Return the largest delay of each hammer or drive that its tolerance allows [s], by name.
+
+    Args:
+        settings: content of campaign.toml.
+        campaign: its tests.
+    """
+    stated = {port_key(name): hammer.delay_tolerance for name, hammer in settings.hammer.items()}
+    ranges = {}
+    for instrument in {test.condition.instrument for test in campaign.tests}:
+        deviation = stated.get(instrument)
+        deviation = campaign.tolerance.hammer_delay if deviation is None else deviation
+        ranges[instrument] = TOLERANCE_BOUND_SIGMA * deviation
+    return ranges

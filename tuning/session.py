@@ -9,32 +9,15 @@ from identification import correct_layout, read_campaign, read_settings, select_
 from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
-from identification.words import Campaign, Dof, InputError
-from mbmodel import (
-    ChannelPart,
-    HammerGainPart,
-    HammerPart,
-    Machine,
-    Model,
-    Part,
-    SensorPart,
-    as_drawn,
-    body_parts,
-    hammer_gain_parts,
-    hammer_parts,
-    joint_parts,
-    load_machine,
-    sensor_parts,
-    spring_parts,
-    with_variants,
-)
-from mbmodel.parts import ToleranceKind
+from identification.words import Campaign, InputError
+from mbmodel import Machine, Model, as_drawn, load_machine, with_variants
 from tuning.campaign_machine import close_loops, load_variants, refuse_unknown_ports
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
-from tuning.instrument_priors import instrument_priors
+from tuning.instrument_priors import drive_delay_ranges, instrument_priors
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
+from tuning.toleranced_model import build_toleranced_model
 from tuning.unknown_gains import divide_by_unknown_gains
 
 
@@ -53,6 +36,14 @@ class Session:
     model: Model
     campaign: Campaign
     parametrisation: Parametrisation
+
+    @property
+    def known_force_tolerance(self) -> float | None:
+        """Relative tolerance of known gains of forces; None if no force has one."""
+        instruments = {test.condition.instrument for test in self.campaign.tests}
+        if instruments <= set(self.campaign.unknown_gains.hammers):
+            return None
+        return self.campaign.tolerance.hammer_gain
 
 
 def open_session(
@@ -130,108 +121,6 @@ def _read_specification(path: Path) -> UserSpecification:
     )
 
 
-def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
-    """Return the model with everything that can vary as Parts.
-
-    The Parts are springs, bodies, joints, sensors, each direction of the hammer, and each force
-    channel or drive. Sensors that no test reads are left out.
-
-    Args:
-        machine: the nominal machine.
-        campaign: tests, which say which sensors are read and where the hammer hits.
-    """
-    read_points = {dof.point for test in campaign.tests for dof in test.estimate.frf.outputs}
-    directions = [dof for dof in campaign.outputs if isinstance(dof, Dof)]
-    unknown = campaign.unknown_gains
-    return Model(
-        machine,
-        (
-            *spring_parts(machine),
-            *body_parts(machine),
-            *joint_parts(machine),
-            *(
-                part
-                for part in sensor_parts(machine, directions, unknown.sensors)
-                if part.point.name in read_points
-            ),
-            *_other_channel_parts(machine, campaign),
-            *hammer_parts(machine, _forces_at_points(machine, campaign)),
-            *_force_channel_parts(campaign),
-        ),
-    )
-
-
-def _other_channel_parts(machine: Machine, campaign: Campaign) -> tuple[ChannelPart, ...]:
-    """Return the gain and delay of each channel that is no direction of a sensor."""
-    sensors, unknown = set(machine.layout.sensors), campaign.unknown_gains.sensors
-    return tuple(
-        ChannelPart(channel, "unknown_gain" if channel.point in unknown else "sensor_gain")
-        for channel in campaign.outputs
-        if channel.point not in sensors
-    )
-
-
-def _force_channel_parts(campaign: Campaign) -> tuple[HammerGainPart, ...]:
-    """Return the gain and delay of each hammer and drive.
-
-    Where only products of gains are seen, one hammer has the gain 1 by definition.
-    """
-    unknown = campaign.unknown_gains
-    with_nominal = {
-        gain.location.removeprefix("hammer:") for gain in unknown.nominal if gain.direction is None
-    }
-    parts: list[HammerGainPart] = []
-    for name in dict.fromkeys(test.condition.instrument for test in campaign.tests):
-        known: ToleranceKind = "exactly" if name in unknown.hammers else "hammer_gain"
-        parts += hammer_gain_parts([name], "unknown_gain" if name in with_nominal else known)
-    return tuple(parts)
-
-
-def _forces_at_points(machine: Machine, campaign: Campaign) -> tuple[Dof, ...]:
-    """Return the forces at points that the tests apply, whose place and direction can be off.
-
-    A torque is the same wherever it acts on a solid body, and a motor acts as the model says.
-    """
-    return tuple(
-        reference
-        for reference in campaign.inputs
-        if isinstance(reference, Dof)
-        and not reference.is_rotation
-        and reference.point in machine.layout.points
-    )
-
-
-def rebuild_for_machine(model: Model, machine: Machine) -> Model:
-    """Return a model with equal Parts for a machine with more coordinates and bodies.
-
-    Args:
-        model: model from ``build_toleranced_model``.
-        machine: machine that contains everything of the model's machine.
-    """
-    hit = tuple(part.dof for part in model.parts if isinstance(part, HammerPart))
-    turning = (
-        Dof.of(part.point.name, 3 + axis)
-        for part in model.parts
-        if isinstance(part, SensorPart)
-        for axis in part.rotations
-    )
-    unknown = [
-        part.point.name
-        for part in model.parts
-        if isinstance(part, SensorPart) and part.gain_known == "unknown_gain"
-    ]
-    parts: tuple[Part, ...] = (
-        *spring_parts(machine),
-        *body_parts(machine),
-        *joint_parts(machine),
-        *sensor_parts(machine, turning, unknown),
-        *hammer_parts(machine, hit),
-        *(part for part in model.parts if isinstance(part, HammerGainPart | ChannelPart)),
-    )
-    by_parameters = {part.parameters: part for part in parts}
-    return Model(machine, tuple(by_parameters[part.parameters] for part in model.parts))
-
-
 def open_campaign(
     path: Path, band: tuple[float, float] | None = None, machine: Machine | None = None
 ) -> tuple[Path, Machine, Campaign]:
@@ -269,4 +158,5 @@ def open_campaign(
         if entry.variant
     )
     chosen = replace(chosen, remarks=(*chosen.remarks, *of_machine, *loop_remarks, *of_tests))
-    return source, machine, divide_by_unknown_gains(machine, chosen)
+    ranges = drive_delay_ranges(settings, chosen)
+    return source, machine, divide_by_unknown_gains(machine, chosen, ranges)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.readers.toml_files import toml_key
 from identification.readers.units import (
     common_frf_units,
     force_label_factor,
@@ -47,18 +48,39 @@ class FrfUnits:
 
         An encoder or sensor goes by the unit of signals, else by the only one of motions.
         """
+        if self.reads_signal(output):
+            return self.motion[_SIGNAL]
         if isinstance(output, Signal) and not output.is_directed:
-            only = next(iter(self.motion.values())) if len(self.motion) == 1 else None
-            return self.motion.get(_SIGNAL, only)
+            return next(iter(self.motion.values())) if len(self.motion) == 1 else None
+        return self.motion.get(_ROTATION if output.is_rotation else _TRANSLATION)
+
+    def reads_signal(self, output: Output) -> bool:
+        """Return whether an output is in counts, volts or amperes.
+
+        Motions of points are so only where no unit of their kind is stated.
+        """
+        if isinstance(output, Signal) and not output.is_directed:
+            return _SIGNAL in self.motion
         kind = _ROTATION if output.is_rotation else _TRANSLATION
-        return self.motion.get(kind, self.motion.get(_SIGNAL))
+        return _SIGNAL in self.motion and kind not in self.motion
+
+    def drives_by_signal(self, reference: Input) -> bool:
+        """Return whether what drives at a reference is in counts, volts or amperes.
+
+        Forces and torques are so only where no unit of their kind is stated.
+        """
+        if isinstance(reference, Signal) and not reference.is_directed:
+            return _SIGNAL in self.drive
+        kind = _TORQUE if reference.is_rotation else _FORCE
+        return _SIGNAL in self.drive and kind not in self.drive
 
     def drive_factor(self, reference: Input) -> float | None:
         """Return the factor of what drives at a reference, or None if no unit states it."""
+        if self.drives_by_signal(reference):
+            return self.drive[_SIGNAL]
         if isinstance(reference, Signal) and not reference.is_directed:
-            return self.drive.get(_SIGNAL)
-        kind = _TORQUE if reference.is_rotation else _FORCE
-        return self.drive.get(kind, self.drive.get(_SIGNAL))
+            return None
+        return self.drive.get(_TORQUE if reference.is_rotation else _FORCE)
 
     def factors(self, outputs: tuple[Output, ...], references: tuple[Input, ...]) -> Real:
         """Return the factors of FRFs, SI where no unit states a kind; (n_out, n_in)."""
@@ -143,18 +165,22 @@ def refuse_signals_of_known_gain(path: Path, campaign: Campaign, units: dict[str
         stated = parse_frf_units(path, estimate.frf.quantity, unit)
         reference = condition.reference
         is_force = isinstance(reference, Dof) or reference.is_directed or reference.is_joint
-        has_signal = _SIGNAL in stated.drive and is_force
-        if has_signal and condition.instrument not in unknown.hammers:
+        if (
+            is_force
+            and stated.drives_by_signal(reference)
+            and condition.instrument not in unknown.hammers
+        ):
             raise InputError(
                 f"{path}: {condition.test}: unit {unit!r} gives what drives {reference} as a "
-                f'signal: add [hammer.{condition.instrument}] with gain = "unknown", or state the '
-                "unit of the force"
+                f'signal: add [hammer.{toml_key(condition.instrument)}] with gain = "unknown", or '
+                "state the unit of the force"
             )
-        sites = {dof.point for dof in estimate.frf.outputs} - unknown.sensors
-        if _SIGNAL in stated.motion and sites:
+        read = {dof.point for dof in estimate.frf.outputs if stated.reads_signal(dof)}
+        if sites := read - unknown.sensors:
             raise InputError(
                 f"{path}: {condition.test}: unit {unit!r} gives the motion as a signal: add "
-                f'[sensor.{min(sites)}] with gain = "unknown", or state the unit of the motion'
+                f'[sensor.{toml_key(min(sites))}] with gain = "unknown", or state the unit of the '
+                "motion"
             )
 
 

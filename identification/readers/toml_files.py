@@ -1,6 +1,7 @@
 """TOML files under a schema: whatever is wrong becomes one sentence that names the key."""
 
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -99,3 +100,8 @@ def _describe_first_error(error: ValidationError) -> str:
     if fault["type"] in ("model_type", "dict_type"):  # pydantic names the class there
         return f"{where} = {fault['input']!r}: Input should be a table"
     return f"{where} = {fault['input']!r}: {fault['msg'].removeprefix('Value error, ')}"
+
+
+def toml_key(name: str) -> str:
+    """Return a name as a key of a table, in quotes where TOML needs them."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else f'"{name}"'

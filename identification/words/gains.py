@@ -14,12 +14,14 @@ class NominalGain:
             channel; None for a force channel.
         value: gain by which the FRFs of the campaign were divided.
         is_product: whether the data show the product with the gain of the force channel only.
+        delay_s: of a drive, from which the FRFs were freed too [s].
     """
 
     location: str
     direction: str | None
     value: float
     is_product: bool = False
+    delay_s: float = 0.0
 
     @property
     def parameter(self) -> str:
@@ -31,6 +33,11 @@ class NominalGain:
             return f"{place}.gain"
         axis = self.direction[1:] if self.direction[0] == "t" else self.direction
         return f"{place}.gain_{axis}"
+
+    @property
+    def delay_parameter(self) -> str:
+        """Name of the parameter that corrects the delay of a drive; empty for a channel."""
+        return f"hammer({self.location.partition(':')[2]}).delay" if self.direction is None else ""
 
     @property
     def label(self) -> str:

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import typer
 from rich.progress import Progress
-from rich.table import Table
 
 from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
 from diagnosis.effects import check_others
@@ -19,7 +18,8 @@ from mbw.diagnose.files import (
     write_augmented,
     write_files,
 )
-from mbw.diagnose.fitted_sets import fitted_rows, key_words, rejection_reasons
+from mbw.diagnose.fitted_sets import key_words
+from mbw.diagnose.hypothesis_table import hypothesis_table
 from mbw.diagnose.level_sentences import level_sentences
 from mbw.diagnose.page import render
 from mbw.diagnose.pulled_tolerance import pull_sentence
@@ -45,8 +45,7 @@ from mbw.remarks import calibration_sentence, describe_not_in_mjcf
 from mbw.resume import open_checkpoint
 from tuning import Checkpoint, Session, open_session
 
-_MAX_LISTED_CAUSES = 8  # causes that the terminal lists, and hypotheses without a refit
-_MAX_LISTED_SETS = 16  # sets of causes that --explain lists
+_MAX_LISTED_CAUSES = 8  # causes that the terminal lists
 
 
 def run_options(  # one for each option
@@ -111,7 +110,7 @@ def run(
     SCREEN.say(f"verdict in {output.path / VERDICT}")
     effect = " with the effect" if diagnosis.after else ""
     SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
-    SCREEN.say(f"  {calibration_sentence(session.campaign.tolerance.hammer_gain)}")
+    SCREEN.say(f"  {calibration_sentence(session.known_force_tolerance)}")
     if missing := describe_not_in_mjcf(result.shown.not_held_by_mjcf, SHOWN):
         SCREEN.say(f"  {missing}")
     SCREEN.say(f"report in {(output.path / PAGE).absolute().as_uri()}")
@@ -225,38 +224,3 @@ def _explain(diagnosis: Diagnosis) -> None:
         f"noise {null.chi_square**0.5:.3g}"
     )
     SCREEN.console.print(hypothesis_table(diagnosis))
-
-
-def hypothesis_table(diagnosis: Diagnosis) -> Table:
-    """Return a table of sets of causes, the best fit first, then of hypotheses with a score alone.
-
-    Args:
-        diagnosis: diagnosis with its evidence.
-    """
-    evidence = diagnosis.evidence
-    table = Table(title=f"{evidence.hypotheses} effects and places, by score and after a refit")
-    table.add_column("hypothesis", no_wrap=True)
-    for name in ("score", "error %", "closed %"):
-        table.add_column(name, no_wrap=True, justify="right")
-    table.add_column("log odds")
-    table.caption = (
-        "score and log odds: nats; error: of the model after the refit; closed: part of the gap"
-    )
-    rows = [row for row in fitted_rows(evidence, diagnosis.settings) if row.keys]
-    proven = {hypothesis.key for hypothesis in diagnosis.gross_hypotheses}
-    named = frozenset(cause.key for cause in diagnosis.present.causes) - proven
-    scores = {score.key[:2]: score.gain for score in evidence.scored}
-    for row, why in list(zip(rows, rejection_reasons(rows, named), strict=True))[:_MAX_LISTED_SETS]:
-        score = scores.get(row.keys[0][:2]) if len(row.keys) == 1 else None
-        table.add_row(
-            " + ".join(map(key_words, row.keys)),
-            "" if score is None else f"{score:.0f}",
-            f"{100 * row.model_error:.2g}",
-            "" if row.closed is None else f"{100 * row.closed:.0f}",
-            ", ".join(filter(None, ["" if row.log_odds is None else f"{row.log_odds:.0f}", why])),
-        )
-    fitted = {key[:2] for row in rows for key in row.keys}
-    unfitted = [score for score in evidence.scored if score.key[:2] not in fitted]
-    for scored in unfitted[:_MAX_LISTED_CAUSES]:
-        table.add_row(key_words(scored.key), f"{scored.gain:.0f}", "", "", "small score")
-    return table

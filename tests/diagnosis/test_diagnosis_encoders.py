@@ -4,6 +4,7 @@ The data come from matrices written by hand (``tests.helpers.encoder_campaign``)
 """
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -118,3 +119,71 @@ def test_settings_of_a_channel_that_nothing_reads_are_refused(tmp_path):
     write_encoder_campaign(tmp_path, extra='[sensor.resolver]\ngain = "unknown"\n')
     with pytest.raises(InputError, match=r"sensor\.resolver: the model has no site 'resolver'"):
         open_session(tmp_path)
+
+
+LATE = 1.2e-3  # half a turn at 417 Hz, 69 degrees at the last line
+
+
+@pytest.mark.parametrize("factor", [3.1, -3.1])
+def test_a_late_drive_of_unknown_gain_has_its_sign_and_delay(tmp_path, factor):
+    extra = UNKNOWN + "delay_tolerance = 2e-3\n"
+    write_encoder_campaign(
+        tmp_path,
+        scales={"carriage_tx": 1.3, "frame_tx": 0.8},
+        gains={"drive": factor},
+        delays={"drive": LATE},
+        extra=extra,
+    )
+    target = tmp_path / "out" / "tuned.json"
+    result = RUNNER.invoke(
+        app, ["tune", str(tmp_path), "--out", str(tmp_path / "out"), "--no-pictures"]
+    )
+    assert result.exit_code == 0, result.output
+    tuned = json.loads(target.read_text(encoding="utf-8"))
+    (row,) = [each for each in tuned["channel_gains"] if each["dof"] is None]
+    assert row["gain"] == pytest.approx(factor, rel=0.03)
+    assert row["delay"] == pytest.approx(LATE, abs=3e-5)
+    assert "late by 1.2 ms" in result.output
+    assert tuned["gap"]["sensors"]["tuned"]["excess"] < 1.1
+    assert "its tolerance of 2 % is in the intervals" in result.output
+
+
+def test_a_drive_that_is_late_beyond_its_tolerance_is_named(tmp_path):
+    write_encoder_campaign(
+        tmp_path, gains={"drive": -3.1}, delays={"drive": LATE}, extra=UNKNOWN, lines=80
+    )
+    remarks = open_session(tmp_path, (10.0, 160.0)).campaign.remarks
+    (late,) = [text for text in remarks if "seems to be late" in text]
+    assert re.search(r"drive drive seems to be late by 0\.001[1-4] s, beyond its tolerance", late)
+    target = tmp_path / "verdict.json"
+    command = ["diagnose", str(tmp_path), "--json", str(target), "--jobs", "1"]
+    result = RUNNER.invoke(app, [*command, "--out", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.output
+    verdict = json.loads(target.read_text(encoding="utf-8"))
+    cause = verdict["causes"][0]
+    assert (cause["effect"], cause["location"]) == ("hammer_delay", "hammer:drive")
+    assert cause["parameters"]["delay"] == pytest.approx(LATE, rel=0.05)
+    (row,) = [each for each in verdict["channel_gains"] if each["dof"] is None]
+    assert row["gain"] == pytest.approx(-3.1, rel=0.05)
+
+
+def test_units_of_motions_and_signals_stand_side_by_side(tmp_path):
+    """An encoder in counts and a drive in amperes beside accelerometers and a hammer in SI."""
+    gains = {"encoder": -2.5e6, "drive": 3.1}
+    write_encoder_campaign(tmp_path, gains=gains, extra=UNKNOWN, lines=60)
+    plain = open_session(tmp_path, (10.0, 160.0)).campaign
+    path = tmp_path / "campaign.toml"
+    text = path.read_text(encoding="utf-8")
+    assert "unit =" not in text
+    text = text.replace("averages", 'unit = "m/s^2/N, rad/s^2/N, count/A"\naverages', 1)
+    joint = '[sensor."joint:frame_tx"]'
+    path.write_text(f'{text}{joint}\ngain = "unknown"\n', encoding="utf-8")
+    stated = open_session(tmp_path, (10.0, 160.0)).campaign
+    rows = [k for k, channel in enumerate(CHANNELS) if channel != "joint:frame_tx"]
+    for first, second in zip(plain.tests, stated.tests, strict=True):
+        values, others = (each.estimate.frf.values[:, rows] for each in (first, second))
+        np.testing.assert_allclose(values, others, rtol=0.01)
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        open_session(tmp_path, (10.0, 160.0))
+    assert f'add {joint} with gain = "unknown"' in str(refused.value)

@@ -4,9 +4,9 @@ import numpy as np
 
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
 from mbmodel import Evaluator, FrfRequest, Machine, as_drawn
+from tuning import build_toleranced_model
 from tuning.misfit.misfit import Misfit
 from tuning.parametrisation.user_specification import parametrise
-from tuning.session import build_toleranced_model
 
 NOISE = 0.01  # of each channel's rms over the band
 

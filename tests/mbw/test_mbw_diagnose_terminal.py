@@ -13,6 +13,7 @@ from diagnosis.verdict.schema import RemarkRow
 from mbw.command import app
 from mbw.diagnose import verb
 from mbw.diagnose.files import read_result
+from mbw.diagnose.hypothesis_table import hypothesis_table
 from mbw.messages import SCREEN
 from tests.helpers.drawn import drawn
 from tests.helpers.judged import evidence, fitted
@@ -34,7 +35,7 @@ def found(evidence, *present):
 
 def rows(diagnosis):
     """Return hypothesis, closed part and last column by row."""
-    first, _, _, closed, last = verb.hypothesis_table(diagnosis).columns
+    first, _, _, closed, last = hypothesis_table(diagnosis).columns
     return list(zip(first.cells, closed.cells, last.cells, strict=True))
 
 

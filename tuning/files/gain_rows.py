@@ -24,7 +24,7 @@ def channel_gain_rows(
     index = {parameter.name: k for k, parameter in enumerate(parametrisation.parameters)}
     rows = []
     for gain in nominal:
-        k = index[gain.parameter]
+        k, late = index[gain.parameter], index.get(gain.delay_parameter)
         ends = None
         if interval is not None and parametrisation.free[k]:
             low, high = sorted(gain.value * float(end[k]) for end in interval)
@@ -36,6 +36,7 @@ def channel_gain_rows(
                 gain=gain.value * float(theta[k]),
                 interval=ends,
                 is_product=gain.is_product,
+                delay=None if late is None else gain.delay_s + float(theta[late]),
             )
         )
     return rows

@@ -104,7 +104,8 @@ class ChannelGainRow(_Row):
 
     ``location`` is ``sensor:<site>`` or ``hammer:<name>``, ``dof`` the direction of a channel.
     ``interval`` is the 95 % interval, or None. With ``is_product``, the data show the product with
-    the gain of the force channel only.
+    the gain of the force channel only. ``delay`` is that of a drive [s], None for a channel: its
+    estimate before the fit and the fitted deviation.
     """
 
     location: str
@@ -112,6 +113,7 @@ class ChannelGainRow(_Row):
     gain: float
     interval: tuple[float, float] | None
     is_product: bool
+    delay: float | None = None
 
 
 class StartRow(_Row):
