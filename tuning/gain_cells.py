@@ -32,7 +32,7 @@ GainNode = tuple[str, str | None]  # location and direction of an unknown gain
 
 
 @dataclass(frozen=True)
-class _Settings:
+class _CellSettings:
     """Constants of the comparison."""
 
     # Factors on frequency: stiffness off by up to a factor of 2, in steps below a mode's spacing.
@@ -47,7 +47,7 @@ class _Settings:
     min_delay_gain: float = 0.15  # of the mean agreement, for which a delay is taken
 
 
-_SETTINGS = _Settings()
+_CELL_SETTINGS = _CellSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +102,14 @@ def compare_cells(
     Returns:
         The cells; the delay of each drive of unknown gain [s], by its name.
     """
-    stride = max(1, len(campaign.freq_hz) // _SETTINGS.max_lines)
+    stride = max(1, len(campaign.freq_hz) // _CELL_SETTINGS.max_lines)
     lines = np.zeros(len(campaign.freq_hz), bool)
     lines[::stride] = True
     thin = campaign.select_lines(lines & (campaign.freq_hz > 0))
     model = as_drawn(machine)
     best: tuple[list[GainCell], dict[str, float]] = [], {}
     highest = -np.inf
-    for stretch in _SETTINGS.stretches:
+    for stretch in _CELL_SETTINGS.stretches:
         predicted = predict(model, model.drawn, _stretch(thin, 1 / stretch))
         scaled = [
             values * stretch ** (_orders_of(machine, test.estimate.frf)[:, None] - 2.0)
@@ -144,7 +144,7 @@ def _find_delays(
                 / len(cell.omega)
                 for cell in group
             )
-            best, cost = int(np.argmax(sizes)), _SETTINGS.min_delay_gain * len(group)
+            best, cost = int(np.argmax(sizes)), _CELL_SETTINGS.min_delay_gain * len(group)
             if sizes[best] > size + cost:
                 size, delay = float(sizes[best]) - cost, float(tried[best])
             delays[name] = delay
@@ -155,9 +155,11 @@ def _find_delays(
 
 def _delays(group: Sequence[GainCell], largest: float) -> Real:
     """Return delays to be tried, on either side [s]; (n_delay,)."""
-    end = max(largest, _SETTINGS.min_delay_range_s)
+    end = max(largest, _CELL_SETTINGS.min_delay_range_s)
     fastest = max(float(cell.omega.max()) for cell in group)
-    count = min(int(np.ceil(end * fastest / _SETTINGS.max_delay_step_rad)), _SETTINGS.max_delays)
+    count = min(
+        int(np.ceil(end * fastest / _CELL_SETTINGS.max_delay_step_rad)), _CELL_SETTINGS.max_delays
+    )
     delays: Real = np.linspace(-end, end, 2 * count + 1)
     return delays
 
@@ -189,10 +191,10 @@ def _cells(campaign: Campaign, predicted: Sequence[Complex]) -> list[GainCell]:
             measured, nominal = estimate.frf.values[:, row, 0], values[:, row, 0]
             power = np.abs(measured) ** 2
             counts = (power > 0) & (
-                power >= _SETTINGS.min_power_ratio * estimate.variance[:, row, 0]
+                power >= _CELL_SETTINGS.min_power_ratio * estimate.variance[:, row, 0]
             )
-            counts &= np.abs(nominal) > _SETTINGS.min_motion_ratio * largest
-            if nodes and estimate.measured[row, 0] and counts.sum() >= _SETTINGS.min_lines:
+            counts &= np.abs(nominal) > _CELL_SETTINGS.min_motion_ratio * largest
+            if nodes and estimate.measured[row, 0] and counts.sum() >= _CELL_SETTINGS.min_lines:
                 cells.append(_cell(nodes, measured, nominal, estimate.frf.freq_hz, counts))
     return cells
 
