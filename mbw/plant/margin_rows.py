@@ -1,10 +1,12 @@
 """Stability margins as rows of JSON."""
 
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 
 from identification.words import Real
+from mbmodel import NORMAL_QUANTILE_95
 from mbw.plant.margin_schema import (
     AllLoopsRow,
     CrossoverRow,
@@ -16,13 +18,14 @@ from mbw.plant.margin_schema import (
     VariantLoopRow,
     VariantRow,
 )
-from tuning.control_loops.margin_values import AllMargins, LoopMargins, Margin
+from tuning.control_loops.margin_values import AllMargins, Margin
 from tuning.error_budget.loop_margins import PlantMargins
 from tuning.error_budget.reference_step import ReferenceStep
 from tuning.error_budget.robust_stability import RobustTest
 from tuning.error_budget.variant_margins import VariantMargins
 
 _ENDS = (0.025, 0.975)
+MarginName = Literal["crossover", "bandwidth", "gain", "reduction", "phase", "delay", "modulus"]
 
 
 def margins_row(
@@ -51,20 +54,26 @@ def _loop_row(margins: PlantMargins, number: int, before: AllMargins | None) -> 
     loop = margins.nominal.loops[number]
     samples = [each.loops[number] for each in margins.samples]
 
-    def row(pick: Callable[[LoopMargins], Margin], sign: float = 1.0) -> MarginRow:
-        margin = _margin_row(pick(loop), [pick(sample) for sample in samples], sign)
-        return _beside(margin, None if before is None else pick(before.loops[number]))
+    def row(name: MarginName) -> MarginRow:
+        sign = -1.0 if name == "reduction" else 1.0
+        margin = _margin_row(
+            getattr(loop, name), [getattr(sample, name) for sample in samples], sign
+        )
+        if margins.by_floor:
+            deviation = getattr(margins.by_floor[number], name)
+            margin = _widen(margin, deviation, is_logarithm=name != "phase")
+        return _beside(margin, None if before is None else getattr(before.loops[number], name))
 
     return LoopMarginsRow(
         loop=margins.names[number],
         period=margins.period_s or None,
-        crossover=row(lambda each: each.crossover),
-        bandwidth=row(lambda each: each.bandwidth),
-        gain=row(lambda each: each.gain),
-        gain_reduction=row(lambda each: each.reduction, -1.0),
-        phase=row(lambda each: each.phase),
-        delay=row(lambda each: each.delay),
-        modulus=row(lambda each: each.modulus),
+        crossover=row("crossover"),
+        bandwidth=row("bandwidth"),
+        gain=row("gain"),
+        gain_reduction=row("reduction"),
+        phase=row("phase"),
+        delay=row("delay"),
+        modulus=row("modulus"),
         sensitivity_peak=1 / loop.modulus.value,
         gain_crossovers=_crossover_rows(loop.gain_crossovers),
         phase_crossovers=_crossover_rows(loop.phase_crossovers),
@@ -97,6 +106,32 @@ def _all_loops_row(margins: PlantMargins, before: AllMargins | None) -> AllLoops
         modulus=row(lambda each: each.modulus),
         singular=row(lambda each: each.singular),
         robust=_robust_rows(margins.robust_at_once),
+    )
+
+
+def _widen(row: MarginRow, deviation: float, *, is_logarithm: bool) -> MarginRow:
+    """Return a margin whose interval has the model-error floor too, in quadrature.
+
+    Args:
+        row: with the interval over machines of the posterior.
+        deviation: standard deviation by the floor.
+        is_logarithm: whether it is that of the logarithm.
+    """
+    value = row.value
+    if value is None or not deviation:
+        return row
+
+    def end(limit: float | None, sign: float) -> float | None:
+        if limit is None:
+            return None
+        reach = NORMAL_QUANTILE_95 * deviation
+        if is_logarithm:
+            return value * float(np.exp(sign * np.hypot(np.log(limit / value), reach)))
+        return value + sign * float(np.hypot(limit - value, reach))
+
+    floor = value * deviation if is_logarithm else deviation
+    return row.model_copy(
+        update={"low": end(row.low, -1.0), "high": end(row.high, 1.0), "floor": floor}
     )
 
 

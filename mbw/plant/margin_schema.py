@@ -13,8 +13,10 @@ class MarginRow(BaseModel):
     Args:
         value: of the nominal machine.
         frequency: at which it is taken [Hz].
-        low, high: ends of the 95 % interval over machines of the posterior; null without one.
+        low, high: ends of the 95 % interval, by machines of the posterior and the model-error
+            floor; null without a posterior.
         worst: of all these machines; null without any.
+        floor: standard deviation by the model-error floor, to first order; null without one.
         before: value of the other machine of the budget; null without one.
     """
 
@@ -24,6 +26,7 @@ class MarginRow(BaseModel):
     high: Number | None
     worst: Number | None
     before: Number | None = None
+    floor: Number | None = None
 
 
 class RobustTestRow(BaseModel):

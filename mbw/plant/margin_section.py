@@ -7,7 +7,7 @@ import numpy as np
 from identification.words import Complex, Real
 from mbw.page.html import pack_complex, pack_real
 from mbw.plant.margin_schema import LoopMarginsRow, MarginsRow, StepRow
-from mbw.plant.margin_sentences import margin_table, step_sentence, variant_text
+from mbw.plant.margin_sentences import interval_note, margin_table, step_sentence, variant_text
 from tuning.control_loops.loop_gain_lines import single_loop_gains
 from tuning.control_loops.margin_values import AllMargins
 from tuning.error_budget.loop_margins import PlantMargins
@@ -23,7 +23,8 @@ _TEXT = (
     "Gain, phase and delay: what may change before the loop is unstable. "
     "Modulus: the smallest distance of the loop gain from -1, "
     "the inverse of the sensitivity peak. |W T| below 1: stable for every plant "
-    "within the weight W. All loops at once: the units of the signals are scaled out.</p>{variants}"
+    "within the weight W. All loops at once: the units of the signals are scaled out, and the "
+    "interval holds the parameters only. Worst: of the machines alone.</p>{variants}"
     '<nav id="loop-choice"></nav><div id="loop-gain"></div>'
     '<div class="pair"><div><h3>Nyquist plot of the loop gain</h3><div id="nyquist"></div></div>'
     '<div><h3>Sensitivity</h3><div id="sensitivity"></div></div></div>'
@@ -40,7 +41,7 @@ def margin_section(row: MarginsRow, *, has_weight: bool) -> str:
         row: margins.
         has_weight: whether the held-out error is drawn.
     """
-    over = f", with its 95 % interval over {row.machines} machines of the posterior"
+    over = f", with its 95 % interval{interval_note(row)}"
     variants = "".join(f"<li>{escape(variant_text(each))}</li>" for each in row.variants)
     return _TEXT.format(
         table=margin_table(row),

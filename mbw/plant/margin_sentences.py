@@ -58,8 +58,7 @@ _SHOWN_MARGINS = (
 
 def margin_lines(row: MarginsRow) -> list[str]:
     """Return the margins as lines of text."""
-    over = f", over {row.machines} machines of the posterior" if row.machines else ""
-    lines = [f"stability margins{over}:"]
+    lines = [f"stability margins{interval_note(row)}:"]
     for loop in row.loops:
         lines.append(f"  loop {_loop_title(loop)}:")
         lines += [f"    {text}" for text in _loop_texts(loop)]
@@ -70,6 +69,16 @@ def margin_lines(row: MarginsRow) -> list[str]:
         lines.append(f"    modulus {_with_interval(both.singular, _MODULUS)}, in SI units")
         lines += [f"    {robust_sentence(test)}" for test in both.robust]
     return [*lines, *(f"  {variant_text(each)}" for each in row.variants)]
+
+
+def interval_note(row: MarginsRow) -> str:
+    """Return what the intervals of margins hold; empty without any."""
+    if not row.machines:
+        return ""
+    has_floor = any(margin.floor is not None for loop in row.loops for margin in _margins(loop))
+    return f", over {row.machines} machines of the posterior" + (
+        " and the model-error floor" if has_floor else "; no model error showed beside the noise"
+    )
 
 
 def variant_text(row: VariantRow) -> str:
@@ -137,15 +146,23 @@ def robust_sentence(test: RobustTestRow) -> str:
 
 
 def margin_table(row: MarginsRow) -> str:
-    """Return HTML of the table of margins: a row per loop."""
-    head = "".join(f"<th>{shown.name}</th>" for shown in _SHOWN_MARGINS)
-    body = [_table_row(_loop_title(loop), _cells(loop), loop.robust) for loop in row.loops]
+    """Return HTML of the table of margins: a column per loop, and one for all at once."""
+    names = [_loop_title(loop) for loop in row.loops]
+    columns = [[*_cells(loop), _robust_cell(loop.robust)] for loop in row.loops]
     if row.all_loops is not None:
-        cells = [*["-"] * (len(_SHOWN_MARGINS) - 1), _cell(row.all_loops.modulus, _MODULUS)]
-        body.append(_table_row(ALL_LOOPS, cells, row.all_loops.robust))
+        names.append(ALL_LOOPS)
+        both = row.all_loops
+        empty = ["-"] * (len(_SHOWN_MARGINS) - 1)
+        columns.append([*empty, _cell(both.modulus, _MODULUS), _robust_cell(both.robust)])
+    head = "".join(f"<th>{escape(name)}</th>" for name in names)
+    titles = [*(shown.name for shown in _SHOWN_MARGINS), "largest |W T|"]
+    body = "".join(
+        f"<tr><td class='name'>{title}</td>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+        for title, *cells in zip(titles, *columns, strict=True)
+    )
     return (
-        f"<table class='tight margins'><thead><tr><th class='name'>loop</th>{head}"
-        f"<th>largest |W T|</th></tr></thead><tbody>{''.join(body)}</tbody></table>"
+        f"<div class='scroll'><table class='tight margins'><thead><tr><th class='name'>loop</th>"
+        f"{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 
@@ -156,15 +173,14 @@ def _cells(loop: LoopMarginsRow) -> list[str]:
     ]
 
 
-def _table_row(name: str, cells: Sequence[str], tests: Sequence[RobustTestRow]) -> str:
-    """Return HTML of a row."""
-    robust = "<br>".join(
+def _robust_cell(tests: Sequence[RobustTestRow]) -> str:
+    """Return HTML of the largest |W T| of each weight; a dash without any."""
+    texts = (
         f"{badge(f'{test.peak:.3g}', good=test.holds)}"
         f"<br><small>{escape(test.weight)}, at {test.frequency:.4g} Hz</small>"
         for test in tests
     )
-    columns = "".join(f"<td>{text}</td>" for text in [*cells, robust or "-"])
-    return f"<tr><td class='name'>{escape(name)}</td>{columns}</tr>"
+    return "<br>".join(texts) or "-"
 
 
 def _cell(margin: MarginRow, shown: _Shown) -> str:
@@ -173,8 +189,9 @@ def _cell(margin: MarginRow, shown: _Shown) -> str:
         return shown.absent
     text = escape(shown.value(margin.value))
     if (at := _frequency(margin)) is not None:
-        text += f"<br><small>{at}</small>"
-    return text + "".join(f"<br><small>{escape(part)}</small>" for part in _ends(margin, shown))
+        text += f" <small>{at}</small>"
+    ends = "; ".join(_ends(margin, shown))
+    return f"{text}<br><small>{escape(ends)}</small>" if ends else text
 
 
 def _with_interval(margin: MarginRow, shown: _Shown) -> str:

@@ -8,6 +8,7 @@ from mbw.plant.schema import BudgetRow, ErrorRow, ShareOfPoleRow
 
 _MAX_SHOWN_SHARES = 4  # of sources, modes, joints and springs in a line
 _MIN_SHOWN_SHARE_OF_ERROR = 0.01
+_MIN_MODE_HZ = 1e-4  # slower poles are what rounding leaves of motions that nothing holds
 
 
 def budget_lines_of_text(row: BudgetRow, units: Sequence[float]) -> list[str]:
@@ -62,6 +63,8 @@ def _details(error: ErrorRow, unit: float) -> list[str]:
 
 def mode_name(mode: ShareOfPoleRow) -> str:
     """Return frequency and damping of a mode in words."""
+    if mode.frequency < _MIN_MODE_HZ:
+        return "free motion (0 Hz)"
     if mode.damping >= 1:
         return f"real pole at {mode.frequency:.4g} Hz"
     return f"{mode.frequency:.4g} Hz ({format_percent(mode.damping)})"

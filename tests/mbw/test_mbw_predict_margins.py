@@ -96,7 +96,7 @@ def test_the_machine_beside_has_its_margins_too(folder, row):
 
 def test_the_terminal_states_margins_of_each_loop_and_of_all(folder, row):
     text = (folder / "stdout.txt").read_text()
-    assert "stability margins, over 60 machines of the posterior:" in text
+    assert "stability margins, over 60 machines of the posterior and the model-error floor:" in text
     phase = row["loops"][0]["phase"]
     assert (
         f"phase {phase['value']:.3g}° at {phase['frequency']:.4g} Hz (95 %: {phase['low']:.3g} to "
@@ -121,7 +121,7 @@ def test_the_page_holds_the_loop_gain_of_the_json(folder, row):
         assert len(shown["samples"]) >= 19
         worst = unpacked(shown["worst"]["values"], "<c8")
         assert np.abs(1 + worst).min() == pytest.approx(loop["modulus"]["worst"], rel=0.01)
-    assert page.count("<td class='name'>axis</td>") == 1
+    assert page.count("<th>axis</th>") == 1
     assert "all loops at once" in page
 
 

@@ -12,6 +12,7 @@ from tuning.control_loops.margin_values import AllMargins
 from tuning.control_loops.sampling import sampling_period
 from tuning.control_loops.stability import growing_pole
 from tuning.error_budget.loop_plant import LoopPlant
+from tuning.error_budget.margin_floor import MarginDeviations, floor_deviations
 from tuning.error_budget.reference_step import ReferenceStep, reference_steps
 from tuning.error_budget.robust_stability import RobustTest, floor_tests, held_out_tests
 from tuning.files.result import TuningResult
@@ -30,6 +31,7 @@ class PlantMargins:
         held_out: error of the plant of each loop; None where the tuning knows nothing of it.
         steps: response of each loop to a step of its reference; None without a crossover.
         period_s: sampling period of the loops [s]; 0 if they are continuous.
+        by_floor: deviations of the margins of each loop by the model-error floor; empty without it.
     """
 
     names: tuple[str, ...]
@@ -40,6 +42,7 @@ class PlantMargins:
     held_out: tuple[MultiplicativeError | None, ...]
     steps: tuple[ReferenceStep | None, ...]
     period_s: float
+    by_floor: tuple[MarginDeviations, ...] = ()
 
     def __repr__(self) -> str:
         """Return the margins of each loop in a line."""
@@ -76,8 +79,10 @@ def plant_margins(
         None if tuning is None else held_out_loop_error(tuning, loop) for loop in loops
     )
     robust, at_once = held_out_tests(plant, theta, nominal, held_out)
-    if posterior is not None and posterior.posterior.discrepancy:
-        tests = floor_tests(plant, theta, nominal, posterior.posterior.discrepancy)
+    by_floor: tuple[MarginDeviations, ...] = ()
+    if posterior is not None and (discrepancy := posterior.posterior.discrepancy):
+        by_floor = floor_deviations(plant, theta, nominal, discrepancy)
+        tests = floor_tests(plant, theta, nominal, discrepancy)
         robust = [[*known, test] for known, test in zip(robust, tests, strict=False)]
         at_once.append(tests[-1])
     return PlantMargins(
@@ -89,6 +94,7 @@ def plant_margins(
         held_out,
         reference_steps(plant, theta, nominal),
         sampling_period(loops),
+        by_floor,
     )
 
 
