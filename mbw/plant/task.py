@@ -10,6 +10,7 @@ from identification.readers.toml_files import load_toml
 from identification.words import UsageError
 from mbmodel import Machine, Model, load_machine
 from mbw.diagnose.files import AUGMENTED, VERDICT
+from mbw.diagnose.rivals import rival_sentence
 from mbw.output_folder import folder_beside, source_of
 from mbw.plant.closed_margins import LoopStudy, study_loops
 from mbw.plant.margin_files import write_margins
@@ -198,9 +199,9 @@ def _compute_budget(
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")
     row = budget_row(plant, file.name, None if before is None else str(before), remarks)
     names = (machine.name, "" if before is None else _name_of(before))
-    causes = _causes(path) if before is not None and before.name == TUNED_MJCF else []
+    verdict = None if before is None or before.name != TUNED_MJCF else _verdict_of(path)
     units = [definition.units[error.name][1] for error in row.errors]
-    sentences = cause_sentences(row, units, causes) if causes else []
+    sentences = [] if verdict is None else _sentences_on_causes(verdict, row, units)
     return BudgetResult(plant, row, names, tuple(sentences))
 
 
@@ -227,14 +228,19 @@ def _machine_before(path: Path) -> Path | None:
     return nominal if is_usable else None
 
 
-def _causes(path: Path) -> list[str]:
-    """Return the causes that an augmented machine holds, as its verdict names them."""
+def _verdict_of(path: Path) -> Verdict | None:
+    """Return the verdict of an augmented machine; None of any other machine."""
     verdict = path.parent / VERDICT
     if path.name != AUGMENTED or not verdict.is_file():
+        return None
+    return read_result_json(verdict, Verdict, "mbw diagnose")
+
+
+def _sentences_on_causes(verdict: Verdict, row: BudgetRow, units: list[float]) -> list[str]:
+    """Return what the causes of an augmented machine cost, and which rivals they have."""
+    held = [cause for cause in verdict.causes if cause.probability >= _MIN_CAUSE_PROBABILITY]
+    if not held:
         return []
-    causes = read_result_json(verdict, Verdict, "mbw diagnose").causes
-    return [
-        f"{cause.effect} at {cause.location}"
-        for cause in causes
-        if cause.probability >= _MIN_CAUSE_PROBABILITY
-    ]
+    names = [f"{cause.effect} at {cause.location}" for cause in held]
+    rivals = rival_sentence(verdict, [f"{cause.effect}@{cause.location}" for cause in held])
+    return [*cause_sentences(row, units, names), *([rivals] if rivals else [])]

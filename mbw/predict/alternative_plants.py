@@ -18,6 +18,7 @@ from mbmodel import (
 )
 from mbmodel.parts.channels import NO_CHANNEL_IN_MJCF
 from mbw.diagnose.files import AUGMENTED, read_result
+from mbw.diagnose.rivals import rival_names
 
 
 def read_alternatives(
@@ -77,11 +78,11 @@ def alternatives_sentence(
         and text.split(".", 1)[0] not in points
     ]
     lacks = f"; {AUGMENTED} does not hold {shorten_names(missing)}" if missing else ""
-    established = {row.cause for row in result.shown.established}
-    rivals = [
-        f"{cause.effect}@{cause.location} ({100 * cause.probability:.3g} %)"
-        for number, cause in enumerate(result.verdict.causes)
-        if number not in established
-    ]
-    stands = f"; the tuned plant stands for {shorten_names(rivals)} too" if rivals else ""
+    held = [result.verdict.causes[row.cause] for row in result.shown.established]
+    rivals = rival_names(result.verdict, [f"{each.effect}@{each.location}" for each in held])
+    stands = (
+        f"; the tuned plant stands for {shorten_names(rivals)} too, whose own plant is not computed"
+        if rivals
+        else ""
+    )
     return f"alternative plants: {listed}{stands}{lacks}"

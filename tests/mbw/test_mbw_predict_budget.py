@@ -124,14 +124,21 @@ def test_what_a_diagnosis_found_is_stated_in_the_unit_of_the_error(folder):
         "verdict": "explained", "probability": {"none": 0.0, "unexplained": 0.0, "several": 0.0},
         "gap": {**steps, "noise": 0.1, "closed": 0.9, "interval": {}}, "where": [],
         "causes": [cause, {**cause, "effect": "appendage", "probability": 0.02}],
-        "twins": [], "not_testable": [], "next_experiment": None,
+        "twins": [["parallel_path@pair:base-head", "joint_coupling@joint:head"]],
+        "not_testable": [], "next_experiment": None,
     }  # fmt: skip
     (diagnosed / "verdict.json").write_text(json.dumps(verdict), encoding="utf-8")
     result = run(
         "predict", diagnosed / "augmented.xml", "--budget", folder / "budget.toml",
-        "--before", folder / "x-tuned", "--no-pictures",
+        "--before", folder / "x-tuned", "--out", folder / "with_cause",
     )  # fmt: skip
     assert result.exit_code == 0, result.stderr
+    rivals = (
+        "In place of parallel_path@pair:base-head there may be appendage@pair:base-head (2 %), "
+        "joint_coupling@joint:head (confounded): their plants are not computed"
+    )
+    assert rivals in result.stdout
+    assert rivals in (folder / "with_cause" / "plant.html").read_text("utf-8")
     causes = [line for line in result.stdout.splitlines() if "parallel_path" in line]
     assert causes[0].startswith("top: parallel_path at pair:base-head costs ")
     assert causes[0].endswith(" nm")

@@ -6,6 +6,7 @@ posterior counts few values as independent, so that a rival of the cause keeps s
 """
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -71,8 +72,9 @@ def test_a_diagnosed_cause_is_an_alternative_plant_with_its_probability(folder, 
         assert bands["weights"].sum() == pytest.approx(1.0)
         assert f"mass_error@body:carriage ({100 * probability:.3g} %)" in said
         rival = verdict["causes"][1]
-        stands = f"{rival['effect']}@{rival['location']} ({100 * rival['probability']:.3g} %)"
-        assert f"the tuned plant stands for {stands} too" in said
+        stands = rf"{rival['effect']}@{rival['location']} \({100 * rival['probability']:.3g}"
+        assert re.search(rf"the tuned plant stands for {stands}", said)
+        assert "too, whose own plant is not computed" in said
         assert "encoder.gain" not in said  # no part of a plant
 
         # the alternatives are the plants of both files
