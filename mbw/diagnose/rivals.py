@@ -16,18 +16,18 @@ def rival_names(verdict: Verdict, held: Collection[str]) -> list[str]:
         verdict: with causes and confounded pairs.
         held: causes of augmented.xml, as ``effect@location``.
     """
-    others = {
+    further = {
         name: cause.probability
         for cause in verdict.causes
         if (name := f"{cause.effect}@{cause.location}") not in held
     }
-    names = [f"{name} ({format_percent(share)})" for name, share in others.items()]
+    names = [f"{name} ({format_percent(share)})" for name, share in further.items()]
     confounded = (
         name
         for pair in verdict.twins
         if any(site in held for site in pair)
         for name in pair
-        if name not in held and name not in others
+        if name not in held and name not in further
     )
     return [*names, *(f"{name} (confounded)" for name in dict.fromkeys(confounded))]
 
