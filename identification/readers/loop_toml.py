@@ -3,9 +3,15 @@
 from collections.abc import Sequence
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
-from identification.readers.toml_files import FileName, TomlTable
+from identification.readers.toml_files import (
+    FILE_TAG,
+    TABLE_TAG,
+    FileName,
+    TomlTable,
+    tag_file_or_table,
+)
 from identification.words import Quantity
 
 _MAX_ROOTS = 100  # of a controller
@@ -32,7 +38,10 @@ class LoopTable(TomlTable):
     output: str
     minus: str | None = None
     quantity: Quantity = "receptance"
-    controller: FileName | ControllerTable
+    controller: Annotated[
+        Annotated[FileName, Tag(FILE_TAG)] | Annotated[ControllerTable, Tag(TABLE_TAG)],
+        Discriminator(tag_file_or_table),
+    ]
     delay: float = Field(default=0.0, ge=0, le=1.0)
 
 

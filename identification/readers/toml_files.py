@@ -14,6 +14,8 @@ from identification.words.file_access import read_text
 
 _MAX_INTEGER = 2**63 - 1  # TOML 1.0: integers have 64 bits
 TomlModel = TypeVar("TomlModel", bound=BaseModel)
+# Kinds of a value that is a file's name or a table, so that its errors are those of its kind.
+FILE_TAG, TABLE_TAG = "<file>", "<table>"
 
 
 class TomlTable(BaseModel):
@@ -92,7 +94,8 @@ def _refuse_extreme_numbers(path: Path, value: object, keys: tuple[str, ...]) ->
 def _describe_first_error(error: ValidationError) -> str:
     """Return a sentence on the first error of a TOML file."""
     fault = error.errors(include_url=False)[0]
-    where = ".".join(str(step + 1) if isinstance(step, int) else step for step in fault["loc"])
+    steps = (str(step + 1) if isinstance(step, int) else step for step in fault["loc"])
+    where = ".".join(step for step in steps if step not in (FILE_TAG, TABLE_TAG))
     if fault["type"] == "extra_forbidden":
         return f"unknown key {where}: correct its spelling or remove it"
     if fault["type"] == "missing":
@@ -100,6 +103,11 @@ def _describe_first_error(error: ValidationError) -> str:
     if fault["type"] in ("model_type", "dict_type"):  # pydantic names the class there
         return f"{where} = {fault['input']!r}: Input should be a table"
     return f"{where} = {fault['input']!r}: {fault['msg'].removeprefix('Value error, ')}"
+
+
+def tag_file_or_table(value: object) -> str:
+    """Return the kind of a value that is a file's name or a table."""
+    return TABLE_TAG if isinstance(value, dict | BaseModel) else FILE_TAG
 
 
 def toml_key(name: str) -> str:

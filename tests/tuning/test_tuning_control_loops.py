@@ -193,6 +193,17 @@ def test_identify_reads_the_campaign_with_its_loop(closed, tmp_path):
         ("controller = {", 'controller = "pid.mat"\n# {', r"pid\.mat.*name a \.mat file"),
         ("gain = 3", "gain = -3", r"with the opposite sign of loop\.servo it would be stable"),
         ("delay = 0.0003", "delay = 3.0", r"loop\.servo\.delay = 3\.0"),
+        (
+            " gain = 3",
+            " period = 2.5, gain = 3",
+            r"loop\.servo\.controller\.period = 2\.5: Input",
+        ),
+        (" gain = 3", " gan = 3", r"key loop\.servo\.controller\.gain is missing"),
+        (
+            "controller = {",
+            "controller = 3.0\n# {",
+            r"loop\.servo\.controller = 3\.0: Input",
+        ),
         ("delay = 0.0003", "lag = 3e-4", r"unknown key loop\.servo\.lag"),
         ('input = "drive"', 'input = "floor:+tx"', r"drives the floor"),
         ('output = "encoder"', 'output = "encoder"\nminus = "carriage:+ry"', r"subtracts"),
