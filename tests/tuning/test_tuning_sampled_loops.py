@@ -224,6 +224,34 @@ def test_noise_about_the_sampling_rate_is_noise_about_zero_frequency(tmp_path):
     assert shares[1] > 100
 
 
+def test_an_acceleration_is_sampled_before_the_control_changes(tmp_path):
+    """A free mass: a[k] = u[k-1] / m, so that u = -K a grows beyond K = m, with z = -K / m."""
+    (tmp_path / "one.xml").write_text(ONE.format(m=MASS, k=0.0, c=1e-9))
+    model = as_drawn(load_machine(tmp_path / "one.xml"))
+    (tmp_path / "budget.toml").write_text(f"""band = [1.0, 60.0]
+        [error.x]
+        output = "acc1:+tx"
+        [disturbance.f]
+        input = "acc1:+tx"
+        density = 1.0
+        unit = "N/sqrt(Hz)"
+        [loop.x]
+        input = "acc1:+tx"
+        output = "acc1:+tx"
+        quantity = "accelerance"
+        controller = {{ gain = {0.25 * MASS}, period = {PERIOD} }}
+        """)
+    definition = read_definition(tmp_path / "budget.toml", model.machine)
+    budget = error_budget(model, model.drawn, definition)
+    nominal = margins_of(budget).nominal
+    z = np.exp(2j * np.pi * nominal.freq_hz * PERIOD)
+    np.testing.assert_allclose(nominal.gains[:, 0, 0], 0.25 / z, rtol=1e-4)
+    gain = nominal.loops[0].gain
+    assert (gain.value, gain.freq_hz) == pytest.approx((4.0, 0.5 / PERIOD), rel=1e-4)
+    growing = np.exp(budget.states.poles() * PERIOD)
+    assert np.abs(growing + 0.25).min() < 1e-5
+
+
 def test_shares_of_modes_and_joints_add_up(folder, model):
     budget = error_budget(model, model.drawn, definition_of(folder, model))
     poles, modes = budget.mode_shares

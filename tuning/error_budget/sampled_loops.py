@@ -32,6 +32,7 @@ from tuning.error_budget.machine_states import control_plant, machine_states
 
 # Of the modal matrix: beyond it modes nearly coincide, and each line is solved by itself.
 _MAX_VECTOR_CONDITION = 1e7
+_WAIT_OF_SAMPLE = 1e-6  # of a period, from the sample to the change of a control without delay
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +85,9 @@ class LoopAliases:
         drive = np.linalg.solve(vectors, self.plant.b.astype(complex))
         reading = self.plant.c @ vectors
         images = np.zeros((len(laplace), count, count), complex)
-        for column, loop in enumerate(self.loops):
-            periods, late = split_delay(loop.delay, period)
+        delays = arrival_delays(self.plant, self.loops)
+        for column in range(count):
+            periods, late = split_delay(float(delays[column]), period)
             early = period - late
             factors = _integral(poles, early), np.exp(poles * early) * _integral(poles, late)
             held = (factors[0] + factors[1] / turn[:, None]) / (
@@ -107,7 +109,19 @@ def held_law(loop: Loop, laplace: Complex) -> Complex:
 
 def sample_plant(plant: SystemMatrices, loops: tuple[Loop, ...]) -> SampledSystem:
     """Return the plant of sampled loops in discrete time, with the delay of each loop."""
-    return discretise(plant, sampling_period(loops), np.array([loop.delay for loop in loops]))
+    return discretise(plant, sampling_period(loops), arrival_delays(plant, loops))
+
+
+def arrival_delays(plant: SystemMatrices, loops: tuple[Loop, ...]) -> Real:
+    """Return the delay after which each control reaches the machine [s]; (n_loop,).
+
+    A measurement that follows a control at once, such as an acceleration, is sampled before the
+    control changes: it holds the value of the period before.
+    """
+    is_direct = (plant.d != 0).any(axis=0)
+    wait = np.where(is_direct, _WAIT_OF_SAMPLE * sampling_period(loops), 0.0)
+    delays: Real = np.array([loop.delay for loop in loops]) + wait
+    return delays
 
 
 def sampled_states(
