@@ -38,20 +38,24 @@ class FrfUnits:
     Args:
         motion: factor of each kind of motion that is stated.
         drive: factor of each kind of drive that is stated.
+        quantity: of the FRFs, to which the motions belong.
     """
 
     motion: dict[str, float]
     drive: dict[str, float]
+    quantity: Quantity
 
     def motion_factor(self, output: Output) -> float | None:
         """Return the factor of the motion at an output, or None if no unit states it.
 
-        An encoder or sensor goes by the unit of signals, else by the only one of motions.
+        A joint or MuJoCo sensor goes by the unit of signals, else by the only one of motions. A
+        MuJoCo sensor reads its own quantity, so that only the unit of a position can be its.
         """
         if self.reads_signal(output):
             return self.motion[_SIGNAL]
         if isinstance(output, Signal) and not output.is_directed:
-            return next(iter(self.motion.values())) if len(self.motion) == 1 else None
+            is_own = output.is_joint or self.quantity == "receptance"
+            return next(iter(self.motion.values())) if is_own and len(self.motion) == 1 else None
         return self.motion.get(_ROTATION if output.is_rotation else _TRANSLATION)
 
     def reads_signal(self, output: Output) -> bool:
@@ -98,7 +102,10 @@ class FrfUnits:
     def list_kinds_in_si(
         self, outputs: tuple[Output, ...], references: tuple[Input, ...]
     ) -> list[str]:
-        """List the kinds that a file holds and no unit states, where some unit is not SI."""
+        """List what a file holds and no unit states, where some unit is not SI.
+
+        Joints and MuJoCo sensors are listed by their names, all else by kinds.
+        """
         values = (*self.motion.values(), *self.drive.values())
         if all(value == 1.0 for value in values):
             return []
@@ -106,7 +113,14 @@ class FrfUnits:
         drives = [
             dof for dof in references if isinstance(dof, Dof) and self.drive_factor(dof) is None
         ]
-        kinds = [_ROTATION if dof.is_rotation else _TRANSLATION for dof in motions]
+        kinds = [
+            str(dof)
+            if isinstance(dof, Signal) and not dof.is_directed
+            else _ROTATION
+            if dof.is_rotation
+            else _TRANSLATION
+            for dof in motions
+        ]
         kinds += [_TORQUE if dof.is_rotation else _FORCE for dof in drives]
         return list(dict.fromkeys(kinds))
 
@@ -122,7 +136,7 @@ def parse_frf_units(path: Path, quantity: Quantity, unit: str | None) -> FrfUnit
     Raises:
         InputError: a unit does not belong to the quantity, or two contradict each other.
     """
-    units = FrfUnits({}, {})
+    units = FrfUnits({}, {}, quantity)
     for entry in unit.split(",") if unit is not None else ():
         motion_text, slash, drive_text = entry.rpartition("/")
         motion = _motion(motion_text, quantity) if slash else None

@@ -187,3 +187,23 @@ def test_units_of_motions_and_signals_stand_side_by_side(tmp_path):
     with pytest.raises(InputError) as refused:
         open_session(tmp_path, (10.0, 160.0))
     assert f'add {joint} with gain = "unknown"' in str(refused.value)
+
+
+def test_an_encoder_in_metres_beside_accelerometers_in_g_stays_in_metres(tmp_path):
+    write_encoder_campaign(tmp_path, lines=60)
+    plain = open_session(tmp_path, (10.0, 160.0)).campaign
+    path = tmp_path / "campaign.toml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("averages", 'unit = "g/N"\naverages', 1), encoding="utf-8")
+    chosen = [CHANNELS.index(name) for name in ("encoder", "acc2:+x")]
+    with np.load(tmp_path / "test.npz") as file:
+        arrays = dict(file)
+    rows = [k for k, name in enumerate(CHANNELS) if name not in ("encoder", "carriage:+ry")]
+    arrays["frf"][:, rows] /= 9.80665
+    np.savez(tmp_path / "test.npz", **arrays)
+    stated = open_session(tmp_path, (10.0, 160.0)).campaign
+    for first, second in zip(plain.tests, stated.tests, strict=True):
+        values, again = (each.estimate.frf.values[:, chosen] for each in (first, second))
+        np.testing.assert_allclose(values, again, rtol=1e-9)
+    assert any("no unit of encoder and rotations, which are read in SI" in text
+               for text in stated.remarks)  # fmt: skip
