@@ -4,12 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from identification.words import Loop
+from identification.words import InputError, Loop
 from mbmodel import Machine, Model
 from mbw.plant.margin_files import write_margins
 from mbw.plant.margin_rows import margins_row
 from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.margin_sentences import margin_lines
+from tuning.control_loops.sampling import sampling_period
 from tuning.error_budget.loop_margins import ClosedLoops, closed_loops
 from tuning.error_budget.loop_plant import LoopPlant, loops_alone
 from tuning.error_budget.machine_files import fitted_model, tuning_beside
@@ -28,11 +29,13 @@ class LoopStudy:
         loops: that are closed.
         closed: their stability and margins.
         variants: stability in models and poses of tests.
+        refusal: why there are no margins; empty if there are.
     """
 
     loops: tuple[Loop, ...]
     closed: ClosedLoops
     variants: tuple[VariantMargins, ...]
+    refusal: str = ""
 
     @property
     def row(self) -> MarginsRow | None:
@@ -42,6 +45,8 @@ class LoopStudy:
 
     def lines(self) -> list[str]:
         """Return the margins as lines of text."""
+        if self.refusal:
+            return [f"no stability margins: {self.refusal}"]
         names, count = ", ".join(loop.name for loop in self.loops), self.closed.unstable_samples
         lines = [f"no stability margins: the machine with {names} closed is unstable"]
         if (row := self.row) is not None:
@@ -79,6 +84,10 @@ def study_loops(
     """
     if not machine.loops:
         return None
+    try:
+        sampling_period(machine.loops)
+    except InputError as error:
+        return LoopStudy(machine.loops, ClosedLoops(None, 0, 0), (), str(error))
     fitted, posterior = fitted_model(machine, model, path)
     fitted, low = open_loops(fitted), max(band[0], _MIN_LOW_END_SHARE * band[1])
     definition = loops_alone(machine.loops, (low, band[1]))

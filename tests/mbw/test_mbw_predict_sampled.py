@@ -108,3 +108,13 @@ def test_images_of_slow_sampling_are_stated(tmp_path):
                  "--out", tmp_path / "out")  # fmt: skip
     assert result.exit_code == 0, result.output
     assert "images of the sampling rate add" in result.output
+
+
+def test_loops_of_a_campaign_that_mix_periods_have_frfs_but_no_margins(tmp_path):
+    damper = SERVO.replace("servo", "damper").replace("2e4, period = 0.0005", "10.0, period = 1e-3")
+    assert "1e-3" in damper
+    write_encoder_campaign(tmp_path / "case", extra=SERVO + damper, lines=30)
+    command = ["predict", tmp_path / "case", "--input", "drive", "--output", "encoder", "--frf"]
+    result = run(*command, "--closed", "*", "--band", 5, 160, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "no stability margins: loops that act together must have one sampling" in result.output
