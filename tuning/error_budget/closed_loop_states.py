@@ -96,7 +96,7 @@ def refuse_unstable(
     where = "the machine" if not loops else "the closed loop"
     names = ", ".join(loop.name for loop in loops)
     remedy = (
-        f"lower the gain of {names} or turn its phase there"
+        f"change the gain of {names} or turn its phase there"
         if loops
         else ("correct its springs and dampers")
     )
