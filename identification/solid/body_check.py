@@ -3,25 +3,22 @@
 It compares the readings with the rigid motion that all channels determine (seed, ch. 2.2).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from identification.checks.unknown_gains import leave_out_unknown_gains
-from identification.solid.body_channels import BodyData, ChannelTable, body_data, join_tests
+from identification.solid.body_channels import ChannelTable, body_data, join_tests
+from identification.solid.body_search import correct_spectrum, search_body
 from identification.solid.confounded_faults import (
     find_confounded,
     find_near_ties,
     find_unidentifiable,
 )
-from identification.solid.fault_search import FaultSearch, search_faults
+from identification.solid.fault_search import FaultSearch
 from identification.solid.fault_size import is_within_tolerance
-from identification.solid.frequency_limit import (
-    ResidualSpectrum,
-    highest_solid_hz,
-    residual_spectrum,
-)
-from identification.solid.sensor_faults import BelievedBody, FaultHypothesis
+from identification.solid.frequency_limit import ResidualSpectrum, highest_solid_hz
+from identification.solid.sensor_faults import FaultHypothesis
 from identification.solid.sentences import body_sentence, confounded_phrase, fault_phrase
 from identification.solid.silent_channels import drop_still_channels
 from identification.solid.swapped_bodies import BodySwap, find_body_swap
@@ -138,14 +135,14 @@ def _searches(
     names = campaign.layout.bodies if bodies is None else bodies
     channels = [body_data(table, campaign, body) for body in names]
     active = [drop_still_channels(data, campaign.layout) for data in channels if data is not None]
-    return {data.body: search_faults(data, campaign.tolerance) for data in active}
+    return {data.body: search_body(data, campaign.tolerance) for data in active}
 
 
 def _assemble_check(search: FaultSearch, tolerance: Tolerance, swap: BodySwap | None) -> BodyCheck:
     """Assemble the check of one body from its search."""
     data = search.data
     last = search.rankings[-1].body_fit if search.rankings else None
-    residuals, shapes_matter = _corrected_spectrum(data, tolerance, search)
+    residuals, shapes_matter = correct_spectrum(data, tolerance, search)
     faults = _list_faults(search, residuals, tolerance, shapes_matter=shapes_matter)
     if swap is not None and data.body in swap.bodies:
         excess = search.excess(0)
@@ -205,28 +202,6 @@ def _check_sentence(
         phrases.append(f"faults that these channels cannot show: {', '.join(hidden)}")
     counts = (len(search.data.sensors.channels), search.rank, search.redundant)
     return body_sentence(search.data.body, counts, search.data.freq_hz, residuals, phrases)
-
-
-def _corrected_spectrum(
-    data: BodyData, tolerance: Tolerance, search: FaultSearch
-) -> tuple[ResidualSpectrum, bool]:
-    """Compute the residual along frequency with sensor faults corrected and flexible shapes kept.
-
-    Returns:
-        The residuals, and whether free shapes matter. They do not if the body is solid even with
-            all shapes kept, dead channels excepted.
-    """
-    drawn, state = BelievedBody.healthy(data, tolerance), search.state
-    shaped = [fault for fault in search.accepted if fault.frees_shape]
-
-    def residuals_without(left_out: list[bool]) -> ResidualSpectrum:
-        model = replace(state.model, extra=state.extra[:, left_out])
-        return residual_spectrum(state, drawn, model, search.errors, search.noise_scale)
-
-    residuals = residuals_without([fault.dead for fault in shaped])
-    if not residuals.exceeds_bound.any():
-        return residuals, False
-    return residuals_without([fault.hypothesis.effect != "flexible_body" for fault in shaped]), True
 
 
 def _list_faults(

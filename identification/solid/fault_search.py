@@ -91,12 +91,15 @@ class FaultSearch:
         return float(np.sqrt(max(1.0 + body_fit.healthy.data / body_fit.noise_energy, 0.0)))
 
 
-def search_faults(data: BodyData, tolerance: Tolerance) -> FaultSearch:
+def search_faults(
+    data: BodyData, tolerance: Tolerance, excluded: frozenset[Key] = frozenset()
+) -> FaultSearch:
     """Accept the most probable fault repeatedly, while it is more probable than no fault.
 
     Args:
         data: channels of the body.
         tolerance: tolerances of its sensors.
+        excluded: faults that are not considered.
     """
     state = BelievedBody.healthy(data, tolerance)
     rank, redundant = _count_channels(data)
@@ -117,7 +120,7 @@ def search_faults(data: BodyData, tolerance: Tolerance) -> FaultSearch:
         )
     dead: tuple[AcceptedFault, ...] = ()
     while True:
-        result = _forward_selection(state, tolerance, (rank, redundant), dead)
+        result = _forward_selection(state, tolerance, (rank, redundant), dead, excluded)
         dead_faults = tuple(fault for fault in result.accepted if fault.dead)
         if result.accepted[: len(dead_faults)] == dead_faults:
             return result
@@ -130,6 +133,7 @@ def _forward_selection(
     tolerance: Tolerance,
     counts: tuple[int, int],
     dead: Sequence[AcceptedFault],
+    excluded: frozenset[Key],
 ) -> FaultSearch:
     """Select faults one after the other (stepwise forward selection).
 
@@ -138,12 +142,13 @@ def _forward_selection(
         tolerance: tolerances of its sensors.
         counts: rank, and channels beyond it.
         dead: channels that are known to be dead, accepted first.
+        excluded: faults that are not considered.
     """
     data = state.data
     rank, redundant = counts
     accepted: list[AcceptedFault] = []
     rankings: list[Ranking] = []
-    done: set[Key] = set()
+    done = set(excluded)
     while True:
         before = rankings[0].candidates[rankings[0].null_index].data if rankings else None
         ranking = rank_faults(state, tolerance, frozenset(done), before)

@@ -96,7 +96,7 @@ def rank_faults(
             candidate = _held_out_cost(hypothesis, hypothesis.read(state, parameters), body_fit)
             candidates.append(replace(candidate, parameters=parameters))
         elif hypothesis.frees_shape:
-            candidates.append(_held_out_shape_cost(hypothesis, body_fit))
+            candidates += _held_out_shape_costs(hypothesis, body_fit)
         else:
             candidates.append(_held_out_cost(hypothesis, screened.state, body_fit))
     candidates[0] = _restart_null(candidates, state, body_fit)
@@ -115,6 +115,7 @@ def rank_faults(
             - next(hypothesis.data for hypothesis in candidates if hypothesis.hypothesis is None),
             0,
         )
+    candidates = _select_best_shapes(candidates, temper)
     nats = np.array([hypothesis.data / temper + hypothesis.cost for hypothesis in candidates])
     order = np.argsort(nats, kind="stable")
     nats = nats[order] - nats.min()
@@ -192,8 +193,19 @@ def _restart_null(
     return min(healthy, restarted, key=nats)
 
 
-def _held_out_shape_cost(hypothesis: FaultHypothesis, body_fit: BodyFit) -> RankedFault:
-    """Compute the held-out cost of a free shape, with a free amplitude in each block."""
+def _select_best_shapes(candidates: list[RankedFault], temper: float) -> list[RankedFault]:
+    """Keep the best shape of each hypothesis, at the weight that the data have in the ranking."""
+    best: dict[Key | None, RankedFault] = {}
+    for candidate in candidates:
+        key = None if candidate.hypothesis is None else candidate.hypothesis.key
+        rival = best.setdefault(key, candidate)
+        if candidate.data / temper + candidate.cost < rival.data / temper + rival.cost:
+            best[key] = candidate
+    return list(best.values())
+
+
+def _held_out_shape_costs(hypothesis: FaultHypothesis, body_fit: BodyFit) -> list[RankedFault]:
+    """Compute the held-out cost of each free shape, with a free amplitude in each block."""
     state, moments = body_fit.state, body_fit.moments
     start = body_fit.healthy.errors if body_fit.is_quiet else state.start
 
@@ -218,4 +230,4 @@ def _held_out_shape_cost(hypothesis: FaultHypothesis, body_fit: BodyFit) -> Rank
             state, extra=np.column_stack([state.extra, fitted_shape.shape]), start=errors
         )
         candidates.append(RankedFault(hypothesis, wider, fitted_shape.fitted, cost, sum(data)))
-    return min(candidates, key=lambda each: each.data + each.cost)
+    return candidates

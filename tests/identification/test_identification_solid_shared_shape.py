@@ -8,6 +8,10 @@ import pytest
 from solid_bodies import Case, draw
 
 from identification import check_bodies
+from identification.solid.body_channels import body_data, join_tests
+from identification.solid.body_search import list_imitated
+from identification.solid.fault_search import AcceptedFault, search_faults
+from identification.solid.sensor_faults import BelievedBody, list_hypotheses
 
 LINES = 200
 
@@ -27,8 +31,11 @@ def test_a_flexible_mode_ends_solidity_below_it_and_is_no_sensors_fault(size):
         assert found.faults[0].parameters["frequency"] == pytest.approx(150, rel=0.05)
 
 
-def twisted(case: Case) -> Case:
-    """A plate whose corners go up and down in turn, strongly: one spare channel of height tells."""
+def twisted(case: Case, size=0.5, frequency=160.0, corner=None, reversed_corner=None) -> Case:
+    """A plate whose corners go up and down in turn: one redundant channel of height tells.
+
+    The height of one corner forces the twist, or all motions of the first sensor.
+    """
     layout = draw(case).layout
     across = layout.positions[:, :2] - layout.positions[:, :2].mean(axis=0)
     rows = np.column_stack([np.ones(len(across)), across])
@@ -37,11 +44,13 @@ def twisted(case: Case) -> Case:
     shape /= np.abs(shape).max()
 
     def read(freq, values):
-        ratio = freq / 160.0
+        ratio = freq / frequency
         gain = ratio**2 / (1 - ratio**2 + 0.02j * ratio)
-        forced = gain[:, None] * values[:, :3].mean(axis=1)
+        forcing = values[:, :3].mean(axis=1) if corner is None else values[:, 2 + 3 * corner]
         values = values.copy()
-        values[:, 2::3] += 0.5 * shape[:, None] * forced[:, None]
+        values[:, 2::3] += size * shape[:, None] * (gain[:, None] * forcing)[:, None]
+        if reversed_corner is not None:
+            values[:, 2 + 3 * reversed_corner] *= -1
         return values
 
     return replace(case, read=read)
@@ -52,6 +61,40 @@ def test_a_plate_that_twists_is_flexible_though_any_of_its_corners_would_tell_as
     found = check(twisted(Case(1550 + seed, lines=LINES, level=True)))
     assert "flexible_body" in [fault.effect for fault in found.faults], found.sentence
     assert not any(fault.effect == "sensor_unknown" for fault in found.faults), found.sentence
+
+
+@pytest.mark.parametrize("frequency", [60.0, 160.0])
+def test_a_plate_that_twists_more_than_it_moves_is_flexible_and_no_corner_is_blamed(frequency):
+    found = check(twisted(Case(1570, lines=LINES, level=True), 2.0, frequency, corner=0))
+    assert [fault.effect for fault in found.faults] == ["flexible_body"], found.sentence
+
+
+def imitated_signs(case: Case, corners):
+    """Signs that low lines contradict, if those of these corners were accepted."""
+    campaign = draw(case)
+    data = body_data(join_tests(campaign), campaign, "body0")
+    search = search_faults(data, campaign.tolerance)
+    signs = {
+        hypothesis.location: hypothesis
+        for hypothesis in list_hypotheses(BelievedBody.healthy(data, campaign.tolerance))
+        if hypothesis.effect == "sensor_polarity" and hypothesis.dof == "tz"
+    }
+    accepted = tuple(AcceptedFault(signs[f"sensor:p0_{k}"], 1.0, ()) for k in corners)
+    imitated = list_imitated(replace(search, accepted=accepted), campaign.tolerance)
+    return {key[1] for key in imitated}
+
+
+def test_a_wrong_sign_that_only_bending_imitates_is_contradicted_by_low_lines():
+    plate = Case(1571, lines=LINES, level=True)
+    for corner in range(4):
+        imitated = imitated_signs(twisted(plate, 1.0, 100.0), (corner,))
+        assert imitated == {f"sensor:p0_{corner}"}
+
+
+def test_a_sign_that_is_wrong_stays_beside_bending():
+    plate = Case(1571, lines=LINES, level=True)
+    assert not imitated_signs(twisted(plate, 1.0, 100.0, reversed_corner=3), (3,))
+    assert imitated_signs(twisted(plate, 1.0, 100.0, reversed_corner=3), (3, 0)) == {"sensor:p0_0"}
 
 
 def test_the_larger_the_flexible_motion_the_lower_the_limit():
