@@ -47,6 +47,20 @@ class ControlPlant:
     period_s: float = 0.0
     reduced: ReducedSystem | None = None
 
+    def __repr__(self) -> str:
+        """Return order, time, ports and delays in one line."""
+        outputs, inputs = (
+            ", ".join(map(str, ports)) for ports in (self.request.outputs, self.request.inputs)
+        )
+        time = f"sampled every {self.period_s:g} s" if self.period_s else "continuous"
+        late = ""
+        if self.delays_s.any():
+            late = f", delays {', '.join(f'{delay:g}' for delay in self.delays_s)} s"
+        return (
+            f"state space of {len(self.states)} states, {time}, {self.request.quantity}: "
+            f"{outputs} / {inputs}{late}"
+        )
+
     def reduce(
         self,
         method: ReductionMethod = "balanced",

@@ -30,6 +30,8 @@ def test_a_plant_has_bands_states_and_alternatives(plant):
     s = 2j * np.pi * FREQ
     peak = np.abs(bands.values).max(axis=0)
     whole = plant.state_space(delays_s=[0.0, 3e-4])
+    assert f"{len(whole.states)} states, continuous, " in repr(whole)
+    assert repr(whole).endswith("delays 0, 0.0003 s")
     assert (np.abs(response(whole.to_control(), s) - bands.values) < 1e-6 * peak).all()
     reduced = whole.reduce(bands=bands)
     assert reduced.largest_error <= reduced.relative_bound
