@@ -54,6 +54,7 @@ def render_plant(
         note=escape(_note(plant)),
         legend=escape(f"Dashed or crosses: {before}.") if has_other else "",
         bands=escape(_bands_note(plant)),
+        modes=escape(_modes_note(plant)),
         margins=_margin_section(plant, row),
         loops=escape(loops),
         struts="" if struts is None else struts.section(),
@@ -70,6 +71,13 @@ def _note(plant: PlantBudget) -> str:
         "Intervals: covariance of the fit, to first order in the logarithm of the rms, with the "
         f"model error beside the noise (at most {format_percent(largest)} of an rms)."
     )
+
+
+def _modes_note(plant: PlantBudget) -> str:
+    """Return whose modes share an error, where they are not those of the closed loops."""
+    if not plant.budget.states.period_s:
+        return ""
+    return " The modes are those of the machine itself, driven by disturbances and held controls."
 
 
 def _bands_note(plant: PlantBudget) -> str:

@@ -87,7 +87,9 @@ def test_a_budget_takes_a_sampled_mat_file_and_gives_a_page(tmp_path):
     assert row["margins"]["machines"] == 60
     assert rms[1] == pytest.approx(rms[0], rel=0.1)
     assert rms[1] != pytest.approx(rms[0], rel=1e-4)
-    assert "sampled every 0.001 s" in (place / "plant.html").read_text("utf-8")
+    page = (place / "plant.html").read_text("utf-8")
+    assert "sampled every 0.001 s" in page
+    assert "driven by disturbances and held controls" in page
     with np.load(place / "margins.npz") as arrays:
         assert arrays["freq_hz"][-1] == pytest.approx(500.0)
         assert arrays["periods"] == pytest.approx([1e-3])
