@@ -1,10 +1,11 @@
 r"""Cells (channel, test) with unknown gains: level and phase of the measurement over the model.
 
 Stiffness that is off moves all resonances: the nominal FRFs are stretched along frequency by one
-factor a, which for the accelerance equals a factor a^2 on all stiffnesses. A drive of unknown gain
-may come late, as an amplifier does: exp(-i w tau) turns the phases of all its cells. The stretch
-and the delays with the best agreement of phases count. A delay is taken only if the phases agree
-much better with it, since a short one and wrong stiffness look alike.
+factor a, which for the accelerance equals a factor a^2 on all stiffnesses. A drive or an encoder of
+unknown gain may come late, as amplifiers and converters do: exp(-i w tau) turns the phases of all
+its cells. The stretch and the delays with the best agreement of phases count. Delays are taken one
+after the other, and only if the phases agree much better with them, since a short one and wrong
+stiffness look alike.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +42,7 @@ class _CellSettings:
     min_power_ratio: float = 9.0  # |H|^2 over its variance, below which a line does not count
     min_lines: int = 6  # of a cell
     min_motion_ratio: float = 1e-9  # of the largest FRF: below it the nominal channel is still
-    min_delay_range_s: float = 4e-3  # of drives: amplifiers, filters, cycles of a controller
+    min_delay_range_s: float = 4e-3  # amplifiers, filters, cycles of a controller
     max_delay_step_rad: float = 0.5  # of the phase at the last line, between delays that are tried
     max_delays: int = 400  # that are tried on either side
     min_delay_gain: float = 0.15  # of the mean agreement, for which a delay is taken
@@ -59,7 +60,7 @@ class GainCell:
         level: median of ln |H_measured / H_nominal|.
         turns: H_measured / H_nominal over its magnitude at the lines that count; (n_freq,).
         omega: of these lines [rad/s]; (n_freq,).
-        delay_s: delay of the drive that is taken off [s].
+        delay_s: delay of its drive and encoder that is taken off [s].
     """
 
     nodes: tuple[GainNode, ...]
@@ -97,10 +98,12 @@ def compare_cells(
     Args:
         machine: the nominal machine.
         campaign: tests on the lines of the band.
-        delay_ranges: largest delay of each drive that its tolerance allows [s], by its name.
+        delay_ranges: largest delay of each drive and encoder that its tolerance allows [s], by its
+            location.
 
     Returns:
-        The cells; the delay of each drive of unknown gain [s], by its name.
+        The cells; the delay of each drive and encoder of unknown gain that has one [s], by its
+        location.
     """
     stride = max(1, len(campaign.freq_hz) // _CELL_SETTINGS.max_lines)
     lines = np.zeros(len(campaign.freq_hz), bool)
@@ -124,42 +127,52 @@ def compare_cells(
 def _find_delays(
     cells: list[GainCell], delay_ranges: Mapping[str, float]
 ) -> tuple[list[GainCell], dict[str, float], float]:
-    """Return cells with the delays of their drives, these by name, and the agreement of phases.
+    """Return cells without the delays of drives and encoders, these, and the agreement of phases.
 
     A delay counts against the agreement as much as it has to gain.
     """
     delays: dict[str, float] = {}
-    agreement = 0.0
-    groups: dict[GainNode, list[GainCell]] = {}
+    late = [node for node in dict.fromkeys(node for cell in cells for node in cell.nodes)
+            if not node[1]]  # fmt: skip
+    cost = 0.0
+    while True:
+        steps = [
+            _best_delay([cell for cell in cells if node in cell.nodes], node, delay_ranges)
+            for node in late
+            if node[0] not in delays
+        ]
+        gain, delay, node = max(steps, default=(0.0, 0.0, ("", None)), key=lambda step: step[0])
+        if gain <= 0:
+            break
+        delays[node[0]] = delay
+        cost += _CELL_SETTINGS.min_delay_gain * sum(node in cell.nodes for cell in cells)
+        cells = [
+            replace(cell, delay_s=cell.delay_s + delay) if node in cell.nodes else cell
+            for cell in cells
+        ]
+    return cells, delays, sum(abs(cell.cosine) for cell in cells) - cost
+
+
+def _best_delay(
+    cells: Sequence[GainCell], node: GainNode, delay_ranges: Mapping[str, float]
+) -> tuple[float, float, GainNode]:
+    """Return what a further delay of a node gains beyond its cost, the delay [s], and the node."""
+    tried = _delays(cells, delay_ranges.get(node[0], 0.0))
+    sizes = np.zeros(len(tried))
     for cell in cells:
-        groups.setdefault(cell.nodes[-1], []).append(cell)
-    corrected: list[GainCell] = []
-    for (location, direction), group in groups.items():
-        size, delay = sum(abs(cell.cosine) for cell in group), 0.0
-        if direction is None:  # a drive
-            name = location.partition(":")[2]
-            tried = _delays(group, delay_ranges.get(name, 0.0))
-            sizes = sum(
-                np.abs((cell.turns @ np.exp(1j * np.outer(cell.omega, tried))).real)
-                / len(cell.omega)
-                for cell in group
-            )
-            best, cost = int(np.argmax(sizes)), _CELL_SETTINGS.min_delay_gain * len(group)
-            if sizes[best] > size + cost:
-                size, delay = float(sizes[best]) - cost, float(tried[best])
-            delays[name] = delay
-        agreement += size
-        corrected += [replace(cell, delay_s=delay) for cell in group]
-    return corrected, delays, agreement
+        turns = cell.turns * np.exp(1j * cell.omega * cell.delay_s)
+        sizes += np.abs((turns @ np.exp(1j * np.outer(cell.omega, tried))).real) / len(turns)
+    best = int(np.argmax(sizes))
+    gain = float(sizes[best]) - sum(abs(cell.cosine) for cell in cells)
+    return gain - _CELL_SETTINGS.min_delay_gain * len(cells), float(tried[best]), node
 
 
 def _delays(group: Sequence[GainCell], largest: float) -> Real:
     """Return delays to be tried, on either side [s]; (n_delay,)."""
     end = max(largest, _CELL_SETTINGS.min_delay_range_s)
     fastest = max(float(cell.omega.max()) for cell in group)
-    count = min(
-        int(np.ceil(end * fastest / _CELL_SETTINGS.max_delay_step_rad)), _CELL_SETTINGS.max_delays
-    )
+    count = int(np.ceil(end * fastest / _CELL_SETTINGS.max_delay_step_rad))
+    count = min(count, _CELL_SETTINGS.max_delays)
     delays: Real = np.linspace(-end, end, 2 * count + 1)
     return delays
 

@@ -29,17 +29,23 @@ def instrument_priors(settings: CampaignSettings) -> dict[str, float]:
     return priors
 
 
-def drive_delay_ranges(settings: CampaignSettings, campaign: Campaign) -> dict[str, float]:
-    """Return the largest delay of each hammer or drive that its tolerance allows [s], by name.
+def delay_ranges(settings: CampaignSettings, campaign: Campaign) -> dict[str, float]:
+    """Return the largest delay of each drive and channel that its tolerance allows [s].
 
     Args:
         settings: content of campaign.toml.
         campaign: its tests.
+
+    Returns:
+        Delays by location, such as ``hammer:drive`` or ``sensor:encoder``.
     """
-    stated = {port_key(name): hammer.delay_tolerance for name, hammer in settings.hammer.items()}
-    ranges = {}
-    for instrument in {test.condition.instrument for test in campaign.tests}:
-        deviation = stated.get(instrument)
-        deviation = campaign.tolerance.hammer_delay if deviation is None else deviation
-        ranges[instrument] = TOLERANCE_BOUND_SIGMA * deviation
-    return ranges
+    tolerance, deviations = campaign.tolerance, dict[str, float]()
+    for test in campaign.tests:
+        deviations[f"hammer:{test.condition.instrument}"] = tolerance.hammer_delay
+        for dof in test.estimate.frf.outputs:
+            deviations[f"sensor:{dof.point}"] = tolerance.sensor_delay
+    for kind, tables in (("sensor", settings.sensor), ("hammer", settings.hammer)):
+        for name, table in tables.items():
+            if table.delay_tolerance is not None:
+                deviations[f"{kind}:{port_key(name)}"] = table.delay_tolerance
+    return {place: TOLERANCE_BOUND_SIGMA * deviation for place, deviation in deviations.items()}

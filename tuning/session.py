@@ -14,7 +14,7 @@ from mbmodel import Machine, Model, as_drawn, load_machine, with_variants
 from tuning.campaign_machine import close_loops, load_variants, refuse_unknown_ports
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
-from tuning.instrument_priors import drive_delay_ranges, instrument_priors
+from tuning.instrument_priors import delay_ranges, instrument_priors
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
 from tuning.toleranced_model import build_toleranced_model
@@ -158,5 +158,5 @@ def open_campaign(
         if entry.variant
     )
     chosen = replace(chosen, remarks=(*chosen.remarks, *of_machine, *loop_remarks, *of_tests))
-    ranges = drive_delay_ranges(settings, chosen)
+    ranges = delay_ranges(settings, chosen)
     return source, machine, divide_by_unknown_gains(machine, chosen, ranges)

@@ -48,12 +48,13 @@ def divide_by_unknown_gains(
     Args:
         machine: the nominal machine.
         campaign: tests on the lines of the band.
-        delay_ranges: largest delay of each drive that its tolerance allows [s], by its name.
+        delay_ranges: largest delay of each drive and encoder that its tolerance allows [s], by its
+            location.
     """
     if not campaign.unknown_gains:
         return campaign
     cells, delays = compare_cells(machine, campaign, delay_ranges)
-    taken = {name: tau for name, tau in delays.items() if abs(tau) <= delay_ranges.get(name, 0.0)}
+    taken = {place: tau for place, tau in delays.items() if abs(tau) <= delay_ranges[place]}
     nodes = list(dict.fromkeys(node for cell in cells for node in cell.nodes))
     references, groups = _product_groups(cells, nodes)
     levels = _fit_levels(cells, nodes, references)
@@ -61,7 +62,7 @@ def divide_by_unknown_gains(
     gains = {node: float(signs[k] * np.exp(levels[k])) for k, node in enumerate(nodes)}
     of_products = {node for group in groups for node in group if node[1] is not None}
     nominal = tuple(
-        NominalGain(*node, gain, node in of_products, taken.get(_drive_of(node), 0.0))
+        NominalGain(*node, gain, node in of_products, taken.get(node[0], 0.0))
         for node, gain in gains.items()
         if node not in references
     )
@@ -72,13 +73,7 @@ def divide_by_unknown_gains(
             "nominal model is too far from the measurement; check it at a drive point"
             for k in uncertain
         ),
-        *(
-            f"the drive {name} seems to be {'late' if tau > 0 else 'early'} by {abs(tau):.2g} s, "
-            "beyond its tolerance: if an amplifier or filter does that, state delay_tolerance in "
-            f"[hammer.{toml_key(name)}]"
-            for name, tau in delays.items()
-            if tau and name not in taken
-        ),
+        *(_late_sentence(place, tau) for place, tau in delays.items() if place not in taken),
         *_missing_sentences(campaign, set(nodes)),
     )
     return replace(
@@ -175,22 +170,30 @@ def _fit_signs(
     return best, [int(k) for k in uncertain if int(k) not in held]
 
 
-def _drive_of(node: GainNode) -> str:
-    """Return the name of the drive of a gain; empty for that of a channel."""
-    return node[0].partition(":")[2] if node[1] is None else ""
+def _late_sentence(location: str, delay: float) -> str:
+    """Return that a drive or encoder is late beyond its tolerance."""
+    kind, _, name = location.partition(":")
+    noun = "drive" if kind == "hammer" else "channel"
+    return (
+        f"the {noun} {name} seems to be {'late' if delay > 0 else 'early'} by {abs(delay):.2g} s, "
+        "beyond its tolerance: if an amplifier, filter or converter does that, state "
+        f"delay_tolerance in [{kind}.{toml_key(name)}]"
+    )
 
 
 def _divide(test: Test, gains: dict[GainNode, float], delays: dict[str, float]) -> Test:
-    """Return a test with its FRFs divided by the gains, and by the delay of its drive."""
-    estimate, instrument = test.estimate, test.condition.instrument
-    hammer = gains.get((f"hammer:{instrument}", None), 1.0)
-    factors = np.array(
-        [hammer * gains.get(channel_node(dof), 1.0) for dof in estimate.frf.outputs]
-    )[None, :, None]
+    """Return a test with its FRFs divided by the gains, and by delays of drive and encoders."""
+    estimate, drive = test.estimate, f"hammer:{test.condition.instrument}"
+    nodes = [channel_node(dof) for dof in estimate.frf.outputs]
+    hammer = gains.get((drive, None), 1.0)
+    factors = np.array([hammer * gains.get(node, 1.0) for node in nodes])[None, :, None]
+    late = delays.get(drive, 0.0) + np.array(
+        [0.0 if node[1] else delays.get(node[0], 0.0) for node in nodes]
+    )
     values = estimate.frf.values / factors
-    if delay := delays.get(instrument, 0.0):
-        turn = np.exp(2j * np.pi * estimate.frf.freq_hz * delay)
-        values = values * turn[:, None, None]
+    if late.any():
+        turns = np.exp(2j * np.pi * np.outer(estimate.frf.freq_hz, late))
+        values = values * turns[:, :, None]
     frf = replace(estimate.frf, values=values)
     divided = replace(estimate, frf=frf, variance=estimate.variance / factors**2)
     return replace(test, estimate=divided)

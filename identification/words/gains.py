@@ -14,7 +14,7 @@ class NominalGain:
             channel; None for a force channel.
         value: gain by which the FRFs of the campaign were divided.
         is_product: whether the data show the product with the gain of the force channel only.
-        delay_s: of a drive, from which the FRFs were freed too [s].
+        delay_s: of a drive or encoder, from which the FRFs were freed too [s].
     """
 
     location: str
@@ -36,8 +36,11 @@ class NominalGain:
 
     @property
     def delay_parameter(self) -> str:
-        """Name of the parameter that corrects the delay of a drive; empty for a channel."""
-        return f"hammer({self.location.partition(':')[2]}).delay" if self.direction is None else ""
+        """Name of the parameter that corrects the delay of a drive or signal; else empty."""
+        place = self.location.partition(":")[2]
+        if self.direction is None:
+            return f"hammer({place}).delay"
+        return "" if self.direction else f"{place}.delay"
 
     @property
     def label(self) -> str:

@@ -124,14 +124,17 @@ def test_settings_of_a_channel_that_nothing_reads_are_refused(tmp_path):
 LATE = 1.2e-3  # half a turn at 417 Hz, 69 degrees at the last line
 
 
-@pytest.mark.parametrize("factor", [3.1, -3.1])
-def test_a_late_drive_of_unknown_gain_has_its_sign_and_delay(tmp_path, factor):
-    extra = UNKNOWN + "delay_tolerance = 2e-3\n"
+@pytest.mark.parametrize(
+    ("place", "factor"), [("drive", 3.1), ("drive", -3.1), ("encoder", -2.5e6)]
+)
+def test_a_late_drive_or_encoder_of_unknown_gain_has_its_sign_and_delay(tmp_path, place, factor):
+    table = "[sensor.encoder]" if place == "encoder" else "[hammer.drive]"
+    extra = UNKNOWN.replace(table, f"{table}\ndelay_tolerance = 2e-3")
     write_encoder_campaign(
         tmp_path,
         scales={"carriage_tx": 1.3, "frame_tx": 0.8},
-        gains={"drive": factor},
-        delays={"drive": LATE},
+        gains={place: factor},
+        delays={place: LATE},
         extra=extra,
     )
     target = tmp_path / "out" / "tuned.json"
@@ -140,7 +143,7 @@ def test_a_late_drive_of_unknown_gain_has_its_sign_and_delay(tmp_path, factor):
     )
     assert result.exit_code == 0, result.output
     tuned = json.loads(target.read_text(encoding="utf-8"))
-    (row,) = [each for each in tuned["channel_gains"] if each["dof"] is None]
+    (row,) = [each for each in tuned["channel_gains"] if each["location"].endswith(f":{place}")]
     assert row["gain"] == pytest.approx(factor, rel=0.03)
     assert row["delay"] == pytest.approx(LATE, abs=3e-5)
     assert "late by 1.2 ms" in result.output

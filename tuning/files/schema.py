@@ -104,8 +104,8 @@ class ChannelGainRow(_Row):
 
     ``location`` is ``sensor:<site>`` or ``hammer:<name>``, ``dof`` the direction of a channel.
     ``interval`` is the 95 % interval, or None. With ``is_product``, the data show the product with
-    the gain of the force channel only. ``delay`` is that of a drive [s], None for a channel: its
-    estimate before the fit and the fitted deviation.
+    the gain of the force channel only. ``delay`` is that of a drive or encoder [s], None for
+    a sensor's axis: its estimate before the fit and the fitted deviation.
     """
 
     location: str
