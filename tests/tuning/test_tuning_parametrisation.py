@@ -217,3 +217,12 @@ def test_a_parameter_that_follows_a_linear_one_is_linear(toleranced):
     x[list(tied.names).index(names[0])] = 2.0
     theta = dict(zip((p.name for p in tied.parameters), tied.theta(x), strict=True))
     assert theta[names[1]] == theta[names[0]]
+
+
+def test_sizes_far_astray_stay_finite_and_positive(parametrisation):
+    logarithmic = np.array([parameter.positive for parameter in parametrisation.parameters])
+    for end in (-1e6, 1e6):
+        theta = parametrisation.theta(np.full(parametrisation.size, end))
+        assert np.isfinite(theta).all()
+        sizes = theta[logarithmic & (parametrisation.fixed > 0)]
+        assert (sizes > 0).all()

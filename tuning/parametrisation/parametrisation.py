@@ -20,6 +20,8 @@ import numpy as np
 from identification.words import TOLERANCE_BOUND_SIGMA, Integers, Mask, Real
 from mbmodel import Parameter
 
+# Of a factor on a nominal value, in nats: searches that go astray keep finite numbers beyond it.
+_MAX_LOGARITHM = 100.0
 _BOUND_MARGIN = 1e-6  # distance in x below which a coordinate counts as at its bound
 
 
@@ -77,9 +79,8 @@ class Parametrisation:
     def theta(self, x: Real) -> Real:
         """Return the parameters at x [SI]; (n_parameter,)."""
         displacement, log = self._displacement(x), self._logarithmic
-        theta: Real = np.where(
-            log, self.fixed * np.exp(np.where(log, displacement, 0.0)), self.fixed
-        )
+        growth = np.clip(displacement, -_MAX_LOGARITHM, _MAX_LOGARITHM)
+        theta: Real = np.where(log, self.fixed * np.exp(np.where(log, growth, 0.0)), self.fixed)
         return theta + np.where(log, 0.0, displacement)
 
     def rates(self, x: Real) -> Real:
