@@ -45,7 +45,9 @@ class _CellSettings:
     min_delay_range_s: float = 4e-3  # amplifiers, filters, cycles of a controller
     max_delay_step_rad: float = 0.5  # of the phase at the last line, between delays that are tried
     max_delays: int = 400  # that are tried on either side
-    min_delay_gain: float = 0.15  # of the mean agreement, for which a delay is taken
+    min_delay_gain: float = (
+        0.2  # of the mean agreement, for which a delay is taken: springs off by 30 % stay below
+    )
 
 
 _CELL_SETTINGS = _CellSettings()
