@@ -297,7 +297,9 @@ def test_causes_of_a_diagnosis_widen_the_bands(tuned, tmp_path, monkeypatch):
     cause = SimpleNamespace(effect="parallel_path", location="pair:base-head", probability=0.6)
     row = SimpleNamespace(cause=0)
     result = SimpleNamespace(
-        verdict=SimpleNamespace(causes=[cause]),
+        verdict=SimpleNamespace(
+            causes=[cause], twins=[("parallel_path@pair:base-head", "drift@joint:head")]
+        ),
         shown=SimpleNamespace(
             established=[row], not_held_by_mjcf=["its delay", "acc1.gain_x (no gain)"]
         ),
@@ -309,6 +311,7 @@ def test_causes_of_a_diagnosis_widen_the_bands(tuned, tmp_path, monkeypatch):
         tuned, "--bands", "--no-pictures", "--out", folders[1], "--diagnosed", tmp_path
     ).stderr
     assert "tuned (40 %), parallel_path@pair:base-head (60 %)" in said
+    assert "stands for drift@joint:head (confounded) too, whose own plant is not" in said
     assert "its delay" in said
     assert "acc1.gain_x" not in said
     plain, both = (load(folder / "bands.npz") for folder in folders)
