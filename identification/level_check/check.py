@@ -21,7 +21,7 @@ from identification.level_check.laws import (
 from identification.level_check.shared_shapes import PoleFit, fit_poles
 from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
-from identification.modal.refinement import ModalFit
+from identification.modal.shape_fit import ModalFit
 from identification.words import Campaign, Mask, ModalModel, Real
 
 _MAX_TRACKED_SHIFT = 0.5  # relative shift of a frequency beyond which a mode is lost

@@ -2,7 +2,7 @@ r"""Fit of poles and participation to FRFs whose mode shapes are known.
 
     H_oi(s) = s^q [ sum_r (phi_or l_ri / (s - s_r) + its conjugate) + v_oi / s^2 + u_oi ]
 
-is the model of ``identification.modal.refinement`` with the shapes phi held. All levels of a test
+is the model of ``identification.modal.shape_fit`` with the shapes phi held. All levels of a test
 then share their shapes, so that a mode keeps its number, and motion of any other shape, such as
 that of a mode which only a strong hit shows, hardly moves its pole. Gauss-Newton steps are taken in
 poles s_r and participation l_ri; the real residuals v and u of each cell are projected out. Normal
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.modal.refinement import ModalFit, WeightedFrfs, build_kernels
+from identification.modal.shape_fit import ModalFit, WeightedFrfs, build_kernels
 from identification.words import Complex, Mask, Real
 
 _MAX_POLE_STEPS = 30  # Gauss-Newton steps; a fit converges in some eight

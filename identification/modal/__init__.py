@@ -25,7 +25,7 @@ from identification.modal.indicators import (
 from identification.modal.lscf_method import Poles, lscf
 from identification.modal.mode_selection import IdentifiedModes, identify_modes
 from identification.modal.pole_clusters import ModeCriteria
-from identification.modal.refinement import ModalFit, WeightedFrfs
+from identification.modal.shape_fit import ModalFit, WeightedFrfs
 from identification.modal.shapes import (
     UNIT_MASS,
     BodyShapes,

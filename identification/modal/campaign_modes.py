@@ -8,7 +8,7 @@ from scipy.ndimage import median_filter
 from identification.checks.roving_hammer import is_roving_hammer
 from identification.modal.mode_selection import IdentifiedModes, identify_modes
 from identification.modal.pole_clusters import ModeCriteria
-from identification.modal.refinement import WeightedFrfs
+from identification.modal.shape_fit import WeightedFrfs
 from identification.modal.user_choices import ModeChoices
 from identification.words import (
     DERIVATIVE_ORDER,

@@ -10,13 +10,13 @@ import numpy as np
 
 from identification.modal.indicators import mac
 from identification.modal.pole_clusters import ModeCriteria
-from identification.modal.refinement import (
+from identification.modal.refinement import refine
+from identification.modal.shape_fit import (
     ModalFit,
     WeightedFrfs,
     cost_rise_without,
     fit_shapes,
     reduced_chi_square,
-    refine,
     weighted_error,
 )
 from identification.words import Complex, Mask, Real

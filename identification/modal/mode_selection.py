@@ -14,7 +14,7 @@ from identification.modal.indicators import mpc, mpd
 from identification.modal.lscf_method import Poles, lscf
 from identification.modal.missing_modes import add_missing_modes, is_inside_band
 from identification.modal.pole_clusters import ModeCriteria, PoleCluster, cluster_poles
-from identification.modal.refinement import ModalFit, WeightedFrfs, shape_deviations
+from identification.modal.shape_fit import ModalFit, WeightedFrfs, shape_deviations
 from identification.modal.user_choices import ModeChoices, apply_choices
 from identification.words import Mask, Real
 

@@ -6,13 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.modal.missing_modes import start_pole_at
-from identification.modal.refinement import (
-    ModalFit,
-    WeightedFrfs,
-    fit_shapes,
-    refine,
-    weighted_error,
-)
+from identification.modal.refinement import refine
+from identification.modal.shape_fit import ModalFit, WeightedFrfs, fit_shapes, weighted_error
 from identification.words import Complex, Mask, Real, UsageError
 
 # Relative difference between a frequency that the user gives and that of the mode it selects.

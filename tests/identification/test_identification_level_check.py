@@ -13,7 +13,7 @@ from identification.level_check.laws import ModeTrend, name_law
 from identification.level_check.shared_shapes import _apply_step, _linearise, fit_poles
 from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
-from identification.modal.refinement import ModalFit
+from identification.modal.shape_fit import ModalFit
 from identification.words import Campaign
 from mbmodel import Model, as_drawn, load_machine
 from tests.helpers.nonlinear_mass import DAMPING, MASS_KG, MJCF, STIFFNESS, level_campaign

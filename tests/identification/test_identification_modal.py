@@ -22,9 +22,9 @@ from identification.modal.refinement import (
     _fit_shapes,
     _free_parameters,
     _schur_complement,
-    cost_rise_without,
     refine,
 )
+from identification.modal.shape_fit import cost_rise_without
 from identification.words import Dof, ModalModel, UsageError
 
 SMALL = {"total": 6, "n_out": 7, "n_in": 2, "lines": 401}
