@@ -19,12 +19,11 @@ from identification.modal import (
 )
 from identification.modal.refinement import (
     _apply_step,
-    _fit_shapes,
     _free_parameters,
     _schur_complement,
     refine,
 )
-from identification.modal.shape_fit import cost_rise_without
+from identification.modal.shape_fit import cost_rise_without, fit_shapes, fit_shapes_with_sums
 from identification.words import Dof, ModalModel, UsageError
 
 SMALL = {"total": 6, "n_out": 7, "n_in": 2, "lines": 401}
@@ -103,14 +102,14 @@ def test_a_clean_machine_is_recovered_to_rounding(full):
 def test_the_normal_matrix_is_that_of_the_jacobian_written_out(full):
     case = modal_case(8, 3, **{**SMALL, "total": 3, "lines": 101, "start": 5})
     data = data_of(case, full=full)
-    fitted, linear = _fit_shapes(data, *start_of(case, 3, off=0.02))
+    fitted, linear = fit_shapes_with_sums(data, *start_of(case, 3, off=0.02))
     every = np.ones(3, bool)
     free = _free_parameters(fitted.participation, every, every)
     matrix, right = _schur_complement(data, fitted, linear, free)
     weight = np.sqrt(data.weights * data.cells)
 
     def residual(step):
-        moved, _ = _fit_shapes(data, *_apply_step(fitted, step, free))
+        moved, _ = fit_shapes_with_sums(data, *_apply_step(fitted, step, free))
         error = ((data.values - moved.values(data.laplace, 2)) * weight).ravel()
         return np.concatenate([error.real, error.imag])
 
@@ -139,7 +138,9 @@ def test_leaving_a_mode_out_costs_what_a_fit_without_it_says():
     rise = cost_rise_without(data, fitted)
     for mode in range(4):
         others = np.arange(4) != mode
-        without, _ = _fit_shapes(data, fitted.poles[others], fitted.participation[:, others])
+        without, _ = fit_shapes_with_sums(
+            data, fitted.poles[others], fitted.participation[:, others]
+        )
         assert rise[mode] == pytest.approx(without.cost - fitted.cost, rel=1e-6)
 
 
