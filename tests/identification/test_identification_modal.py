@@ -23,7 +23,7 @@ from identification.modal.refinement import (
     _schur_complement,
     refine,
 )
-from identification.modal.shape_fit import cost_rise_without, fit_shapes, fit_shapes_with_sums
+from identification.modal.shape_fit import cost_rise_without, fit_shapes_with_sums
 from identification.words import Dof, ModalModel, UsageError
 
 SMALL = {"total": 6, "n_out": 7, "n_in": 2, "lines": 401}
