@@ -7,7 +7,8 @@ from scipy.linalg import blas
 from truth.machine.station import Mask, Real
 
 BOUND = 2.5  # standard deviations within which a tolerance is kept
-_MAX_ROUNDS = 30  # changes of the active set
+_BLOCK_ROUNDS = 30  # changes of whole blocks
+_ROUNDING = 1e-13  # of the terms of a slope
 _RELATIVE_RIDGE = 1e-13  # of the diagonal: for a joint that no sensor sees
 
 
@@ -36,7 +37,10 @@ def normal_matrix(shared: Real, own: Real, shape: tuple[int, ...]) -> Real:
 def bounded_solution(normal: Real, right: Real, bounded: Mask) -> Real:
     """Return the x that minimises x^T N x / 2 - b^T x with tolerances within their bound.
 
-    An active set holds the tolerances that lie at their bound (bounded least squares).
+    Block principal pivoting: all coordinates that violate the conditions of optimality change at
+    once between free and held. It takes few rounds, but may go round in circles. Then an active set
+    goes on, which changes one coordinate at a time and lowers the cost in each step, so that it
+    ends (bounded-variable least squares: Stark and Parker 1995).
 
     Args:
         normal: N, positive definite; (n, n).
@@ -45,21 +49,65 @@ def bounded_solution(normal: Real, right: Real, bounded: Mask) -> Real:
     """
     scale = np.sqrt(np.diag(normal))
     scale[scale == 0] = 1.0  # a spring or damper of 0 stays 0
+    inner = normal / np.outer(scale, scale)
+    inner[np.diag_indices_from(inner)] += _RELATIVE_RIDGE
+    push, limit = right / scale, np.where(bounded, BOUND, np.inf) * scale
     held = np.zeros(len(right))
-    for _ in range(_MAX_ROUNDS):
-        free = held == 0
-        solution = BOUND * held
-        inner = normal[np.ix_(free, free)] / np.outer(scale[free], scale[free])
-        inner[np.diag_indices_from(inner)] += _RELATIVE_RIDGE
-        push = (right[free] - normal[np.ix_(free, ~free)] @ solution[~free]) / scale[free]
-        factor = scipy.linalg.cho_factor(inner)
-        solution[free] = np.asarray(scipy.linalg.cho_solve(factor, push), np.float64) / scale[free]
-        beyond = bounded & free & (np.abs(solution) > BOUND)
-        slope = normal @ solution - right
-        inward = ~free & (slope * held > 0)  # the cost falls where the bound is left
+    for _ in range(_BLOCK_ROUNDS):
+        solution = _held_solution(inner, push, limit, held)
+        beyond = (held == 0) & (np.abs(solution) > limit)
+        inward = _inward_slope(inner, push, solution, held) > 0
         if not beyond.any() and not inward.any():
-            break
+            return np.asarray(solution / scale)
         held[beyond] = np.sign(solution[beyond])
         held[inward] = 0
-    limit = np.where(bounded, BOUND, np.inf)
-    return np.minimum(np.maximum(solution, -limit), limit)
+    return _active_set(inner, push, limit, np.clip(solution, -limit, limit)) / scale
+
+
+def _active_set(inner: Real, push: Real, limit: Real, solution: Real) -> Real:
+    """Return the solution by an active set, from one within the bounds."""
+    held = np.where(np.abs(solution) >= limit, np.sign(solution), 0.0)
+    while True:
+        step = _held_solution(inner, push, limit, held) - solution
+        room = np.divide(
+            limit - np.sign(step) * solution,
+            np.abs(step),
+            where=step != 0,
+            out=np.full(len(step), np.inf),
+        )
+        room[held != 0] = np.inf
+        first = int(room.argmin())
+        if room[first] < 1:
+            solution = solution + max(room[first], 0.0) * step
+            held[first] = np.sign(step[first])
+            continue
+        solution = solution + step
+        slope = _inward_slope(inner, push, solution, held)
+        if slope.max() <= 0:
+            return solution
+        held[slope.argmax()] = 0
+
+
+def _inward_slope(inner: Real, push: Real, solution: Real, held: Real) -> Real:
+    """Return how fast the cost falls where held coordinates leave their bound; 0 below rounding."""
+    slope = (inner @ solution - push) * held
+    error = _ROUNDING * (np.abs(inner) @ np.abs(solution) + np.abs(push))
+    return np.where(slope > error, slope, 0.0)
+
+
+def _held_solution(inner: Real, push: Real, limit: Real, held: Real) -> Real:
+    """Return the solution with some coordinates held at a bound.
+
+    Args:
+        inner: N of unit diagonal; (n, n).
+        push: b; (n,).
+        limit: bounds; (n,).
+        held: -1 or 1 at a bound, else 0; (n,).
+    """
+    free = held == 0
+    solution = np.zeros(len(push))
+    solution[~free] = held[~free] * limit[~free]
+    factor = scipy.linalg.cho_factor(inner[np.ix_(free, free)])
+    rest = push[free] - inner[np.ix_(free, ~free)] @ solution[~free]
+    solution[free] = scipy.linalg.cho_solve(factor, rest)
+    return solution
