@@ -23,8 +23,10 @@ from truth.campaign.linearised_test import LinearisedTest, linearise_test
 from truth.campaign.measured import StatedTest, locate_tests
 from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.signatures import find_signatures
-from truth.campaign.smallest_sizes import SmallestSize, Weighing, predict_smallest
+from truth.campaign.smallest_sizes import SmallestSize, predict_smallest
+from truth.campaign.tolerance_shift import list_without_tolerance
 from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
+from truth.campaign.weighing import Weighing
 from truth.errors import TruthError
 from truth.machine.reading import read_station, why_as_drawn
 from truth.machine.station import Station
@@ -58,6 +60,7 @@ __all__ = [
     "fit_to_machine",
     "linearise_test",
     "list_further_tests",
+    "list_without_tolerance",
     "locate_tests",
     "predict_smallest",
     "rank_gains",

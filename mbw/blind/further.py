@@ -11,10 +11,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from identification.words import InputError
+from mbmodel import load_machine
+from mbmodel.geometry.surfaces import machine_geometry
 from mbw.blind.chosen_cases import BlindOptions, run_chosen, run_prediction
+from mbw.blind.further_page import render
 from mbw.blind.grading import count_found
 from mbw.blind.smallest import predict
-from mbw.blind.user_test import read_test
+from mbw.blind.user_test import find_model, read_test
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
 from truth import (
@@ -27,7 +30,7 @@ from truth import (
 )
 from truth.campaign.further_tests import FORCE, HITS
 
-FURTHER_JSON, FURTHER_TEXT = "further.json", "further.txt"
+FURTHER_JSON, FURTHER_PAGE, FURTHER_TEXT = "further.json", "further.html", "further.txt"
 _RANKED_VALUES = 10_000  # complex values of the signatures: they rank tests as well as four times
 _BEYOND = 1.2  # of the smallest size after, where no size is found before
 
@@ -88,10 +91,15 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
             "confirmed": [asdict(row) for row in confirmed],
         }
         table = further_table(gains, confirmed)
+        path = find_model(Path(options.model))
+        machine = load_machine(path)
+        page = render(rows, machine.layout, machine_geometry(machine), path.stem)
         with output.write() as place:
+            (place / FURTHER_PAGE).write_text(page, encoding="utf-8")
             (place / FURTHER_JSON).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
             (place / FURTHER_TEXT).write_text(table, encoding="utf-8")
         SCREEN.say(f"further tests in {folder / FURTHER_JSON}")
+        SCREEN.say(f"pictures in {(folder / FURTHER_PAGE).as_uri()}")
         return table
 
     return run_prediction(options, "further", FURTHER_JSON, compute)

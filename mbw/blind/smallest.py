@@ -9,13 +9,17 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from diagnosis.effects.proven_by_data import PROVEN
 from diagnosis.inference.calibration import load_calibration
+from diagnosis.refits.measured import choose_stride
+from diagnosis.settings import SETTINGS
 from identification.words import InputError
 from mbmodel import load_machine
 from mbmodel.geometry.surfaces import machine_geometry
 from mbw.blind.smallest_page import render
-from mbw.blind.user_test import UserTest, is_campaign, model_of
+from mbw.blind.user_test import UserTest, find_model
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
 from truth import (
@@ -25,9 +29,10 @@ from truth import (
     Weighing,
     find_signatures,
     linearise_test,
+    list_without_tolerance,
     predict_smallest,
 )
-from truth.campaign.linearised_test import MAX_VALUES
+from truth.campaign.linearised_test import MAX_VALUES, LinearisedTest
 from truth.effects.other_packages import known_effects
 from truth.effects.outside import OUTSIDE
 
@@ -70,29 +75,19 @@ def predict(test: UserTest, choice: Choice, max_values: int = MAX_VALUES) -> lis
         linear = linearise_test(
             test.station, test.repeated.protocol, test.repeated.tolerance, max_values
         )
+        schedule, factor = SETTINGS.schedule, max(1, round(linear.values / SETTINGS.enough_values))
+        stride = choose_stride(linear.lines, factor * schedule.stride, SETTINGS)
         # What only the data checks prove is no hypothesis of the fits, whose odds are predicted.
         effects = {
             name: draw
             for name, draw in known_effects().items()
             if name not in OUTSIDE and name not in PROVEN
         }
-        signatures, information = find_signatures(linear, effects, [])
+        signatures, information = find_signatures(linear.thinned(stride), effects, [])
     except TruthError as error:
         raise InputError(str(error)) from error
-    constants = load_calibration()
-    independent = constants.count_independent(1.0, linear.values)
-    weighing = Weighing(
-        independent / linear.values,
-        constants.hidden["lines"],
-        constants.hidden_width,
-        linear.values,
-    )
-    sizes = [
-        row
-        for row in predict_smallest(signatures, information, weighing)
-        if (not choice.effects or row.effect in choice.effects)
-        and (not choice.places or row.location in choice.places)
-    ]
+    weighing = _describe_weighing(linear, stride)
+    sizes = predict_smallest(signatures, information, weighing, choice)
     if not sizes:
         raise InputError(
             f"{test.station.name}: no effect that was chosen has a place in this machine: choose "
@@ -101,28 +96,66 @@ def predict(test: UserTest, choice: Choice, max_values: int = MAX_VALUES) -> lis
     return sizes
 
 
+def _describe_weighing(test: LinearisedTest, stride: int) -> Weighing:
+    """Return how the diagnosis weighs fits to every so manyth line.
+
+    Args:
+        test: all lines of it.
+        stride: of the lines that a fit sees; the posterior counts twice as many.
+    """
+    constants = load_calibration()
+    return Weighing(
+        values=test.values,
+        fitted_values=test.values / stride,
+        counted_values=test.values / max(1, stride // 2),
+        error_values=constants.error_values,
+        max_noise_share=constants.max_noise_share,
+        chance=constants.chance,
+        hidden=constants.hidden["lines"],
+        hidden_width=constants.hidden_width,
+        min_closed=SETTINGS.min_closed,
+        outlier=SETTINGS.outlier_sigma,
+    )
+
+
+def describe_without_tolerance(test: UserTest, choice: Choice) -> list[str]:
+    """Return a sentence for each effect that no diagnosis of a test proposes."""
+    return [
+        f"{effect}: the test states no tolerance {field}, so that no diagnosis proposes it: state "
+        "one under [tolerance] in campaign.toml"
+        for effect, field in list_without_tolerance(test.repeated.tolerance).items()
+        if not choice.effects or effect in choice.effects
+    ]
+
+
 def choose_places(sizes: Sequence[SmallestSize], count: int) -> list[SmallestSize]:
     """Return the places that matter most: where a usual size is only just found.
 
-    One place of each effect: that whose smallest size is the largest part of a usual one and not
-    more than it.
+    One place of each effect: that whose smallest size is nearest to a usual one. Effects without a
+    direction come first, since a drawn case has any direction, and its size is the largest of all.
+    Where causes are confounded, a case tells little of a size: these places come last.
 
     Args:
         sizes: predicted ones.
         count: how many places.
     """
-    sized = [row for row in sizes if row.is_found and row.value is not None and row.of_usual]
-    sized.sort(key=lambda row: -_below_usual(row))
+    sites: dict[tuple[str, str], list[SmallestSize]] = {}
+    for row in sizes:
+        sites.setdefault((row.effect, row.location), []).append(row)
+    largest = [
+        max(rows, key=lambda row: row.of_usual or 0.0)
+        for rows in sites.values()
+        if all(row.is_found and row.value is not None and row.of_usual for row in rows)
+    ]
     first: dict[str, SmallestSize] = {}
-    for row in sized:
+    for row in sorted(largest, key=_rank_place):
         first.setdefault(row.effect, row)
     return list(first.values())[:count]
 
 
-def _below_usual(row: SmallestSize) -> float:
-    """Return the size over a usual one, or its inverse if that is smaller."""
-    part = row.of_usual or 0.0
-    return min(part, 1 / part) if part else 0.0
+def _rank_place(row: SmallestSize) -> tuple[bool, bool, float]:
+    """Return what orders places: confounded, with a direction, distance from a usual size."""
+    return bool(row.confused), bool(row.dof), abs(float(np.log(row.of_usual or 1.0)))
 
 
 def write(
@@ -139,7 +172,7 @@ def write(
         sizes: predicted ones.
         confirmed: those that drawn cases confirm.
     """
-    path = model_of(Path(model)) if is_campaign(Path(model)) else Path(model)
+    path = find_model(Path(model))
     machine = load_machine(path)
     table = size_table(sizes, confirmed)
     rows = {

@@ -11,6 +11,8 @@ from mbmodel.geometry.surfaces import MachineGeometry
 from mbw.page.html import fill_template, read_fragment
 from mbw.page.picture import picture_data
 
+PLACES_SCRIPTS = ("blind/places_state.js", "page/picture.js", "blind/places.js")
+
 
 def render(
     rows: Mapping[str, Sequence[Mapping[str, Any]]],
@@ -41,7 +43,7 @@ def render(
     return fill_template(
         "blind/smallest.html",
         data,
-        scripts=["blind/smallest_state.js", "page/picture.js", "blind/smallest.js"],
+        scripts=[*PLACES_SCRIPTS, "blind/smallest.js"],
         title=escape(f"What the test shows: {title}"),
         subtitle="smallest sizes that nine tests of ten find, predicted",
         lead=escape(lead),
@@ -53,7 +55,7 @@ def _places(sizes: Sequence[Mapping[str, Any]], layout: Layout) -> list[dict[str
     """Return the places with their points in the picture, and the rows of their effects."""
     places: dict[str, dict[str, object]] = {}
     for location in dict.fromkeys(str(row["location"]) for row in sizes):
-        bodies, points = _points(location, layout)
+        bodies, points = find_points(location, layout)
         effects = [dict(row) for row in sizes if row["location"] == location]
         effects.sort(key=lambda row: (row["is_found"], -(row["of_usual"] or 0.0)))
         places[location] = {
@@ -67,8 +69,13 @@ def _places(sizes: Sequence[Mapping[str, Any]], layout: Layout) -> list[dict[str
     return sorted(places.values(), key=lambda place: -int(str(place["missed"])))
 
 
-def _points(location: str, layout: Layout) -> tuple[list[str], list[list[float]]]:
-    """Return the bodies of a location and its points [m]."""
+def find_points(location: str, layout: Layout) -> tuple[list[str], list[list[float]]]:
+    """Return the bodies of a location and its points [m].
+
+    Args:
+        location: as in an answer.
+        layout: bodies and points of the machine.
+    """
     kind, _, name = location.partition(":")
     if kind == "pair":
         pairs = [(a, b) for a in layout.bodies for b in layout.bodies if f"{a}-{b}" == name]

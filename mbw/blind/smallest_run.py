@@ -4,8 +4,16 @@ from pathlib import Path
 
 from mbw.blind.chosen_cases import BlindOptions, run_chosen, run_prediction
 from mbw.blind.grading import count_found
-from mbw.blind.smallest import SMALLEST_JSON, Confirmation, choose_places, predict, write
+from mbw.blind.smallest import (
+    SMALLEST_JSON,
+    Confirmation,
+    choose_places,
+    describe_without_tolerance,
+    predict,
+    write,
+)
 from mbw.blind.user_test import read_test
+from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
 from truth import Choice, SmallestSize
 
@@ -25,7 +33,10 @@ def run_smallest(options: BlindOptions, confirm: int) -> Path:
     """
 
     def compute(output: OutputFolder) -> str:
-        sizes = predict(read_test(Path(options.model), options.band), options.choice)
+        test = read_test(Path(options.model), options.band)
+        sizes = predict(test, options.choice)
+        for sentence in describe_without_tolerance(test, options.choice):
+            SCREEN.say(sentence)
         folder = output.path.absolute()
         confirmed = [
             _confirm(options, row, folder / f"confirm_{number}", options.seed + number)

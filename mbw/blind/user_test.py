@@ -45,6 +45,11 @@ def is_campaign(path: Path) -> bool:
     return path.suffix == ".toml" or (path / "campaign.toml").is_file()
 
 
+def find_model(path: Path) -> Path:
+    """Return a model itself, or the one that a campaign names."""
+    return model_of(path) if is_campaign(path) else path
+
+
 def model_of(path: Path) -> Path:
     """Return the model that a campaign names.
 

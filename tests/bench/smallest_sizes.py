@@ -2,7 +2,8 @@
 
 The servo axis is tested as ``mbw blind MODEL --smallest`` predicts it. At the three places where a
 usual size is only just found, machines with exactly the predicted size are drawn and diagnosed.
-The places take turns, so that any first part is balanced; seeds 448000 and up.
+The places take turns, so that any first part is balanced. Seeds 450000 and up shaped nothing; the
+prediction was developed on 449000 and 990000 and up.
 
 Rows that are done are kept. In the environment: ``LIMIT=60`` for the first sixty, ``JOBS=1`` for
 the number of processes.
@@ -27,7 +28,8 @@ from truth.campaign.case_design import deal_cards
 from truth.grade import grade
 from truth.grade.rates import wilson
 
-NAME, SEED = "smallest_sizes", 448_000
+SEED = 450_000
+NAME = f"smallest_sizes.{SEED}"
 PLACES, DRAWS = 3, 40
 
 

@@ -4,11 +4,14 @@ import json
 import tomllib
 
 import pytest
+from browser import CHROMIUM, browse
 from servo_campaign import write_servo_campaign
 from typer.testing import CliRunner
 
+from mbmodel import load_machine
 from mbw.blind import case as blind_case
 from mbw.blind.further import FurtherConfirmation, further_table
+from mbw.blind.user_test import find_model
 from mbw.command import app
 from tuning import open_campaign
 
@@ -71,6 +74,38 @@ def test_the_same_machines_are_tested_without_and_with_it(confirmed):
     assert effects
     assert row["found_before"] == [0, len(effects)]  # no verdict was written
     assert effects[0]["effect"] == row["effect"]
+
+
+PROBE = """<script>
+addEventListener("load", () => setTimeout(() => {
+  const rows = id => Array.from(document.querySelectorAll(`#${id} tbody tr`));
+  const texts = id => rows(id).map(row => row.innerText);
+  const sensor = PLACES.findIndex(place => place.name === "sensor acc6");
+  const found = {gains: texts("gains"), confirmed: texts("confirmed")};
+  rows("gains")[sensor].click();
+  found.points = PLACES[sensor].points;
+  Object.assign(found, {chosen: byId("chosen").textContent, faults: FAULTS});
+  found.without = PLACES.filter(place => !place.points.length).map(place => place.name).sort();
+  document.body.append(element("pre", JSON.stringify(found), {id: "found"}));
+}, 1500));
+</script>"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+def test_the_page_shows_the_ranking_and_the_points(confirmed, campaign, tmp_path):
+    out, _, _ = confirmed
+    rows = json.loads((out / "further.json").read_text())
+    found = browse((out / "further.html").read_text(), tmp_path, probe=PROBE)
+    assert found["faults"] == []
+    assert [text.split("\t")[0] for text in found["gains"]] == [
+        one["name"] for one in rows["gains"]
+    ]
+    assert found["confirmed"][0].startswith(rows["confirmed"][0]["name"])
+    assert found["chosen"] == "sensor acc6"
+    layout = load_machine(find_model(campaign)).layout
+    expected = layout.positions[layout.points.index("acc6")]
+    assert found["points"] == [pytest.approx(expected.tolist())]
+    assert found["without"] == ["twice the force", "twice the hits"]
 
 
 def test_a_confirmation_is_a_sentence_with_both_rates():

@@ -1,6 +1,6 @@
 """The linear information of a test of a nominal machine, without errors and without effects."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from truth.effects import Scene
 from truth.machine.machine_on_test import Machine
 from truth.machine.station import Station
 
-MAX_VALUES = 40_000  # complex values of the signatures: more tell little and fill the memory
+MAX_VALUES = 16_000  # complex values of the signatures: fits see about as many
 _MIN_LINES = 24
 
 
@@ -23,14 +23,20 @@ class LinearisedTest:
     Args:
         refit: of the machine without effects.
         scene: the machine and its test.
-        scale: lines of the test over those of the refit.
+        scale: lines that a fit sees over those of the refit.
+        lines: frequency lines of the whole test.
         values: complex values of the whole test.
     """
 
     refit: Refit
     scene: Scene
     scale: float
+    lines: int
     values: int
+
+    def thinned(self, stride: int) -> "LinearisedTest":
+        """Return the test as a fit of every so manyth line sees it."""
+        return replace(self, scale=self.lines / stride / len(self.refit.known.freq_hz))
 
 
 def linearise_test(
@@ -55,4 +61,4 @@ def linearise_test(
     lines = int((protocol.freq_hz >= refit.known.freq_hz[0]).sum())
     scene = Scene(station, occasions(protocol, files), protocol.pace)
     scale = lines / len(refit.known.freq_hz)
-    return LinearisedTest(refit, scene, scale, int(measured.sum()) * lines)
+    return LinearisedTest(refit, scene, scale, lines, int(measured.sum()) * lines)

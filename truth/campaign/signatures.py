@@ -2,11 +2,10 @@ r"""What a test shows of every effect at every place, from the linear informatio
 
 An effect of size d changes the whitened FRFs by d r. Tuning follows a part of it, and what remains,
 
-    g(d) = min_x  |d r - J x|^2 + sum_tolerances x^2 / 2,   |x_tolerance| <= 2.5,
+    g(d) = min_x  |d r - J x|^2 + sum_tolerances x^2 / 2,
 
 is the gain in log likelihood of a fit that knows the effect, over one that does not [nats]: values
-are complex with the variance 1, tolerances are real. Without the bound effects i and j have the
-Gram matrix
+are complex with the variance 1, tolerances are real. Effects i and j have the Gram matrix
 
     G_ij = e_i^T e_j + sum_tolerances x_i x_j / 2,   x = N^-1 J^T r,   e = r - J x,
 
@@ -15,21 +14,23 @@ a size whose change is about the noise, where FRFs are linear. A refit follows l
 further steps, so that they stay linear beside its parameters.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 
-from truth.campaign.bounded_least_squares import BOUND, bounded_solution
 from truth.campaign.draw import stream
 from truth.campaign.linearised_test import LinearisedTest
+from truth.campaign.tolerance_shift import ToleranceShift, list_without_tolerance, shift_of
 from truth.effects import NONLINEAR, Draw, Effect, Scene
 from truth.effects.places import hammer_site
 from truth.errors import TruthError
 from truth.machine.station import Mask, Real
 
-_SHAPES = 3  # draws of direction and shape at each place
+_SHAPES = 4  # of an effect at each place, for each direction: a vector needs three
+_DRAWS = 16  # of direction and shape
 _TURNS = 6  # sizes that are tried
 _NEAR = 3.0  # factor on the size within which it is near enough
 _PRIOR = 0.5  # of the square of a tolerance in -ln L
@@ -50,6 +51,7 @@ class Signature:
         change: r, per unit of the size, or of an effect that is there or not; (2 n_value,).
         followed: x, the parameters that follow it; (n_parameter,).
         left: e and the tolerances of x over sqrt(2), whose squares sum up to the gain.
+        shift: of tolerances, if the effect is on what has some.
     """
 
     effect: str
@@ -59,6 +61,7 @@ class Signature:
     change: Real
     followed: Real
     left: Real
+    shift: ToleranceShift
 
     @property
     def family(self) -> tuple[str, str, str]:
@@ -78,14 +81,15 @@ class Information:
     normal: Real
     bounded: Mask
 
-    def gain(self, signature: Signature, size: float) -> float:
-        """Return g of a size, with the bounds of the tolerances [nats]."""
-        free = size * signature.followed
-        left = size**2 * float(signature.left @ signature.left)
-        if (np.abs(free[self.bounded]) <= BOUND).all():
-            return left
-        held = bounded_solution(self.normal, self.normal @ free, self.bounded) - free
-        return left + float(held @ self.normal @ held)
+    def covariance(self) -> Real:
+        """Return the inverse of N of the tolerances; (n_tolerance, n_tolerance)."""
+        scale = np.sqrt(np.diag(self.normal))
+        scale[scale == 0] = 1.0
+        inner = self.normal / np.outer(scale, scale)
+        inner[np.diag_indices_from(inner)] += _RIDGE
+        inverse = np.linalg.inv(inner) / np.outer(scale, scale)
+        tolerances: Real = inverse[np.ix_(self.bounded, self.bounded)]
+        return tolerances
 
 
 def find_signatures(
@@ -93,7 +97,8 @@ def find_signatures(
 ) -> tuple[list[Signature], Information]:
     """Return the signatures of effects at all places that can have them, and the information.
 
-    Places that the test does not read or hit are left out, and so are changes that no channel sees.
+    Places that the test does not read or hit are left out, changes that no channel sees, and
+    effects on what has no tolerance, which no diagnosis proposes.
 
     Args:
         test: the test of the machine without effects.
@@ -101,25 +106,40 @@ def find_signatures(
         places: locations; empty for all.
         seed: of directions and shapes.
     """
-    project = _Projection(test)
+    project, without_tolerance = _Projection(test), list_without_tolerance(test.refit.tolerance)
     found = []
     for name, draw in effects.items():
-        if name == "none" or name in NONLINEAR:
+        if name == "none" or name in NONLINEAR or name in without_tolerance:
             continue
         for place in places or list_places(test.scene):
-            for number in range(_SHAPES):
-                random = stream(seed, f"signature.{name}.{place}.{number}")
-                try:
-                    effect = draw(random, test.scene, place)
-                    signature = None if effect is None else project.signature(name, effect)
-                except (TruthError, np.linalg.LinAlgError):
-                    break  # the place cannot have this effect
-                if effect is None or signature is None:
-                    break
-                found.append(signature)
-                if effect.size is None:
-                    break
+            found += _signatures_at(project, name, draw, place, seed)
     return found, Information(project.normal, test.refit.bounded)
+
+
+def _signatures_at(
+    project: "_Projection", name: str, draw: Draw, place: str, seed: int
+) -> list[Signature]:
+    """Return an effect at a place in some shapes of each direction."""
+    found: list[Signature] = []
+    drawn: Counter[str] = Counter()
+    for number in range(_DRAWS):
+        random = stream(seed, f"signature.{name}.{place}.{number}")
+        try:
+            effect = draw(random, project.scene, place)
+            if effect is None:
+                break
+            dof = effect.answer().dof
+            if drawn[dof] >= (1 if effect.size is None else _SHAPES):
+                continue
+            drawn[dof] += 1
+            signature = project.signature(name, effect)
+        except (TruthError, np.linalg.LinAlgError):
+            break  # the place cannot have this effect
+        if signature is None:
+            drawn[dof] = _DRAWS  # no channel sees this direction
+        else:
+            found.append(signature)
+    return found
 
 
 def list_places(scene: Scene) -> list[str]:
@@ -154,7 +174,7 @@ class _Projection:
     """Whitened changes of a test, and the part that its parameters follow."""
 
     def __init__(self, test: LinearisedTest) -> None:
-        self.refit, self.lines = test.refit, np.sqrt(test.scale)
+        self.refit, self.scene, self.lines = test.refit, test.scene, np.sqrt(test.scale)
         prior = np.diag(test.refit.bounded.astype(float))
         self.normal = test.scale * (test.refit.normal - prior) + _PRIOR * prior
         scale = np.sqrt(np.diag(self.normal))
@@ -178,7 +198,8 @@ class _Projection:
             left = slope - self.lines * self.refit.whitened_motion(followed)
         answer = effect.answer()
         both = np.concatenate([left, np.sqrt(_PRIOR) * followed[bounded]])
-        return Signature(name, answer.location, answer.dof, effect, slope, followed, both)
+        shift = shift_of(effect, self.refit.tolerance)
+        return Signature(name, answer.location, answer.dof, effect, slope, followed, both, shift)
 
     def _slope(self, effect: Effect) -> Real:
         """Return the whitened change per unit of the size, where the FRFs are linear."""

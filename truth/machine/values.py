@@ -9,6 +9,7 @@ from truth.errors import TruthError
 
 Real: TypeAlias = NDArray[np.float64]
 Complex: TypeAlias = NDArray[np.complex128]
+Integer: TypeAlias = NDArray[np.intp]
 Mask: TypeAlias = NDArray[np.bool_]
 
 AXES = ("x", "y", "z")

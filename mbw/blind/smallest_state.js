@@ -1,2 +1,0 @@
-// What the page of smallest sizes shows: the chosen place, and a machine at rest.
-const state = {place: 0, mode: 0, amplitude: 0, playing: false};
