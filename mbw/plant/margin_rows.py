@@ -215,6 +215,9 @@ def _robust_rows(tests: Sequence[RobustTest]) -> list[RobustTestRow]:
             frequency=test.freq_hz,
             band=test.band,
             holds=test.peak < 1,
+            outside=list(test.outside),
+            robustly_stable=test.robustly_stable,
+            wanted_band=test.wanted_band,
         )
         for test in tests
     ]

@@ -38,6 +38,10 @@ class RobustTestRow(BaseModel):
         frequency: of the peak [Hz].
         band: in which W is known [Hz].
         holds: whether the peak is below 1.
+        outside: frequencies outside the band with |L| = 1 or at a peak of |T| [Hz].
+        robustly_stable: whether the loops are stable for all plants within W; null where the peak
+            is below 1 but W is not known at all frequencies that matter.
+        wanted_band: that a test has to cover, so that W is known there [Hz].
     """
 
     weight: str
@@ -45,6 +49,9 @@ class RobustTestRow(BaseModel):
     frequency: Number
     band: tuple[Number, Number]
     holds: bool
+    outside: list[Number]
+    robustly_stable: bool | None
+    wanted_band: tuple[Number, Number]
 
 
 class CrossoverRow(BaseModel):

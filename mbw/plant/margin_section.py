@@ -23,7 +23,8 @@ _TEXT = (
     "Gain, phase and delay: what may change before the loop is unstable. "
     "Modulus: the smallest distance of the loop gain from -1, "
     "the inverse of the sensitivity peak. |W T| below 1: stable for every plant "
-    "within the weight W. All loops at once: the units of the signals are scaled out, and the "
+    "within the weight W, in the band where W is known. "
+    "All loops at once: the units of the signals are scaled out, and the "
     "interval holds the parameters only. Worst: of the machines alone.</p>{variants}"
     '<nav id="loop-choice"></nav><div id="loop-gain"></div>'
     '<div class="pair"><div><h3>Nyquist plot of the loop gain</h3><div id="nyquist"></div></div>'
@@ -52,7 +53,9 @@ def margin_section(row: MarginsRow, *, has_weight: bool) -> str:
         samples=" Thin curves are machines of the posterior, the red one the worst of them."
         if row.machines
         else "",
-        weight=" |T| below the inverse of the held-out error W is robust." if has_weight else "",
+        weight=" |T| below the inverse of the held-out error W is robust, in its band."
+        if has_weight
+        else "",
     )
 
 

@@ -136,13 +136,26 @@ def step_sentence(step: StepRow) -> str:
 
 
 def robust_sentence(test: RobustTestRow) -> str:
-    """Return whether a loop is stable for all plants within a weight."""
+    """Return whether a loop is stable for all plants within a weight, as far as it is known."""
     low, high = test.band
+    if test.robustly_stable is None:
+        start, end = test.wanted_band
+        return (
+            f"not known to be stable for all such plants: W, the {test.weight}, is known from "
+            f"{low:.3g} to {high:.3g} Hz only, and the loop crosses |L| = 1 or peaks in |T| at "
+            f"{_outside(test)}: test from {start:.3g} to {end:.3g} Hz; |W T| is at most "
+            f"{test.peak:.3g}, at {test.frequency:.4g} Hz"
+        )
     verdict = "robustly stable" if test.holds else "not shown to be stable for all such plants"
     return (
         f"{verdict}: |W T| is at most {test.peak:.3g}, at {test.frequency:.4g} Hz, W the "
         f"{test.weight}, known from {low:.3g} to {high:.3g} Hz"
     )
+
+
+def _outside(test: RobustTestRow) -> str:
+    """Return the critical frequencies at which the weight is not known."""
+    return f"{', '.join(f'{each:.4g}' for each in test.outside)} Hz"
 
 
 def margin_table(row: MarginsRow) -> str:
@@ -176,8 +189,9 @@ def _cells(loop: LoopMarginsRow) -> list[str]:
 def _robust_cell(tests: Sequence[RobustTestRow]) -> str:
     """Return HTML of the largest |W T| of each weight; a dash without any."""
     texts = (
-        f"{badge(f'{test.peak:.3g}', good=test.holds)}"
-        f"<br><small>{escape(test.weight)}, at {test.frequency:.4g} Hz</small>"
+        f"{badge(f'{test.peak:.3g}', good=test.robustly_stable)}"
+        f"<br><small>{escape(test.weight)}, at {test.frequency:.4g} Hz"
+        f"{f'; W is not known at {_outside(test)}' if test.outside else ''}</small>"
         for test in tests
     )
     return "<br>".join(texts) or "-"

@@ -130,7 +130,7 @@ def _data(plant: PlantBudget, row: BudgetRow, names: tuple[str, str]) -> dict[st
         "sources": [source.name for source in definition.sources],
         "errors": [_error_data(plant, error, k) for k, error in enumerate(row.errors)],
         "curves": _curve_data(plant.curves()),
-        "poles": [[pole.frequency, pole.damping] for pole in row.poles],
+        "poles": [[pole.frequency, pole.damping] for pole in row.poles if pole.imaginary],
         "polesBefore": None
         if counterpart is None
         else _shown_poles(counterpart.states.poles(), row.band[1]),

@@ -17,6 +17,7 @@ from tuning.error_budget.plant_budget import PlantBudget
 
 _MAX_LISTED_SHARES = 12  # modes, joints and springs of an error
 _MAX_CUMULATIVE_LINES = 600
+_MAX_ZERO_POLE = 1e-9  # size of a pole over the largest: what rounding leaves of motions at rest
 
 
 def budget_row(plant: PlantBudget, file: str, before: str | None, remarks: list[str]) -> BudgetRow:
@@ -99,10 +100,15 @@ def _largest(names: tuple[str, ...], shares: Real) -> list[ShareOfErrorRow]:
 
 
 def pole_rows(budget: ErrorBudget) -> list[PoleRow]:
-    """Return oscillating poles with the loops, up to twice the band."""
+    """Return the poles with the loops up to twice the band; of a pair that of positive frequency.
+
+    A real pole has the damping ratio 1, or -1 if it grows; those at rest are left out.
+    """
     poles: Complex = budget.states.poles()
     highest = 4 * np.pi * budget.definition.band[1]
-    chosen = sorted(poles[(poles.imag > 0) & (np.abs(poles) < highest)], key=abs)
+    size = np.abs(poles)
+    lowest = _MAX_ZERO_POLE * size.max(initial=0.0)
+    chosen = sorted(poles[(poles.imag >= 0) & (size > lowest) & (size < highest)], key=abs)
     return [
         PoleRow(
             frequency=float(abs(pole) / (2 * np.pi)),

@@ -72,7 +72,10 @@ class ErrorRow(BaseModel):
 
 
 class PoleRow(BaseModel):
-    """Pole with all loops closed: natural frequency [Hz], damping ratio, pole [rad/s]."""
+    """Pole with all loops closed: natural frequency [Hz], damping ratio, pole [rad/s].
+
+    A real pole has the frequency ``|s| / (2 pi)`` and the damping ratio 1, or -1 if it grows.
+    """
 
     frequency: Number
     damping: Number

@@ -36,7 +36,7 @@ csv = "floor.csv"
 [disturbance.ripple]
 input = "drive"
 density = 0.3
-unit = "N^2/Hz"
+unit = "1^2/Hz"
 {lines}
 [noise.encoder]
 loop = "axis"

@@ -76,6 +76,27 @@ def test_a_tuned_machine_has_intervals_and_stands_beside_the_nominal_one(folder)
     }  # fmt: skip
 
 
+def test_the_json_has_each_pole_of_the_closed_loops_and_the_page_those_that_oscillate(folder):
+    # det(Z + K) = 0 with the loop, by hand: one real pole each of the controller.
+    rows = json.loads((folder / "out.json").read_text())["budget"]["poles"]
+    m1, k1, c1, m2, k2, c2 = VALUES.values()
+    mass, stiffness = np.diag([m1, m2]), np.array([[k1 + k2, -k2], [-k2, k2]])
+    damping, pull = np.array([[c1 + c2, -c2], [-c2, c2]]), np.array([[1.0, -1.0], [-1.0, 1.0]])
+    for row in rows:
+        s = row["real"] + 1j * row["imaginary"]
+        gain = 2 * 3e5 * (s + 60) * (s + 8) / ((s + 0.5) * (s + 700)) * np.exp(-3e-4 * s)
+        dynamic = s**2 * mass + s * damping + stiffness
+        closed = np.linalg.det(dynamic + gain * pull) / np.linalg.det(dynamic + 2 * gain * pull)
+        assert abs(closed) < 1e-4
+        assert row["frequency"] == pytest.approx(abs(s) / (2 * np.pi))
+        assert row["damping"] == pytest.approx(-s.real / abs(s))
+    real = [row for row in rows if row["imaginary"] == 0]
+    assert len(real) == 2
+    assert [row["damping"] for row in real] == [1, 1]
+    data = data_of((folder / "out" / "plant.html").read_text("utf-8"))
+    assert len(data["poles"]) == len(rows) - 2
+
+
 def test_the_terminal_states_the_error_with_its_interval_and_shares(folder):
     lines = (folder / "stdout.txt").read_text().splitlines()
     assert lines[0] == "error budget, 2 to 45 Hz, loops closed: axis:"

@@ -122,7 +122,9 @@ def machine(tmp_path_factory):
         ('output = "acc2:+tx"', 'output = "acc9:+tx"', "acc9"),
         ('input = "drive"', 'input = "motor"', "motor"),
         ("csv = ", "cvs = ", "unknown key disturbance.floor.cvs"),
-        ('"N^2/Hz"', '"m^2/Hz"', "a motor takes units of its control"),
+        ('"1^2/Hz"', '"m^2/Hz"', "a motor takes units of its control"),
+        ('"1^2/Hz"', '"A^2/Hz"', "a motor takes units of its control"),
+        ('"1^2/Hz"', '"(N m)^2/Hz"', "drive acts at head_tx in N: write N/"),
         ('"m/sqrt(Hz)"', '"N/sqrt(Hz)"', "no unit of an input that takes m:"),
         ("density = 0.3", 'vc = "VC-C"', "vibration criterion is a velocity"),
         ('loop = "axis"', 'loop = "axes"', "which the file lacks: choose one of axis"),
@@ -148,6 +150,20 @@ def test_a_budget_that_cannot_be_used_is_refused_in_one_sentence(
     with pytest.raises(InputError, match="[^\n]*" + words) as caught:
         read_definition(file, machine)
     assert "\n" not in str(caught.value)
+
+
+def test_a_force_at_a_motor_is_divided_by_its_gear(tmp_path, machine):
+    table(tmp_path, "f,x [(m/s^2)^2/Hz]\n1,2\n60,3\n")
+    sources = {}
+    for name, gear in (("1", 1.0), ("N", 2.0), ("mN", 2e3)):  # the gear of the drive is 2
+        text = WHOLE.replace('"1^2/Hz"', f'"{name}^2/Hz"')
+        (tmp_path / "budget.toml").write_text(text, encoding="utf-8")
+        source = read_definition(tmp_path / "budget.toml", machine).sources[1]
+        ((port, factor),) = source.inputs
+        assert str(port) == "drive"
+        sources[name] = factor * np.sqrt(source.spectrum.density)
+        np.testing.assert_allclose(sources[name], np.sqrt(0.3) / gear, rtol=1e-9)
+        assert source.unit == ("control" if name == "1" else "N")
 
 
 def test_coherences_that_no_three_signals_have_are_refused(tmp_path, machine):

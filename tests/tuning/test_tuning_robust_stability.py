@@ -1,5 +1,6 @@
 """Robust stability: plants at their weight are critical, and random machines keep to the floor."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,6 +19,8 @@ from scipy.linalg import eigh
 
 from identification.words import parse_port
 from mbmodel import FrfRequest, frf_bands, load_machine, machine_model
+from mbw.plant.margin_rows import margins_row
+from mbw.plant.margin_sentences import robust_sentence
 from tuning import LevelFrfs, TuningResult
 from tuning.assessment.multiplicative_error import held_out_loop_error
 from tuning.error_budget.budget import error_budget
@@ -90,6 +93,38 @@ def test_a_plant_that_errs_by_the_weight_is_critical_where_it_reaches_one(folder
     turned = -(1 + gain) / gain
     assert abs(turned) == pytest.approx(0.2 / test.peak, rel=1e-6)
     assert abs(1 + gain * (1 + turned)) < 1e-9
+
+
+@pytest.mark.parametrize("weight", [HELD_OUT, FLOOR_WEIGHT])
+def test_a_crossover_outside_the_band_of_the_weight_claims_no_robust_stability(
+    folder, model, weight
+):
+    budget = error_budget(model, model.drawn, loop_definition(folder, model))
+    fine = np.linspace(1.0, 200.0, 100_000)
+    gain = np.abs(loop_gain_by_hand(fine)[:, 0, 0])
+    crossovers = fine[:-1][np.diff(np.sign(gain - 1)) != 0]
+    for share, known in ((0.8, None), (1.5, True)):
+        lines = np.linspace(0.5, share * crossovers[-1], len(LINES))
+        result = replace(tuning_with(np.full(len(LINES), 1e-3), has_own=True), freq_hz=lines)
+        posterior = spring_posterior(model, 0.0, 1e-4)
+        margins = margins_of(budget, tuning=result, posterior=posterior)
+        tests = {test.weight: test for test in margins.robust[0]}
+        assert tests[weight].peak < 1
+        assert tests[weight].band == (lines[0], lines[-1])
+        assert tests[weight].robustly_stable is known
+        outside = [each for each in crossovers if each > lines[-1]]
+        for each in outside:
+            assert np.abs(np.array(tests[weight].outside) / each - 1).min() < 1e-3
+        sentence = next(
+            robust_sentence(row)
+            for row in margins_row(margins).loops[0].robust
+            if (row.weight, row.robustly_stable) == (weight, known)
+        )
+        assert sentence.startswith("robustly stable" if known else "not known to be stable")
+        if not known:
+            assert f"{tests[weight].outside[-1]:.4g} Hz: test from" in sentence
+            assert tests[weight].wanted_band[1] >= 2 * outside[-1] * 0.999
+            assert len(margins.robust_at_once[0].outside) == len(tests[weight].outside)
 
 
 def test_the_own_plant_of_a_loop_counts_before_the_error_at_the_inputs(folder, model):

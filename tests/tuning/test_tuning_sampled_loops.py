@@ -28,7 +28,7 @@ minus = "acc1:+tx"
 [disturbance.ripple]
 input = "drive"
 density = 0.5
-unit = "N/sqrt(Hz)"
+unit = "1/sqrt(Hz)"
 [noise.encoder]
 loop = "axis"
 density = 2e-7

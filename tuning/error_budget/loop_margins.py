@@ -82,7 +82,9 @@ def plant_margins(
     by_floor: tuple[MarginDeviations, ...] = ()
     if posterior is not None and (discrepancy := posterior.posterior.discrepancy):
         by_floor = floor_deviations(plant, theta, nominal, discrepancy)
-        tests = floor_tests(plant, theta, nominal, discrepancy)
+        lines = None if tuning is None else tuning.freq_hz[tuning.freq_hz > 0]
+        tested = None if lines is None else (float(lines[0]), float(lines[-1]))
+        tests = floor_tests(plant, theta, nominal, discrepancy, tested)
         robust = [[*known, test] for known, test in zip(robust, tests, strict=False)]
         at_once.append(tests[-1])
     return PlantMargins(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from identification.words import InputError, Loop, PortSum, UsageError
-from mbmodel import Machine, input_unit
+from mbmodel import CONTROL, Machine, input_unit
 from tuning.control_loops.read_loops import read_input, read_loops, read_port_sum
 from tuning.control_loops.sampling import sampling_period
 from tuning.error_budget.budget_toml import (
@@ -19,8 +19,9 @@ from tuning.error_budget.budget_toml import (
     read_budget_file,
 )
 from tuning.error_budget.definition import BudgetDefinition, Source
-from tuning.error_budget.source_spectra import PortKind, read_source_spectrum
-from tuning.error_budget.spectral_units import parse_signal_unit
+from tuning.error_budget.motor_forces import FORCE_UNITS, motor_force
+from tuning.error_budget.source_spectra import PortKind, read_source_spectrum, stated_kind
+from tuning.error_budget.spectral_units import fits, parse_signal_unit
 
 _DEFAULT_BUDGET_BAND_HZ = (0.1, 1000.0)  # where no source has a band of its own
 _DEFAULT_UNITS = {"m": ("nm", 1e-9), "rad": ("nrad", 1e-9)}  # shown, with their SI value
@@ -131,7 +132,10 @@ def _disturbance(
             f"{path}: {key} acts at inputs of different units: make a disturbance of each"
         )
     factors = np.array(gains) * np.exp(1j * np.radians(phases))
-    kind = kinds.pop()
+    kind, stated = kinds.pop(), stated_kind(path, table)
+    if kind.unit == CONTROL and stated in FORCE_UNITS:
+        kind = PortKind(FORCE_UNITS[stated])
+        factors /= [motor_force(path, key, machine, port, kind.unit) for port in ports]
     spectrum, lines = read_source_spectrum(path, key, table, kind, band)
     inputs = tuple(zip(ports, factors.tolist(), strict=True))
     return Source(name, inputs, "", spectrum, lines, kind.unit, kind.derivative)
@@ -213,7 +217,8 @@ def _shown_unit(path: Path, signal: PortSum, table: ErrorTable) -> tuple[str, fl
         unit = parse_signal_unit(table.unit)
     except ValueError:
         unit = None
-    if unit is None or (unit.kind, unit.derivative) != (kind.kind, kind.derivative):
+    is_known = unit is not None and fits(unit.kind, kind.kind)
+    if unit is None or not is_known or unit.derivative != kind.derivative:
         raise InputError(
             f"{path}: error.{signal.name}.unit = {table.unit!r} is no unit of this error, which is "
             f"in {signal.unit}: write for example {default[0]}"

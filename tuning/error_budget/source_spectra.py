@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import InputError
+from mbmodel import CONTROL
 from tuning.error_budget.budget_toml import LineTable, SpectrumTable
 from tuning.error_budget.definition import HarmonicLines
 from tuning.error_budget.spectra import (
@@ -17,6 +18,7 @@ from tuning.error_budget.spectra import (
 from tuning.error_budget.spectral_units import (
     Kind,
     SignalUnit,
+    fits,
     parse_density_unit,
     parse_signal_unit,
 )
@@ -51,6 +53,22 @@ class PortKind:
     def derivative(self) -> int:
         """Number of time derivatives of a length or angle."""
         return self.signal.derivative
+
+
+def stated_kind(path: Path, table: SpectrumTable) -> Kind | None:
+    """Return the kind of signal whose unit a source states; None without a unit that is known.
+
+    Raises:
+        InputError: a table that cannot be read.
+    """
+    if table.csv is not None:
+        return read_spectrum(path.parent / table.csv, table.column, table.unit)[1].signal.kind
+    for parse in (lambda text: parse_density_unit(text).signal, parse_signal_unit):
+        try:
+            return parse(table.unit or "").kind
+        except ValueError:
+            continue
+    return None
 
 
 def read_source_spectrum(
@@ -125,15 +143,15 @@ def _spectrum(
 
 def _check_kind(path: Path, key: str, text: str, unit: SignalUnit, port: PortKind) -> None:
     """Refuse a unit of another signal than the input takes."""
-    is_motor = port.kind == "control"
-    if not is_motor and unit.kind != port.kind:
+    if port.unit == CONTROL and unit.kind != "control":
+        raise InputError(
+            f"{path}: {key}: {text} is not known of this input, since a motor takes units of its "
+            "control, which the model does not state: write 1/sqrt(Hz) for them, or N/sqrt(Hz) or "
+            "N m/sqrt(Hz) for the force or torque at its joint"
+        )
+    if not fits(unit.kind, port.kind):
         raise InputError(
             f"{path}: {key}: {text} is no unit of an input that takes {port.unit}: correct it"
-        )
-    if is_motor and unit.kind in ("length", "angle"):
-        raise InputError(
-            f"{path}: {key}: {text} is a motion, but a motor takes units of its control: write for "
-            "example 1/sqrt(Hz), V/sqrt(Hz) or N/sqrt(Hz)"
         )
 
 

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["length", "angle", "force", "torque", "control"]
+Kind = Literal["length", "angle", "force", "torque", "electrical", "control"]
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 _PREFIXES = {"": 1.0, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
@@ -19,9 +19,9 @@ _BASE_UNITS: dict[str, tuple[Kind, int, float]] = {
     "rad/s^2": ("angle", 2, 1.0),
     "N": ("force", 0, 1.0),
     "Nm": ("torque", 0, 1.0),
-    "V": ("control", 0, 1.0),
-    "A": ("control", 0, 1.0),
-    "counts": ("control", 0, 1.0),
+    "V": ("electrical", 0, 1.0),
+    "A": ("electrical", 0, 1.0),
+    "counts": ("electrical", 0, 1.0),
     "1": ("control", 0, 1.0),
 }
 _ROOT_OF_HZ = r"/(?:sqrt\(Hz\)|rtHz|√Hz|√\(Hz\)|Hz\^0\.5|Hz\^\(1/2\))"
@@ -54,6 +54,11 @@ class DensityUnit:
 
     signal: SignalUnit
     is_root: bool
+
+
+def fits(stated: Kind, signal: Kind) -> bool:
+    """Return whether a stated unit may be that of a signal: of its kind, or V of an unknown one."""
+    return stated == signal or (stated, signal) == ("electrical", "control")
 
 
 def parse_signal_unit(text: str) -> SignalUnit:
