@@ -29,8 +29,10 @@ from mbworkbench.labels import (
     parse_outputs,
 )
 from tuning import read_posterior
+from tuning.assessment.found_lags import found_lag_remarks, untested_band_remark
 from tuning.control_loops.loops_file import choose_loops, known_loops
 from tuning.error_budget.machine_files import tuned_file
+from tuning.files.result import TUNED_JSON
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +43,14 @@ class TunedPlant:
         posterior: of the machine's parameters.
         request: outputs, inputs, lines and quantity.
         loops: names of the control loops that were closed during the test.
+        remarks: on gains and lags of drives and encoders that the plant does not hold, and on
+            lines outside the band of the test.
     """
 
     posterior: PosteriorOfModel
     request: FrfRequest
     loops: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def closed(self) -> tuple[str, ...]:
@@ -84,6 +89,7 @@ class TunedPlant:
                     for name in self.loops
                 ),
                 f"  {self.posterior.posterior!r}",
+                *(f"  {remark}" for remark in self.remarks),
             )
         )
 
@@ -125,4 +131,8 @@ def read_plant(
         parse_inputs(machine, inputs),
         check_quantity(quantity),
     )
-    return TunedPlant(posterior, request, tuple(loop.name for loop in loops))
+    file = source.parent / TUNED_JSON
+    lags = found_lag_remarks(file, machine.motors)
+    ends = float(request.freq_hz[0]), float(request.freq_hz[-1])
+    remarks = tuple(filter(None, (*lags, untested_band_remark(file, ends))))
+    return TunedPlant(posterior, request, tuple(loop.name for loop in loops), remarks)

@@ -13,7 +13,7 @@ from mbw.diagnose.machine_rows import restore_machine
 from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.schema import ShownFile
 from tuning.control_loops.loops_file import LOOPS_JSON, write_loops
-from tuning.files.result import final_folder
+from tuning.files.result import TUNED_JSON, TUNED_MJCF, final_folder
 
 VERDICT, EVIDENCE = "verdict.json", "evidence.json"
 SHOWN, ARRAYS, PAGE = "diagnosis.json", "diagnosis.npz", "report.html"
@@ -21,6 +21,13 @@ AUGMENTED = "augmented.xml"
 CHECKPOINT = "diagnose.checkpoint.json"
 NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, LOOPS_JSON, PAGE)
 _VERB = "mbw diagnose"
+_RESULT_OF = {TUNED_MJCF: TUNED_JSON, AUGMENTED: VERDICT}  # MJCF of a result, and its JSON file
+
+
+def result_file(path: Path) -> Path | None:
+    """Return the JSON file of the tuning or diagnosis that wrote an MJCF; None of any other."""
+    name = _RESULT_OF.get(path.name)
+    return path.parent / name if name is not None and (path.parent / name).is_file() else None
 
 
 def write_files(result: StoredDiagnosis, folder: Path) -> None:

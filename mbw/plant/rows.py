@@ -17,7 +17,7 @@ from tuning.error_budget.plant_budget import PlantBudget
 
 _MAX_LISTED_SHARES = 12  # modes, joints and springs of an error
 _MAX_CUMULATIVE_LINES = 600
-_MAX_ZERO_POLE = 1e-9  # size of a pole over the largest: what rounding leaves of motions at rest
+_MAX_POLE_AT_REST = 1e-9  # size of a pole over the largest: what rounding leaves of motions at rest
 
 
 def budget_row(plant: PlantBudget, file: str, before: str | None, remarks: list[str]) -> BudgetRow:
@@ -107,7 +107,7 @@ def pole_rows(budget: ErrorBudget) -> list[PoleRow]:
     poles: Complex = budget.states.poles()
     highest = 4 * np.pi * budget.definition.band[1]
     size = np.abs(poles)
-    lowest = _MAX_ZERO_POLE * size.max(initial=0.0)
+    lowest = _MAX_POLE_AT_REST * size.max(initial=0.0)
     chosen = sorted(poles[(poles.imag >= 0) & (size > lowest) & (size < highest)], key=abs)
     return [
         PoleRow(

@@ -9,7 +9,7 @@ from identification.readers.result_files import read_result_json
 from identification.readers.toml_files import load_toml
 from identification.words import UsageError
 from mbmodel import Machine, Model, load_machine
-from mbw.diagnose.files import AUGMENTED, VERDICT
+from mbw.diagnose.files import AUGMENTED, VERDICT, result_file
 from mbw.diagnose.rivals import rival_sentence
 from mbw.output_folder import folder_beside, source_of
 from mbw.plant.closed_margins import LoopStudy, study_loops
@@ -20,6 +20,7 @@ from mbw.plant.rows import budget_row
 from mbw.plant.schema import BudgetRow, StrutsRow
 from mbw.plant.sentences import budget_lines_of_text, cause_sentences
 from mbw.plant.struts import StrutsResult, compute_struts
+from tuning.assessment.found_lags import found_lag_remarks, untested_band_remark
 from tuning.error_budget.machine_files import (
     fitted_model,
     model_with_posterior,
@@ -76,12 +77,14 @@ class BudgetResult:
         row: for the JSON file.
         names: of the machine, and of the counterpart.
         causes: sentences on what a diagnosis found.
+        lags: sentences on drives that are late, for the page; the terminal has them already.
     """
 
     plant: PlantBudget
     row: BudgetRow
     names: tuple[str, str]
     causes: tuple[str, ...]
+    lags: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Return the budget as lines of text."""
@@ -89,7 +92,9 @@ class BudgetResult:
 
     def page(self, struts: StrutsResult | None) -> str:
         """Return the HTML page, with a section on struts if there is one."""
-        return render_plant(self.plant, self.row, self.names, self.causes, struts)
+        lags = [f"{text[:1].upper()}{text[1:]}." for text in self.lags]
+        row = self.row.model_copy(update={"remarks": [*lags, *self.row.remarks]})
+        return render_plant(self.plant, row, self.names, self.causes, struts)
 
     @property
     def _units(self) -> list[float]:
@@ -195,6 +200,8 @@ def _compute_budget(
         *image_sentences(plant.budget),
         *(f"{text[:1].upper()}{text[1:]}." for text in unstable if text),
     ]
+    if untested := untested_band_remark(result_file(path), definition.band):
+        remarks.append(f"{untested[:1].upper()}{untested[1:]}.")
     if plant.before_failure and before is not None:
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")
     row = budget_row(plant, file.name, None if before is None else str(before), remarks)
@@ -202,7 +209,8 @@ def _compute_budget(
     verdict = None if before is None or before.name != TUNED_MJCF else _verdict_of(path)
     units = [definition.units[error.name][1] for error in row.errors]
     sentences = [] if verdict is None else _sentences_on_causes(verdict, row, units)
-    return BudgetResult(plant, row, names, tuple(sentences))
+    lags = found_lag_remarks(result_file(path), machine.motors)
+    return BudgetResult(plant, row, names, tuple(sentences), tuple(lags))
 
 
 def _name_of(before: Path) -> str:

@@ -18,10 +18,12 @@ from mbmodel import (
     load_machine,
     with_loops,
 )
+from mbw.diagnose.files import result_file
 from mbw.output_folder import source_of
 from mbw.predict.additions import Additions
 from mbw.predict.spring_laws import SpringLaw, model_with_laws
 from mbw.spin_rates import parse_spin_rates
+from tuning.assessment.found_lags import found_lag_remarks
 from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
 from tuning.control_loops.stability import instability_sentence, unstable_variants
 from tuning.files.result import TUNED_JSON, TUNED_MJCF
@@ -63,6 +65,7 @@ class MachineRequest:
         sentence = loops_sentence(loops, closed)
         remarks = (
             *machine.remarks,
+            *found_lag_remarks(result_file(self.path), machine.motors),
             *([sentence] if sentence else []),
             *self._unstable_variants(closed),
         )

@@ -39,7 +39,8 @@ from mbw.predict.plant_state_space import (
 from mbw.predict.schema import BandsRow, PlantRow, UncertainPlantRow, WeightRow
 from mbw.predict.state_space_check import law_rows, law_sentences
 from tuning import POSTERIOR_NPZ, read_posterior
-from tuning.files.result import TUNED_MJCF
+from tuning.assessment.found_lags import untested_band_remark
+from tuning.files.result import TUNED_JSON, TUNED_MJCF
 
 CAMPAIGN_TOML = "campaign.toml"  # of the folder of a campaign
 FOLDER_NAMES = (BANDS_NPZ, SAMPLES_NPZ, WEIGHT_NPZ, WEIGHT_MAT)
@@ -197,6 +198,8 @@ def compute_plant(
             f"median and at most +-{100 * row.most:.2g} % at 95 % of the frequency lines; "
             + _model_error_phrase(row)
         )
+        if row.remark:
+            plant.sentences.append(f"bands: {row.remark}")
     if alternatives is not None:
         points = machine.layout.points
         plant.sentences.append(alternatives_sentence(alternatives, request.diagnosed, points))
@@ -210,7 +213,7 @@ def _is_tuned(source: Path) -> bool:
 
 def _bands_row(plant: PlantResult, bands: FrfBands, posterior: PosteriorOfModel) -> BandsRow:
     """Return the relative half widths of the intervals."""
-    size = np.abs(bands.values)
+    size, lines = np.abs(bands.values), bands.request.freq_hz.tolist()
     moving = size > 0
     low, high = plant.interval or bands.magnitude_interval()
     half = ((high - low) / 2)[moving] / size[moving]
@@ -220,6 +223,7 @@ def _bands_row(plant: PlantResult, bands: FrfBands, posterior: PosteriorOfModel)
         error_floor=posterior.posterior.error_floor,
         discrepancy=posterior.posterior.discrepancy,
         coordinates=posterior.posterior.size,
+        remark=untested_band_remark(plant.source.parent / TUNED_JSON, (lines[0], lines[-1])),
     )
 
 

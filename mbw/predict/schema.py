@@ -187,6 +187,7 @@ class BandsRow(BaseModel):
         error_floor: relative error of the model at its sensors beside the noise.
         discrepancy: relative error of the machine's forces that the bands hold.
         coordinates: number of coordinates of the posterior.
+        remark: on a band beyond that of the test; empty within it.
     """
 
     median: Finite
@@ -194,6 +195,7 @@ class BandsRow(BaseModel):
     error_floor: Finite
     discrepancy: Finite
     coordinates: int
+    remark: str = ""
 
 
 class UncertainPlantRow(BaseModel):

@@ -9,6 +9,7 @@ from browser import CHROMIUM, browse, data_of, unpacked
 from budget_case import TWO, VALUES, write_tuned_case
 from typer.testing import CliRunner
 
+import mbworkbench as mb
 from mbmodel import load_machine, machine_model
 from mbw.command import app
 from tuning import read_posterior
@@ -118,6 +119,48 @@ def test_the_page_holds_the_numbers_of_the_json(folder):
     assert rms == pytest.approx(1e9 * row["rms"], rel=0.02)
     assert data["curves"]["ports"][-1][0].startswith("plant of axis")
     assert data["samples"]
+
+
+def test_gain_and_lag_of_a_drive_and_the_band_of_the_test_are_remarked(tmp_path):
+    write_tuned_case(tmp_path)
+    tuned, out = tmp_path / "x-tuned", tmp_path / "out.json"
+    row = {"dof": None, "is_product": False, "interval": [0.36, 0.38], "gain": 0.37}
+    rows = [
+        {**row, "location": "hammer:drive", "delay": 1.2e-3},
+        {**row, "location": "hammer:default", "delay": 2e-3},  # of a hammer, which is no drive
+        {**row, "location": "sensor:encoder", "dof": "", "delay": 1e-7},
+    ]
+    text = json.dumps({"band": [5.0, 40.0], "channel_gains": rows})
+    (tuned / "tuned.json").write_text(text, encoding="utf-8")
+    (tuned / ".mbw.json").unlink()
+    ports = ("--input", "drive", "--output", "acc2:+tx", "--bands", "--band", 6, 39)
+    result = run(
+        "predict", tuned, "--budget", tmp_path / "budget.toml", *ports, "--json", out,
+        "--out", tmp_path / "out",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    lag = (
+        "By tuned.json, drive has the gain 0.37 and is 1.2 ms late, which the model and this "
+        "result do not hold: multiply its controller in budget.toml by 0.37, add delay = 0.0012 "
+        "to its loop in budget.toml, and for a state space give --input-delay drive=0.0012."
+    )
+    found = json.loads(out.read_text())
+    band = "The test covered 5 to 40 Hz: outside that band no interval bounds the modes that the"
+    assert found["remarks"] == [lag]
+    assert [text.startswith(band) for text in found["budget"]["remarks"]] == [True]
+    assert found["bands"]["remark"] == ""
+    assert lag in result.stderr
+    assert "bands: the test covered" not in result.stderr
+    page = (tmp_path / "out" / "plant.html").read_text("utf-8")
+    assert lag in page
+    assert band in page
+    wide = run("predict", tuned, *ports[:-1], 60, "--json", out, "--out", tmp_path / "wide")
+    assert wide.exit_code == 0, wide.stderr
+    assert band[1:] in json.loads(out.read_text())["bands"]["remark"]
+    assert band[1:] in wide.stderr
+    plant = mb.read_plant(tuned, "acc2:+tx", "drive", [6.0, 60.0])
+    assert [text[:13] for text in plant.remarks] == ["by tuned.json", "the test cove"]
+    assert plant.remarks[0] in repr(plant)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")

@@ -33,7 +33,7 @@ from tuning.error_budget.loop_algebra import controller_response, measured_rows
 from tuning.error_budget.loop_plant import LoopPlant
 
 _CIRCLE_95 = float(np.sqrt(-np.log(0.05)))  # radius that holds 95 % of a complex normal value
-_MIN_PEAK = 1.05  # of |T|, which an error below 1 / 1.05 of the plant makes critical
+_MIN_CRITICAL_SIZE = 1.05  # of |T|, which an error below 1 / 1.05 of the plant makes critical
 HELD_OUT, FLOOR = "held-out error of the tuning", "model-error floor"
 
 
@@ -143,7 +143,7 @@ def _with_outside(test: RobustTest, nominal: AllMargins, loops: Iterable[int]) -
         critical += nominal.loops[k].gain_crossovers[:, 0].tolist()
         size = np.abs(gains[:, k] / (1 + gains[:, k]))
         best = int(np.argmax(size))
-        if size[best] > _MIN_PEAK:
+        if size[best] > _MIN_CRITICAL_SIZE:
             critical.append(float(freq[best]))
     outside = sorted({each for each in critical if not low <= each <= high})
     return replace(test, outside=tuple(outside))

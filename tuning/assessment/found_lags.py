@@ -1,0 +1,84 @@
+"""What a tuning or diagnosis found of drives and encoders, which its MJCF does not hold."""
+
+from collections.abc import Collection
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from identification.readers.result_files import read_result_json
+from tuning.files.schema import ChannelGainRow
+
+_MIN_LAG_S = 1e-5  # half of the default tolerance
+
+
+class _FoundFile(BaseModel):
+    """Keys of tuned.json or verdict.json that are needed here."""
+
+    channel_gains: list[ChannelGainRow] = []
+    band: tuple[float, float] | None = None
+
+
+def found_lag_remarks(file: Path | None, motors: Collection[str]) -> list[str]:
+    """Return a sentence on each drive and encoder whose gain or lag the model does not hold.
+
+    Args:
+        file: tuned.json or verdict.json; None, or no such file, for nothing to say.
+        motors: names of the machine's motors, which may be drives.
+
+    Raises:
+        InputError: a damaged file.
+    """
+    if file is None or not file.is_file():
+        return []
+    rows = read_result_json(file, _FoundFile, "mbw tune").channel_gains
+    sentences = []
+    for row in rows:
+        kind, _, name = row.location.partition(":")
+        is_drive = kind == "hammer" and name in motors
+        if kind == "hammer" and not is_drive:
+            continue
+        lag = row.delay if row.delay is not None and abs(row.delay) >= _MIN_LAG_S else 0.0
+        has_gain = is_drive and not (row.interval and row.interval[0] <= 1 <= row.interval[1])
+        if not (has_gain or lag):
+            continue
+        facts = [f"has the gain {row.gain:.3g}"] if has_gain else []
+        advice = [f"multiply its controller in budget.toml by {row.gain:.3g}"] if has_gain else []
+        if lag:
+            facts.append(f"is {1e3 * abs(lag):.3g} ms {'late' if lag > 0 else 'early'}")
+            advice += _lag_advice(name, lag, is_drive=is_drive)
+        sentences.append(
+            f"by {file.name}, {name} {' and '.join(facts)}, which the model and this result do not "
+            f"hold: {', '.join(advice)}"
+        )
+    return sentences
+
+
+def _lag_advice(name: str, lag_s: float, *, is_drive: bool) -> list[str]:
+    """Return how a lag is stated."""
+    if lag_s < 0:
+        return ["shorten the delay of its loop in budget.toml by as much"]
+    advice = [f"add delay = {lag_s:.4g} to its loop in budget.toml"]
+    if is_drive:
+        advice.append(f"and for a state space give --input-delay {name}={lag_s:.4g}")
+    return advice
+
+
+def untested_band_remark(file: Path | None, band: tuple[float, float]) -> str:
+    """Return a sentence on a band beyond that of a test; empty within it.
+
+    Args:
+        file: tuned.json; None, or no such file, for nothing to say.
+        band: of a result [Hz].
+
+    Raises:
+        InputError: a damaged file.
+    """
+    if file is None or not file.is_file():
+        return ""
+    tested = read_result_json(file, _FoundFile, "mbw tune").band
+    if tested is None or (tested[0] <= band[0] and band[1] <= tested[1]):
+        return ""
+    return (
+        f"the test covered {tested[0]:.4g} to {tested[1]:.4g} Hz: outside that band no interval "
+        "bounds the modes that the model lacks"
+    )
