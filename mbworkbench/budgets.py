@@ -9,6 +9,7 @@ from mbworkbench.labels import AnyPath, as_path
 from mbworkbench.model import MachineModel, read_model
 from mbworkbench.tables import html_table
 from tuning.control_loops.loops_file import choose_loops, known_loops
+from tuning.error_budget.budget_remarks import budget_sentences
 from tuning.error_budget.loop_margins import PlantMargins
 from tuning.error_budget.machine_files import (
     model_with_posterior,
@@ -99,7 +100,11 @@ class ErrorBudgetResult:
     def remarks(self) -> list[str]:
         """Sentences on what the budget leaves out, such as images of sampled loops."""
         budget = self.plant.budget
-        return [*budget.definition.remarks, *image_sentences(budget)]
+        return [
+            *budget.definition.remarks,
+            *budget_sentences(budget),
+            *image_sentences(budget),
+        ]
 
     def _repr_html_(self) -> str:
         """Return a table of the errors for a notebook."""

@@ -66,6 +66,9 @@ class TunedPlant:
 
         Args:
             delays_s: of the inputs [s]; none if None.
+
+        Raises:
+            UsageError: delays that are negative or no numbers, or not one of each input.
         """
         model = self.posterior.model
         delays = None if delays_s is None else np.asarray(delays_s, float)

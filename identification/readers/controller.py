@@ -1,5 +1,6 @@
 """Reader of controllers of one input and one output: from zeros, poles and gain, or a .mat file."""
 
+import re
 from collections.abc import Mapping, Sequence
 from functools import reduce
 from pathlib import Path
@@ -13,6 +14,7 @@ from identification.words import Controller, InputError, Real
 
 # A complex zero or pole without its conjugate: relative distance that counts as none.
 _MAX_CONJUGATE_ERROR = 1e-6
+_DELAY_NAME = re.compile(r"delays?(_s)?$", re.IGNORECASE)
 _CONTROLLER_REMEDY = "give A, B, C, D, or num, den, or zeros, poles, gain"
 
 
@@ -60,7 +62,7 @@ def read_controller(path: Path) -> Controller:
     A sampling period ``Ts`` or ``dt`` above 0 says that it is sampled.
 
     Raises:
-        InputError: the file cannot be read, or holds no controller.
+        InputError: the file cannot be read, or holds no controller, or one with a delay.
     """
     import scipy.signal  # noqa: PLC0415  # slow to load, and few commands need it
 
@@ -75,6 +77,9 @@ def read_controller(path: Path) -> Controller:
             f"{path}: {error}: {_CONTROLLER_REMEDY}, saved with -v7 or older"
         ) from error
     period = _period_of(path, arrays)
+    late = stated_delay(arrays)
+    if late:
+        raise InputError(f"{path}: {late}")
     try:
         if set("ABCD") <= set(arrays):
             matrices = [np.atleast_2d(np.real(arrays[name])) for name in "ABCD"]
@@ -91,6 +96,22 @@ def read_controller(path: Path) -> Controller:
     except (ValueError, TypeError, IndexError) as error:
         raise InputError(f"{path} holds no controller ({error}): {_CONTROLLER_REMEDY}") from error
     raise InputError(f"{path} holds no controller: {_CONTROLLER_REMEDY}")
+
+
+def stated_delay(values: Mapping[str, Any]) -> str:
+    """Return what to do about a delay that a controller states beside its matrices; or empty.
+
+    Args:
+        values: such as InputDelay or output_delay, by name.
+    """
+    for name, value in values.items():
+        if _DELAY_NAME.search(name) and np.any(np.asarray(value, float) != 0):
+            return (
+                f"{name} is not zero, but the controller is used without it: set it to zero and "
+                "state delay [s] of the loop, or put Pade's fraction or samples of delay into the "
+                "controller"
+            )
+    return ""
 
 
 def _period_of(path: Path, arrays: Mapping[str, Any]) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.words import Complex, Real
+from identification.words import Complex, Real, UsageError
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.discrete import discretise
 from mbmodel.export.state_space import export_state_space
@@ -142,9 +142,18 @@ class ControlPlant:
         return np.where(peaks > 0, peaks, 1.0)
 
     def to_control(self) -> control.StateSpace:
-        """Return the system of python-control, which has no delays of the inputs."""
+        """Return the system of python-control.
+
+        Raises:
+            UsageError: it has delays in continuous time, which python-control does not know.
+        """
         import control  # noqa: PLC0415  # with its matplotlib it would slow down every start
 
+        if self.delays_s.any():
+            raise UsageError(
+                "python-control has no delays in continuous time: call sample(period_s) first, "
+                "whose states hold them, or leave out delays_s and append Pade's fractions"
+            )
         system = self.system
         labels = {
             "inputs": [str(label).replace(".", "_") for label in self.request.inputs],
@@ -163,10 +172,18 @@ def make_control_plant(
         theta: parameters in SI; (n_parameter,).
         request: outputs, inputs and quantity; its lines are the band of reduction and laws.
         delays_s: of the inputs [s], 0 if None; (n_in,).
+
+    Raises:
+        UsageError: delays that are negative or no numbers, or not one of each input.
     """
+    late = np.zeros(len(request.inputs)) if delays_s is None else np.asarray(delays_s, float)
+    if late.shape != (len(request.inputs),) or not (np.isfinite(late) & (late >= 0)).all():
+        raise UsageError(
+            f"delays_s = {late.tolist()} are no delays of {len(request.inputs)} inputs: give each "
+            "input one number of seconds, 0 or above"
+        )
     export = export_state_space(model, theta, request)
     whole = SystemMatrices(
         *(np.asarray(getattr(export.system, name), float) for name in ("A", "B", "C", "D"))
     )
-    late = np.zeros(len(request.inputs)) if delays_s is None else delays_s
     return ControlPlant(request, whole, whole, tuple(export.system.state_labels), export.laws, late)

@@ -21,6 +21,7 @@ from mbw.plant.schema import BudgetRow, StrutsRow
 from mbw.plant.sentences import budget_lines_of_text, cause_sentences
 from mbw.plant.struts import StrutsResult, compute_struts
 from tuning.assessment.found_lags import found_lag_remarks, untested_band_remark
+from tuning.error_budget.budget_remarks import budget_sentences
 from tuning.error_budget.machine_files import (
     fitted_model,
     model_with_posterior,
@@ -197,6 +198,7 @@ def _compute_budget(
     unstable = [each.sentence(names_of_loops) for each in plant.variant_margins]
     remarks = [
         *definition.remarks,
+        *budget_sentences(plant.budget),
         *image_sentences(plant.budget),
         *(f"{text[:1].upper()}{text[1:]}." for text in unstable if text),
     ]

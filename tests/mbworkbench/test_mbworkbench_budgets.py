@@ -38,3 +38,9 @@ def test_a_controller_of_no_loop_is_refused(folder):
     model = mb.read_model(folder / "two.xml")
     with pytest.raises(mb.UsageError, match="has no loop 'ty'"):
         mb.error_budget(model, folder / "budget.toml", controllers={"ty": 1.0})
+
+
+def test_a_controller_with_an_unstable_pole_that_its_zero_cancels_is_refused(folder):
+    hidden = control.tf(np.polymul([3e5], [1, -5.0]), np.polymul([1, 700.0], [1, -5.0]))
+    with pytest.raises(mb.InputError, match=r"closed loop is unstable: the pole 5 "):
+        mb.error_budget(folder / "two.xml", folder / "budget.toml", controllers={"axis": hidden})

@@ -32,10 +32,11 @@ def test_a_plant_has_bands_states_and_alternatives(plant):
     whole = plant.state_space(delays_s=[0.0, 3e-4])
     assert f"{len(whole.states)} states, continuous, " in repr(whole)
     assert repr(whole).endswith("delays 0, 0.0003 s")
-    assert (np.abs(response(whole.to_control(), s) - bands.values) < 1e-6 * peak).all()
+    timely = plant.state_space().to_control()
+    assert (np.abs(response(timely, s) - bands.values) < 1e-6 * peak).all()
     reduced = whole.reduce(bands=bands)
     assert reduced.largest_error <= reduced.relative_bound
-    error = np.abs(response(reduced.to_control(), s) - bands.values)
+    error = np.abs(response(plant.state_space().reduce(bands=bands).to_control(), s) - bands.values)
     assert (error <= (high - low) / 6 + 1e-6 * peak).all()
     system = reduced.sample(1e-4).to_control()
     assert system.dt == 1e-4
@@ -46,3 +47,14 @@ def test_a_plant_has_bands_states_and_alternatives(plant):
     z = plant.posterior.posterior.draw(1, seed=0)[0]
     assert not np.allclose(response(uncertain.sample(z), s), bands.values, rtol=1e-6)
     assert "mobility" in repr(plant)
+
+
+@pytest.mark.parametrize("delays", [[-1e-3, 0.0], [np.nan, 0.0], [1e-3], [1e-3, 0.0, 0.0]])
+def test_delays_that_are_none_are_refused(plant, delays):
+    with pytest.raises(mb.UsageError, match="are no delays of 2 inputs: give each input one"):
+        plant.state_space(delays_s=delays)
+
+
+def test_delays_in_continuous_time_have_no_system_of_python_control(plant):
+    with pytest.raises(mb.UsageError, match=r"no delays in continuous time: call sample"):
+        plant.state_space(delays_s=[0.0, 3e-4]).to_control()

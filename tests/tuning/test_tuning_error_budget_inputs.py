@@ -93,6 +93,17 @@ def test_between_lines_a_density_is_a_power_of_frequency(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("heading", "factor"),
+    [("f", 1.0), ("f [Hz]", 1.0), ("w [rad/s]", 1 / (2 * np.pi)), ("f (kHz)", 1e3)],
+)
+def test_the_heading_states_the_unit_of_frequency(tmp_path, heading, factor):
+    spectrum, _ = read_spectrum(table(tmp_path, f"{heading},x [N^2/Hz]\n1,2\n500,3\n"), None, None)
+    assert spectrum.band == pytest.approx((factor, 500 * factor))
+    # A density per Hz stays one.
+    assert spectrum.at(np.array([500 * factor]), 0) == pytest.approx([3.0])
+
+
+@pytest.mark.parametrize(
     ("text", "unit", "words"),
     [
         ("f,x\n1,2\n2,3\n", None, "the unit of the density is missing"),
@@ -102,6 +113,7 @@ def test_between_lines_a_density_is_a_power_of_frequency(tmp_path):
         ("f,x\n1,a\n2,3\n", "N^2/Hz", "row 1 of the numbers"),
         ("f,x\n1,2\n2,nan\n", "N^2/Hz", "not finite"),
         ("f,x\n1,2\n2,3\n", "kg^2/Hz", "is no unit"),
+        ("T [s],x\n1,2\n2,3\n", "N^2/Hz", r"heading 'T \[s\]' states no unit of frequency"),
     ],
 )
 def test_a_table_that_is_no_density_is_refused(tmp_path, text, unit, words):
@@ -254,3 +266,26 @@ def test_controllers_that_are_discrete_without_a_period_or_wide_are_refused(tmp_
     scipy.io.savemat(tmp_path / "y.mat", {"K": 1.0})
     with pytest.raises(InputError, match="holds no controller"):
         read_controller(tmp_path / "y.mat")
+
+
+@pytest.mark.parametrize("key", ["InputDelay", "input_delay", "OutputDelay", "IODelay", "ioDelay"])
+def test_a_controller_with_a_delay_beside_its_matrices_is_refused(tmp_path, key):
+    known = {"num": [1.0], "den": [1.0, 2.0]}
+    scipy.io.savemat(tmp_path / "zero.mat", {**known, key: 0.0})
+    assert read_controller(tmp_path / "zero.mat").response(np.zeros(1)) == pytest.approx(0.5)
+    scipy.io.savemat(tmp_path / "late.mat", {**known, key: 3e-4})
+    words = f"{key} is not zero, but .* state delay .s. of the loop, or put Pade's fraction"
+    with pytest.raises(InputError, match=words):
+        read_controller(tmp_path / "late.mat")
+    system = control.tf([1.0], [1.0, 2.0])
+    setattr(system, key, 3e-4)
+    with pytest.raises(UsageError, match=words):
+        controller_from_system(system)
+
+
+def test_a_controller_keeps_the_poles_that_its_zeros_cancel():
+    numerator, denominator = np.polymul([8e5, 16e6], [1, -5.0]), np.polymul([1, 600.0], [1, -5.0])
+    found = controller_from_system(control.tf(numerator, denominator))
+    assert np.sort(found.poles.real) == pytest.approx([-600.0, 5.0])
+    s = 2j * np.pi * np.array([0.3, 20.0])
+    assert found.response(s) == pytest.approx(8e5 * (s + 20) / (s + 600))

@@ -17,7 +17,11 @@ import numpy as np
 
 from identification.words import Complex, InputError, Real
 from mbmodel import Evaluator, FrfRequest, Linearised, Model
-from tuning.error_budget.closed_loop_states import loop_states, refuse_unstable
+from tuning.error_budget.closed_loop_states import (
+    loop_states,
+    refuse_undamped,
+    refuse_unstable,
+)
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.frequency_grid import integration_lines, trapezoid_weights
 from tuning.error_budget.joined_states import LoopStates
@@ -179,14 +183,16 @@ def error_budget(model: Model, theta: Real, definition: BudgetDefinition) -> Err
         definition: errors, sources and loops.
 
     Raises:
-        InputError: the machine, or the closed loop, is unstable.
+        InputError: the machine, or the closed loop, is unstable, or has no damping.
     """
     ports = map_ports(definition)
     states = loop_states(model, theta, definition, ports)
     poles = states.poles()
     refuse_unstable(poles, definition.loops)
     freq, weights, count = budget_lines(definition, poles)
-    return budget_on_lines(model, theta, definition, (freq, weights, count), states)
+    budget = budget_on_lines(model, theta, definition, (freq, weights, count), states)
+    refuse_undamped(poles, definition.loops, *budget.density())
+    return budget
 
 
 def budget_on_lines(

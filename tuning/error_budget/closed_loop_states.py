@@ -20,6 +20,9 @@ from tuning.error_budget.loop_algebra import PortMap
 from tuning.error_budget.machine_states import control_plant, machine_states
 from tuning.error_budget.sampled_loops import sampled_states
 
+_MIN_DAMPING = 1e-7  # of a pole: that of rounding, which no frequency lines resolve
+_PEAK_HALF_WIDTHS = 1e-8, 1e-5  # of its inner lines and its foot, over its frequency
+_MIN_PEAK = 1e3  # of the density over that of its foot: a smaller one is rounding, not driven
 _DELAY_ORDER = 8  # of Pade's fraction: its phase is right to 1e-6 rad while w tau < 6
 
 
@@ -107,3 +110,31 @@ def refuse_unstable(
         f"{where} is unstable{whole}: the pole {pole.real:.4g} {pole.imag:+.4g}i rad/s at {at} "
         f"grows, so that the error has no rms value; {remedy}"
     )
+
+
+def refuse_undamped(poles: Complex, loops: Sequence[Loop], freq_hz: Real, density: Real) -> None:
+    """Refuse a pole without damping in the band that the sources drive.
+
+    Args:
+        poles: of the machine with its loops [rad/s]; (n,).
+        loops: that are closed.
+        freq_hz: lines of the integral [Hz]; (n_freq,).
+        density: of each error; (n_freq, n_error).
+
+    Raises:
+        InputError: the density peaks at such a pole, so that its integral has no limit.
+    """
+    inner, foot = _PEAK_HALF_WIDTHS
+    for pole in poles[(poles.imag > 0) & (np.abs(poles.real) < _MIN_DAMPING * np.abs(poles))]:
+        frequency = pole.imag / (2 * np.pi)
+        distance = np.abs(freq_hz / frequency - 1)
+        peak = density[distance < inner].max(axis=0, initial=0.0)
+        beside = np.flatnonzero(distance > foot)
+        nearest = beside[np.argsort(distance[beside])[:2]]
+        if (peak > _MIN_PEAK * density[nearest].max(axis=0, initial=0.0)).any():
+            where = "the closed loop" if loops else "the machine"
+            remedy = "lower the gain of the loops" if loops else "give its springs damping"
+            raise InputError(
+                f"{where} has a pole without damping at {frequency:.4g} Hz that the sources drive, "
+                f"so that the error has no finite rms value; {remedy}"
+            )

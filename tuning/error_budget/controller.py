@@ -2,6 +2,9 @@
 
 from typing import Any
 
+import numpy as np
+
+from identification.readers.controller import stated_delay
 from identification.readers.loop_toml import MIN_PERIOD_S
 from identification.words import Controller, UsageError
 
@@ -13,10 +16,11 @@ def controller_from_system(system: Any) -> Controller:
         system: state space or transfer function of one input and one output, or a number.
 
     Raises:
-        UsageError: it is no linear system of one input and one output, or sampled with a period
-            that is not known.
+        UsageError: it is no linear system of one input and one output, has a delay, or is sampled
+            with a period that is not known.
     """
     import control  # noqa: PLC0415  # with its matplotlib it would add 0.7 s to every start
+    import scipy.signal  # noqa: PLC0415  # slow to load
 
     if isinstance(system, Controller):
         return system
@@ -39,4 +43,13 @@ def controller_from_system(system: Any) -> Controller:
             f"the controller is discrete with the step {converted.dt}: give its sampling period as "
             f"dt, from {MIN_PERIOD_S:g} s to 1 s"
         )
-    return Controller(converted.A, converted.B, converted.C, converted.D, float(period))
+    late = stated_delay(getattr(system, "__dict__", {}))
+    if late:
+        raise UsageError(f"the controller: {late}")
+    matrices = converted.A, converted.B, converted.C, converted.D
+    if isinstance(system, control.TransferFunction):
+        fraction = np.ravel(system.num[0][0]), np.ravel(system.den[0][0])
+        if len(np.trim_zeros(fraction[1], "f")) - 1 > len(converted.A):
+            # The conversion cancelled a pole that the controller has, and that may grow.
+            matrices = scipy.signal.tf2ss(*fraction)
+    return Controller(*(np.asarray(matrix, float) for matrix in matrices), float(period))

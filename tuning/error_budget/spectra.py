@@ -9,6 +9,7 @@ VC-B: a constant acceleration from 4 to 8 Hz). A density ``3 v^2 / (f ln 2)`` ha
 in each band (Amick, Gendreau, Busch, Gordon: Evolving criteria for research facilities, 2005).
 """
 
+import re
 from dataclasses import dataclass
 from math import log
 from pathlib import Path
@@ -16,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.csv_tables import read_csv_rows
+from identification.readers.units import FREQUENCY_UNITS_HZ
 from identification.words import InputError, Real, frozen_array
 from tuning.error_budget.spectral_units import STANDARD_GRAVITY, DensityUnit, parse_density_unit
 
@@ -32,7 +34,7 @@ VIBRATION_CRITERIA_M_PER_S = {
 _ACCELERATION_BELOW_8_HZ = {"VC-A": 260e-6 * STANDARD_GRAVITY, "VC-B": 130e-6 * STANDARD_GRAVITY}
 _LOWEST_CRITERION_HZ, _HIGHEST_CRITERION_HZ = 1.0, 80.0
 _HALF_BAND = 2 ** (1 / 6)  # edge of a third-octave band over its centre
-_CSV_REMEDY = "give a .csv table with frequencies in Hz in its first column and densities beside"
+_CSV_REMEDY = "give a .csv table with frequencies in its first column and densities beside"
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +131,9 @@ def constant_spectrum(value: float, unit: DensityUnit, band: tuple[float, float]
 def read_spectrum(
     path: Path, column: str | None, unit: str | None, *, is_two_sided: bool = False
 ) -> tuple[Spectrum, DensityUnit]:
-    """Read a density from a .csv table; the first column holds frequencies in Hz.
+    """Read a density from a .csv table; the first column holds frequencies.
+
+    Their unit is that in brackets in the heading, such as ``w [rad/s]``; Hz without one.
 
     Args:
         path: the file.
@@ -157,6 +161,7 @@ def read_spectrum(
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
     freq, density = _read_numbers(path, rows[bool(heading) :], number)
+    freq = freq * _frequency_factor(path, heading[0] if heading else "")
     values = _to_si(density, density_unit) * (2 if is_two_sided else 1)
     try:
         return Spectrum(freq, values, density_unit.signal.derivative), density_unit
@@ -170,6 +175,18 @@ def _to_si(values: Real, unit: DensityUnit) -> Real:
         return np.full(len(values), -1.0)
     power: Real = values**2 if unit.is_root else values
     return power * unit.signal.factor**2
+
+
+def _frequency_factor(path: Path, heading: str) -> float:
+    """Return the frequency [Hz] of one unit of the first column, by its heading."""
+    stated = re.search(r"[\[(](.*)[\])]", heading)
+    unit = stated[1].strip() if stated else "Hz"
+    if unit not in FREQUENCY_UNITS_HZ:
+        raise InputError(
+            f"{path}: the heading {heading!r} states no unit of frequency that is known: write "
+            f"one of {', '.join(FREQUENCY_UNITS_HZ)} in its brackets"
+        )
+    return FREQUENCY_UNITS_HZ[unit]
 
 
 def _split_cells(row: list[str]) -> list[str]:
