@@ -52,4 +52,5 @@ def controller_from_system(system: Any) -> Controller:
         if len(np.trim_zeros(fraction[1], "f")) - 1 > len(converted.A):
             # The conversion cancelled a pole that the controller has, and that may grow.
             matrices = scipy.signal.tf2ss(*fraction)
-    return Controller(*(np.asarray(matrix, float) for matrix in matrices), float(period))
+    states, entry, output, through = (np.asarray(matrix, float) for matrix in matrices)
+    return Controller(states, entry, output, through, float(period))
