@@ -107,7 +107,7 @@ def stated_delay(values: Mapping[str, Any]) -> str:
     for name, value in values.items():
         if _DELAY_NAME.search(name) and np.any(np.asarray(value, float) != 0):
             return (
-                f"{name} is not zero, but the controller is used without it: set it to zero and "
+                f"{name} is not zero, but would be left out: set it to zero and "
                 "state delay [s] of the loop, or put Pade's fraction or samples of delay into the "
                 "controller"
             )

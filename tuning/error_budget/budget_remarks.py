@@ -11,7 +11,7 @@ from tuning.error_budget.definition import Source
 
 
 @dataclass(frozen=True)
-class _Settings:
+class RemarkLimits:
     """Limits.
 
     Args:
@@ -32,7 +32,7 @@ class _Settings:
     slope: float = -0.9
 
 
-_SETTINGS = _Settings()
+REMARK_LIMITS = RemarkLimits()
 
 
 def budget_sentences(budget: ErrorBudget) -> list[str]:
@@ -42,7 +42,7 @@ def budget_sentences(budget: ErrorBudget) -> list[str]:
 
 def _idle_sources(budget: ErrorBudget) -> Iterator[str]:
     """Yield a sentence on each source that moves no error."""
-    response, settings = budget.response, _SETTINGS
+    response, settings = budget.response, REMARK_LIMITS
     terms = np.abs(budget.ports.errors) @ np.abs(budget.linearised.values) @ np.abs(response.right)
     is_idle = (np.abs(response.errors) <= settings.rounding * terms).all(axis=(0, 1))
     is_idle |= (budget.source_shares < settings.share).all(axis=0)
@@ -63,7 +63,7 @@ def _drifts(budget: ErrorBudget) -> Iterator[str]:
     With |E| ~ f^p and a density S ~ f^q below the band, the integral of |E|^2 S from 0 Hz has no
     limit where 2 p + q <= -1.
     """
-    definition, low, settings = budget.definition, budget.definition.band[0], _SETTINGS
+    definition, low, settings = budget.definition, budget.definition.band[0], REMARK_LIMITS
     if not (np.abs(budget.states.poles()) < settings.drift * 2 * np.pi * low).any():
         return
     lines = low * np.array(settings.below)
@@ -97,11 +97,11 @@ def _is_endless(source: Source, lines: Real, sizes: Real, low: float) -> bool:
     """
     if source.spectrum is None or not (sizes > 0).all():
         return False
-    first = max(low, source.spectrum.band[0]) * _SETTINGS.step
-    pair = np.array([first, first * _SETTINGS.step])
+    first = max(low, source.spectrum.band[0]) * REMARK_LIMITS.step
+    pair = np.array([first, first * REMARK_LIMITS.step])
     density = source.spectrum.at(pair, source.derivative)
     if not (density > 0).all():
         return False
     power = np.diff(np.log(sizes))[0] / np.diff(np.log(lines))[0]
     of_density = np.diff(np.log(density))[0] / np.diff(np.log(pair))[0]
-    return bool(2 * power + of_density <= _SETTINGS.slope)
+    return bool(2 * power + of_density <= REMARK_LIMITS.slope)

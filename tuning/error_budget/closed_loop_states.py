@@ -20,9 +20,9 @@ from tuning.error_budget.loop_algebra import PortMap
 from tuning.error_budget.machine_states import control_plant, machine_states
 from tuning.error_budget.sampled_loops import sampled_states
 
-_MIN_DAMPING = 1e-7  # of a pole: that of rounding, which no frequency lines resolve
-_PEAK_HALF_WIDTHS = 1e-8, 1e-5  # of its inner lines and its foot, over its frequency
-_MIN_PEAK = 1e3  # of the density over that of its foot: a smaller one is rounding, not driven
+_LEAST_RESOLVED_DAMPING = 1e-7  # of a pole: no frequency lines resolve less
+_PEAK_AND_FOOT = 1e-8, 1e-5  # of its inner lines and its foot, over its frequency
+_MIN_DRIVEN_PEAK = 1e3  # of the density over that of its foot: less is rounding
 _DELAY_ORDER = 8  # of Pade's fraction: its phase is right to 1e-6 rad while w tau < 6
 
 
@@ -124,14 +124,16 @@ def refuse_undamped(poles: Complex, loops: Sequence[Loop], freq_hz: Real, densit
     Raises:
         InputError: the density peaks at such a pole, so that its integral has no limit.
     """
-    inner, foot = _PEAK_HALF_WIDTHS
-    for pole in poles[(poles.imag > 0) & (np.abs(poles.real) < _MIN_DAMPING * np.abs(poles))]:
+    inner, foot = _PEAK_AND_FOOT
+    for pole in poles[
+        (poles.imag > 0) & (np.abs(poles.real) < _LEAST_RESOLVED_DAMPING * np.abs(poles))
+    ]:
         frequency = pole.imag / (2 * np.pi)
         distance = np.abs(freq_hz / frequency - 1)
         peak = density[distance < inner].max(axis=0, initial=0.0)
         beside = np.flatnonzero(distance > foot)
         nearest = beside[np.argsort(distance[beside])[:2]]
-        if (peak > _MIN_PEAK * density[nearest].max(axis=0, initial=0.0)).any():
+        if (peak > _MIN_DRIVEN_PEAK * density[nearest].max(axis=0, initial=0.0)).any():
             where = "the closed loop" if loops else "the machine"
             remedy = "lower the gain of the loops" if loops else "give its springs damping"
             raise InputError(
