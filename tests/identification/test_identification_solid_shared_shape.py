@@ -65,8 +65,8 @@ def test_a_plate_that_twists_is_flexible_though_any_of_its_corners_would_tell_as
 
 @pytest.mark.parametrize("frequency", [60.0, 160.0])
 def test_a_plate_that_twists_more_than_it_moves_is_flexible_and_no_corner_is_blamed(frequency):
-    found = check(twisted(Case(1570, lines=LINES, level=True), 2.0, frequency, corner=0))
-    assert [fault.effect for fault in found.faults] == ["flexible_body"], found.sentence
+    body_check = check(twisted(Case(1570, lines=LINES, level=True), 2.0, frequency, corner=0))
+    assert [fault.effect for fault in body_check.faults] == ["flexible_body"], body_check.sentence
 
 
 def imitated_signs(case: Case, corners):

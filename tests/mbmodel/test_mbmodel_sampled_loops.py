@@ -83,34 +83,39 @@ def test_modes_are_nearly_the_poles_of_the_sampled_loop(closed):
     loop = control.ss(control.zpk(ZEROS, POLES, GAIN, dt=PERIOD)) * sampled
     poles = np.log(control.feedback(loop, 1).poles().astype(complex)) / PERIOD
     expected = min(poles[poles.imag > 1], key=abs)
-    found = model_modes(as_drawn(closed), as_drawn(closed).drawn).poles
-    nearest = found[np.argmin(np.abs(found - expected))]
+    modal_poles = model_modes(as_drawn(closed), as_drawn(closed).drawn).poles
+    nearest = modal_poles[np.argmin(np.abs(modal_poles - expected))]
     assert nearest == pytest.approx(expected, rel=3e-4)
 
 
 def test_the_state_space_states_its_error(closed):
     model = as_drawn(closed)
     export = export_state_space(model, model.drawn, request_of(closed))
-    (found,) = export.laws
-    assert found.approximation.kind == "tustin"
-    assert found.approximation.max_error < 0.05
+    (law,) = export.laws
+    assert law.approximation.kind == "tustin"
+    assert law.approximation.max_error < 0.05
     exact = Evaluator(model, request_of(closed)).at(model.drawn).values[:, 0, 0]
     assert np.abs(export.system(S) / exact - 1).max() < 0.05
 
 
 def test_tustins_rule_there_and_back_is_the_controller():
-    known = controller_from_roots([0.9, 0.2], [0.5, 0.999, 0.1], 7.0, PERIOD)
-    made = continuous_equivalent(known)
-    assert made.period_s == 0
+    sampled = controller_from_roots([0.9, 0.2], [0.5, 0.999, 0.1], 7.0, PERIOD)
+    continuous = continuous_equivalent(sampled)
+    assert continuous.period_s == 0
     again = control.sample_system(
-        control.ss(made.dynamics, made.input_matrix, made.output_matrix, made.feedthrough),
+        control.ss(
+            continuous.dynamics,
+            continuous.input_matrix,
+            continuous.output_matrix,
+            continuous.feedthrough,
+        ),
         PERIOD,
         "tustin",
     )
     z = np.exp(2j * np.pi * np.array([1.0, 30.0, 200.0, 450.0]) * PERIOD)
     expected = control.zpk([0.9, 0.2], [0.5, 0.999, 0.1], 7.0, dt=PERIOD)(z)
     assert again(z) == pytest.approx(expected, rel=1e-9)
-    assert continuous_equivalent(made) is made
+    assert continuous_equivalent(continuous) is continuous
 
 
 def test_a_pole_at_minus_one_is_refused_by_the_name_of_its_loop(from_text):

@@ -95,17 +95,17 @@ addEventListener("load", () => setTimeout(() => {
 def test_the_page_shows_the_ranking_and_the_points(confirmed, campaign, tmp_path):
     out, _, _ = confirmed
     rows = json.loads((out / "further.json").read_text())
-    found = browse((out / "further.html").read_text(), tmp_path, probe=PROBE)
-    assert found["faults"] == []
-    assert [text.split("\t")[0] for text in found["gains"]] == [
-        one["name"] for one in rows["gains"]
+    page = browse((out / "further.html").read_text(), tmp_path, probe=PROBE)
+    assert page["faults"] == []
+    assert [text.split("\t")[0] for text in page["gains"]] == [
+        gain["name"] for gain in rows["gains"]
     ]
-    assert found["confirmed"][0].startswith(rows["confirmed"][0]["name"])
-    assert found["chosen"] == "sensor acc6"
+    assert page["confirmed"][0].startswith(rows["confirmed"][0]["name"])
+    assert page["chosen"] == "sensor acc6"
     layout = load_machine(find_model(campaign)).layout
     expected = layout.positions[layout.points.index("acc6")]
-    assert found["points"] == [pytest.approx(expected.tolist())]
-    assert found["without"] == ["twice the force", "twice the hits"]
+    assert page["points"] == [pytest.approx(expected.tolist())]
+    assert page["without"] == ["twice the force", "twice the hits"]
 
 
 def test_a_confirmation_is_a_sentence_with_both_rates():

@@ -28,8 +28,8 @@ def test_the_cost_is_scipys(size, rank, magnitude):
     scale = np.linalg.norm(whole, axis=0)
     bounds = (-limit * scale, limit * scale)
     peer = lsq_linear(whole / scale, goal, bounds, method="bvls", tol=1e-14, max_iter=5000)
-    left = whole @ solution - goal
-    assert left @ left / 2 == pytest.approx(peer.cost, rel=1e-9)
+    residual = whole @ solution - goal
+    assert residual @ residual / 2 == pytest.approx(peer.cost, rel=1e-9)
     assert (np.abs(solution) <= limit * (1 + 1e-12)).all()
     np.testing.assert_allclose(solution, peer.x / scale, rtol=1e-4, atol=1e-4)
 

@@ -94,12 +94,12 @@ def test_held_tolerances_cost_what_bounded_least_squares_says(verdicts):
     assert 2 <= single < 12
 
 
-def left_by(matrix, goal):
-    """What least squares leave of a change, squared."""
+def squared_residual(matrix, goal):
+    """Return the squared residual of a change that least squares fit."""
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0] = 1.0
-    left = goal - matrix / scale @ np.linalg.lstsq(matrix / scale, goal, rcond=1e-13)[0]
-    return float(left @ left)
+    residual = goal - matrix / scale @ np.linalg.lstsq(matrix / scale, goal, rcond=1e-13)[0]
+    return float(residual @ residual)
 
 
 def test_a_rival_gains_what_least_squares_with_a_tolerance_held_say(test, verdicts):
@@ -116,8 +116,8 @@ def test_a_rival_gains_what_least_squares_with_a_tolerance_held_say(test, verdic
         columns = [np.append(verdicts.signatures[k].change, zeros) for k in row]
         exact = []
         for matrix in (jacobian, np.delete(jacobian, held, axis=1)):
-            before = left_by(matrix, goal)
-            exact.append(1 - left_by(np.column_stack([matrix, *columns]), goal) / before)
+            before = squared_residual(matrix, goal)
+            exact.append(1 - squared_residual(np.column_stack([matrix, *columns]), goal) / before)
         assert share == pytest.approx(max(exact), abs=2e-3)
 
 
@@ -135,14 +135,14 @@ def test_several_outliers_are_chance_by_the_binomial_probability(verdicts):
 
 
 def simulate(verdicts, numbers, size, draws, random):
-    """Rate at which an effect is found: least squares draw by draw, weighed by the posterior."""
+    """Return the rate at which an effect is found, by least squares and posterior of each draw."""
     information, weighing = verdicts.information, verdicts.weighing
     normal, bounded = information.normal, information.bounded
     data = normal - np.diag(bounded / 2.0)
     scale = np.sqrt(np.diag(normal))
     root = np.linalg.cholesky(data / np.outer(scale, scale) + 1e-12 * np.eye(len(data)))
     limits = verdicts.limits
-    found = []
+    is_named = []
     for draw in range(draws):
         signature = verdicts.signatures[numbers[draw % len(numbers)]]
         right = data @ (random.standard_normal(len(data)) * bounded)
@@ -173,8 +173,8 @@ def simulate(verdicts, numbers, size, draws, random):
             hypotheses=len({family[:2] for family, _ in verdicts.families}),
         )  # fmt: skip
         causes = compute_posterior(evidence, CONSTANTS).causes
-        found.append(bool(causes) and causes[0][1] >= 0.5)
-    return float(np.mean(found))
+        is_named.append(bool(causes) and causes[0][1] >= 0.5)
+    return float(np.mean(is_named))
 
 
 @pytest.mark.parametrize("effect", ["mass_error", "structural_damping"])
