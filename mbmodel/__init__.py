@@ -18,6 +18,7 @@ from mbmodel.export.comparison import StateSpaceComparison, compare_state_space
 from mbmodel.export.discrete import SampledSystem, discretise
 from mbmodel.export.linear_response import respond_linearly
 from mbmodel.export.state_space import StateSpaceExport, export_state_space, state_space
+from mbmodel.frf.force_entries import ForceEntries
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
 from mbmodel.frf.port_units import CONTROL, input_unit, output_quantity, output_unit
@@ -115,6 +116,7 @@ __all__ = [
     "Edit",
     "EnergyShares",
     "Evaluator",
+    "ForceEntries",
     "ForwardSensitivities",
     "FrfBands",
     "FrfRequest",

@@ -10,7 +10,7 @@ from diagnosis.hypothesis import Hypothesis
 from diagnosis.rounding import HALF_PRECISION, NEGLIGIBLE_SHARE
 from identification.words import Integers, Real
 from tuning import Parametrisation
-from tuning.misfit.accumulation import ProbedEquations
+from tuning.misfit.probing import ProbedEquations
 
 Gained = tuple[float, Real]  # gain in cost [nats]; step of the coordinates
 
@@ -38,37 +38,79 @@ class ScoredFit:
         """Coordinates that are not at a bound."""
         return np.flatnonzero(~self.varies.coordinates_at_bound(self.x))
 
-    def _factor(self, tuned: Integers) -> "Factor":
-        precision = np.diag(self.varies.has_prior[tuned].astype(float))
-        return Factor.factorise(self._normal[np.ix_(tuned, tuned)] + precision)
+    @cached_property
+    def _place(self) -> Integers:
+        """Place of each coordinate among the free ones; -1 at a bound."""
+        place = np.full(len(self.x), -1)
+        place[self._free] = np.arange(len(self._free))
+        return place
 
     @cached_property
-    def _usual(self) -> "Factor":
-        return self._factor(self._free)
+    def _factor(self) -> "Factor":
+        """Factor L of A of all free coordinates."""
+        free = self._free
+        precision = np.diag(self.varies.has_prior[free].astype(float))
+        return Factor.factorise(self._normal[np.ix_(free, free)] + precision)
+
+    @cached_property
+    def _halved_probes(self) -> Real:
+        """L^-1 times the coupling of the free coordinates to all probes; (n_free, n_probe)."""
+        return self._factor.solve_half(self.probed.cross[self._free])
+
+    @cached_property
+    def _halved_gradient(self) -> Real:
+        """L^-1 times the gradient; (n_free, 1)."""
+        return self._factor.solve_half(self.probed.gradient[self._free, None])
+
+    @cached_property
+    def _halved_units(self) -> Real:
+        """L^-1 times the unit vectors of the free coordinates; (n_free, n_free)."""
+        return self._factor.solve_half(np.eye(len(self._free)))
 
     def score(self, hypothesis: Hypothesis, chosen: Integers) -> Gained:
         """Return the predicted gain of a hypothesis; its ``chosen`` coordinates, probes last."""
         count, probed, normal = len(self.x), self.probed, self._normal
         old, new = chosen[chosen < count], chosen[chosen >= count] - count
-        tuned = self._free[~np.isin(self._free, old)]
-        factor = self._usual if len(tuned) == len(self._free) else self._factor(tuned)
         # The gradient of the cost contains that of the priors, which a released coordinate loses.
         pulled = np.where(self.varies.has_prior, self.x, 0.0)[old]
         slope = np.concatenate([probed.gradient[old] - pulled, probed.slope[new]])
-        cross = np.hstack([normal[np.ix_(tuned, old)], probed.cross[np.ix_(tuned, new)]])
         square = np.zeros((len(chosen), len(chosen)))
         square[: len(old), : len(old)] = normal[np.ix_(old, old)]
         square[len(old) :, len(old) :] = probed.blocks[np.ix_(new, new)]
         square[: len(old), len(old) :] = probed.cross[np.ix_(old, new)]
         square[len(old) :, : len(old)] = square[: len(old), len(old) :].T
-        solved = factor.solve(np.column_stack([cross, probed.gradient[tuned]]))
-        schur = square - cross.T @ solved[:, :-1]
-        right = slope - cross.T @ solved[:, -1]
+        halved = self._halved_probes[:, new]
+        if len(old):
+            of_old = self._factor.solve_half(normal[np.ix_(self._free, old)])
+            halved = np.hstack([of_old, halved])
+        both = np.hstack([halved, self._halved_gradient])
+        projected = halved.T @ both
+        released = self._place[old]
+        released = released[released >= 0]
+        if len(released):
+            projected -= self._couple_to_released(released, halved, both)
+        schur, right = square - projected[:, :-1], slope - projected[:, -1]
         unit = 1 / np.sqrt(np.maximum(np.diag(square), np.finfo(float).tiny))
         gain, step = _maximise_gain(
             schur * np.outer(unit, unit), right * unit, signed=hypothesis.signed
         )
         return gain, step * unit
+
+    def _couple_to_released(self, released: Integers, left: Real, right: Real) -> Real:
+        """Return what the released coordinates themselves take part in ``left' right``.
+
+        With A^-1 = L^-T L^-1 over the free coordinates, of which o are released and t stay,
+
+            b_t' A_tt^-1 c_t = b' A^-1 c - (A^-1 b)_o' [(A^-1)_oo]^-1 (A^-1 c)_o.
+
+        Args:
+            released: places among the free coordinates; (n_o,).
+            left: L^-1 b; (n_free, n_b).
+            right: L^-1 c; (n_free, n_c).
+        """
+        units = self._halved_units[:, released]
+        taken: Real = (left.T @ units) @ np.linalg.solve(units.T @ units, units.T @ right)
+        return taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +134,17 @@ class Factor:
         lower: Real = np.asarray(np.linalg.cholesky(scaled), float)
         return cls(lower, scale)
 
-    def solve(self, right: Real) -> Real:
-        """Return the solution ``x`` of ``A x = right``."""
-        halved = scipy.linalg.solve_triangular(
+    def solve_half(self, right: Real) -> Real:
+        """Return L^-1 S b: the products of two such halves are b' A^-1 c."""
+        halved: Real = scipy.linalg.solve_triangular(
             self.lower, right * self.scale[:, None], lower=True, check_finite=False
         )
+        return halved
+
+    def solve(self, right: Real) -> Real:
+        """Return the solution ``x`` of ``A x = right``."""
         solved: Real = scipy.linalg.solve_triangular(
-            self.lower, halved, lower=True, trans=1, check_finite=False
+            self.lower, self.solve_half(right), lower=True, trans=1, check_finite=False
         )
         return solved * self.scale[:, None]
 

@@ -16,11 +16,18 @@ import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
 from mbmodel.frf.channel_factors import output_selection
+from mbmodel.frf.force_entries import FORCE_TARGETS, ForceEntries
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.motion_sources import MotionSources
 from mbmodel.frf.ports import direction_selection
-from mbmodel.frf.slope_matrix import SlopeMatrix, stack_slopes
-from mbmodel.frf.slope_terms import SlopeTerm, Target, slope_terms
+from mbmodel.frf.slope_matrix import SlopeMatrix
+from mbmodel.frf.slope_stacks import (
+    TermsByTarget,
+    collect_terms,
+    move_loads_to_joints,
+    stack_terms,
+)
+from mbmodel.frf.slope_terms import Target
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
@@ -89,6 +96,28 @@ class ForwardSensitivities:
             return term.values
         n_line, n_in = len(self.solution.request.laplace[span]), self.solution.values.shape[2]
         return np.zeros((n_line, n_in, 2, len(self.solution.motion), self.count))
+
+    def force_entries(self, span: slice) -> Iterator[ForceEntries]:
+        """Yield the entries of the pseudo-forces, then of the loads on bodies; g is their sum."""
+        for target in FORCE_TARGETS:
+            slopes = self._force_matrices.get(target)
+            if slopes is None:
+                continue
+            sources = np.ascontiguousarray(self._sources.stack(slopes, span).transpose(0, 2, 1))
+            values = slopes.multiply_entries(sources.reshape(len(sources), -1).view(float))
+            coordinates, parameters = slopes.entries
+            yield ForceEntries(
+                target, coordinates, parameters, values.reshape(-1, *sources.shape[1:], 2)
+            )
+
+    @property
+    def is_force_alone(self) -> Mask:
+        """Whether each chosen parameter acts by forces alone; (n_chosen,)."""
+        acts_otherwise = np.zeros(self.count, bool)
+        for target, terms in self._terms.items():
+            for indices, term in terms if target not in FORCE_TARGETS else ():
+                acts_otherwise[indices[term.core.any(axis=(1, 2))]] = True
+        return ~acts_otherwise
 
     def kinematic_terms(self, span: slice) -> Iterator[SensitivityTerm]:
         """Yield d of the parameters that move joints, n = 6 n_body; terms add up."""
@@ -205,28 +234,18 @@ class ForwardSensitivities:
     @cached_property
     def _slope_matrices(self) -> dict[Target, SlopeMatrix]:
         """Matrices of all parameters by target; for pseudo-forces of every chosen parameter."""
-        terms: dict[Target, list[tuple[Integers, SlopeTerm]]] = {"force": []}
-        start = 0
-        for number, (mask, changes) in enumerate(zip(self._chosen, self._slopes, strict=True)):
-            indices = np.arange(start, start + int(mask.sum()))
-            start += len(indices)
-            for change in changes if len(indices) else ():
-                core = change.core[mask] * self._rates[indices][:, None, None, None]
-                for term in slope_terms(self.solution, number, change, core):
-                    terms.setdefault(term.target, []).append((indices, term))
-        solution = self.solution
-        n_joint, n_in = len(solution.motion), solution.values.shape[2]
-        n_out, n_body = solution.ports.readout.shape
-        targets: dict[Target, int] = {"force": n_joint, "motion": n_body, "readout": n_out}
-        widths = {"joints": n_joint, "inputs": n_in, "floor": n_in}
-        widths |= dict.fromkeys(("relative", "absolute", "body_loads"), n_body)
-        matrices = {
-            target: stack_slopes(
-                of_target, (targets[target], widths), self.count if target == "force" else None
-            )
-            for target, of_target in terms.items()
-        }
-        return {target: slopes for target, slopes in matrices.items() if slopes.matrix.nnz}
+        terms = move_loads_to_joints(self._terms, self.solution.assembly.jacobian.T)
+        return stack_terms(self.solution, terms, self.count)
+
+    @cached_property
+    def _force_matrices(self) -> dict[Target, SlopeMatrix]:
+        """Matrices of the pseudo-forces of all parameters, and of their loads on bodies."""
+        forces: TermsByTarget = {target: self._terms[target] for target in FORCE_TARGETS}
+        return stack_terms(self.solution, forces, self.count)
+
+    @cached_property
+    def _terms(self) -> TermsByTarget:
+        return collect_terms(self.solution, self._slopes, self._chosen, self._rates)
 
 
 def _flatten(values: Complex) -> Real:

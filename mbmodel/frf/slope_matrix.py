@@ -6,6 +6,7 @@ Dense matrices of n coordinates and p parameters would hold n^2 p numbers, 55 GB
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse
@@ -44,10 +45,33 @@ class SlopeMatrix:
         Returns:
             (n_column, n, n_parameter).
         """
-        product = np.empty((values.shape[1], self.matrix.shape[0]))
-        for row, column in zip(product, np.ascontiguousarray(values.T), strict=True):
-            row[:] = self.matrix @ column
+        product = np.zeros((values.shape[1], self.matrix.shape[0]))
+        product[:, self._filled_rows] = self.multiply_entries(values).T
         return product.reshape(len(product), -1, self.count)
+
+    @property
+    def entries(self) -> tuple[Integers, Integers]:
+        """Coordinate and parameter of each entry of K v that is not zero, by coordinate."""
+        return self._filled_rows // self.count, self._filled_rows % self.count
+
+    def multiply_entries(self, values: Real) -> Real:
+        """Return the entries of K v that are not zero; (n_entry, n_column).
+
+        Args:
+            values: sources; (m, n_column).
+        """
+        product: Real = self._filled @ values
+        return product
+
+    @cached_property
+    def _filled_rows(self) -> Integers:
+        """Rows of the matrix that are not zero."""
+        return np.flatnonzero(np.diff(self.matrix.indptr))
+
+    @cached_property
+    def _filled(self) -> scipy.sparse.csr_array:
+        """The matrix in these rows."""
+        return self.matrix[self._filled_rows]
 
     def contract(self, cotangent: Real) -> Real:
         """Return sum_ij K_ij C_ij of every parameter.

@@ -1,7 +1,7 @@
 """Terms in the slopes of the equation of motion: real matrices K of low rank, each with its source.
 
-A change of the equation acts as a pseudo-force on the joints, as a motion of the bodies, or on the
-readout (direct differentiation):
+A change of the equation acts as a pseudo-force on the joints, which may be that of a load l on the
+bodies, as a motion of the bodies, or on the readout (direct differentiation):
 
     dH_p = y' g_p + L d_p + c_p,    y = Z^-T T' L' the adjoint solutions of the outputs.
 
@@ -10,7 +10,7 @@ source v. With x the motion of the joints, b = T x that of the bodies relative t
 a = b + U s^(q-2) their absolute motion, e the inputs' unit forces s^q:
 
     joint    g = -left core right' x
-    body     g = -T' left core right' b,  of a for masses
+    body     g = T' l, l = -left core right' b,  of a for masses
     path     d = left core right' x,      g = -T' Zb d + right core' left' (P s^q - Zb b or Mb a)
     hammer   g = T' right core' left' (directions of the inputs) e
     input    g = core / c_p F e,          c = core / c_p L U s^(q-2) for floor motion
@@ -34,7 +34,7 @@ from mbmodel.frf.solution import FrfSolution
 from mbmodel.linearisation.gravity import gravity_slope
 from mbmodel.parts import Change
 
-Target = Literal["force", "motion", "readout"]
+Target = Literal["force", "load", "motion", "readout"]
 SourceName = Literal["joints", "relative", "absolute", "body_loads", "inputs", "floor"]
 Shape = Callable[[Complex], Complex] | None
 
@@ -61,7 +61,7 @@ class SlopeTerm:
     """Matrices K = left core right of the parameters of one Part.
 
     Args:
-        target: what K v is: a pseudo-force, a motion of bodies, or a reading.
+        target: what K v is: a pseudo-force, loads on bodies, a motion of bodies, or a reading.
         source: v.
         left: (n, r); None for the unit matrix.
         core: (n_parameter, r, t).
@@ -107,7 +107,7 @@ def _terms_of_power(
         yield SlopeTerm("force", joints, -left, slope, right)
     elif change.slot == "body":
         source = absolute if power == INERTIA_POWER else SlopeSource("relative", power, shape)
-        yield SlopeTerm("force", source, -to_joints @ left, slope, right)
+        yield SlopeTerm("load", source, -left, slope, right)
     elif change.slot == "path":
         yield SlopeTerm("motion", joints, left, slope, right)
         yield from _inertia_terms(solution, left, slope, right, joints)
@@ -212,3 +212,14 @@ def _shape_product(first: Shape, second: Shape) -> Shape:
     if first is None or second is None:
         return second if first is None else first
     return lambda laplace: first(laplace) * second(laplace)
+
+
+def act_on_joints(load: SlopeTerm, to_joints: Real) -> SlopeTerm:
+    """Return the pseudo-force of a load on bodies.
+
+    Args:
+        load: term with the target ``load``.
+        to_joints: T'; (nv, 6 n_body).
+    """
+    left = to_joints if load.left is None else to_joints @ load.left
+    return SlopeTerm("force", load.source, left, load.core, load.right)

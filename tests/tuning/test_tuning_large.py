@@ -37,7 +37,7 @@ def traced():
 def test_normal_equations_line_by_line_are_those_of_all_lines_at_once(tmp_path, monkeypatch):
     misfit, x = large_misfit(load(tmp_path, 8), 60)
     value, gradient, normal = misfit.quadratic_model(x)
-    monkeypatch.setattr(accumulation, "_MAX_JACOBIAN_VALUES", 1)
+    monkeypatch.setattr(accumulation, "MAX_JACOBIAN_VALUES", 1)
     monkeypatch.setattr(forward_sensitivities, "_MAX_ADJOINT_BYTES", 0)
     by_line, gradient_by_line, normal_by_line = misfit.quadratic_model(x)
     whole, blocks = normal.dense(), normal_by_line.dense()

@@ -218,7 +218,7 @@ def test_how_many_lines_are_held_at_once_does_not_matter(whole, mixed, wished, m
         somewhere(parametrisation),
     )
     at_once = cost.quadratic_model(x)
-    monkeypatch.setattr(accumulation, "_MAX_JACOBIAN_VALUES", chunk)
+    monkeypatch.setattr(accumulation, "MAX_JACOBIAN_VALUES", chunk)
     piecewise = cost.quadratic_model(x)
     size = sizes(at_once[2])
     assert piecewise[0] == at_once[0]

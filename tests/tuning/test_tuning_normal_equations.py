@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tuning.misfit.normal_equations import ArrowMatrix
+from tuning.misfit.normal_equations import ArrowMatrix, ArrowSolver
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,3 +179,19 @@ def test_a_matrix_that_is_not_positive_definite_is_an_error():
     )
     with pytest.raises(np.linalg.LinAlgError):
         wrong.solve(np.ones(arrow.size), np.full(arrow.size, 0.1))
+
+
+def test_a_solver_of_several_sets_of_free_coordinates_equals_new_ones():
+    system = case(5, block_sizes=(3, 2, 4, 1, 3, 3, 2, 3), shared=4)
+    arrow, random = system.arrow, system.random
+    added = random.uniform(0.1, 1.0, arrow.size)
+    solver = ArrowSolver(arrow, added)
+    free = np.ones(arrow.size, bool)
+    for _ in range(12):
+        right = random.standard_normal(arrow.size)
+        whole = (system.dense + np.diag(added))[np.ix_(free, free)]
+        expected = np.zeros(arrow.size)
+        expected[free] = np.linalg.solve(whole, right[free])
+        np.testing.assert_allclose(solver.solve(right, free), expected, rtol=1e-9, atol=1e-11)
+        changed = random.integers(arrow.size, size=random.integers(1, 4))
+        free[changed] = ~free[changed]

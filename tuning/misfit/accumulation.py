@@ -3,37 +3,18 @@
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
+from math import prod
 
 import numpy as np
 
 from identification.words import Complex, Integers, Real
-from mbmodel import ForwardSensitivities, Model
+from mbmodel import ForwardSensitivities
 from tuning.misfit.body_projection import BodyProjection
-from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.misfit.partition import CoordinatePartition
-from tuning.parametrisation.parametrisation import Parametrisation
 
-_MAX_JACOBIAN_VALUES = 2**20  # held in memory at once, 8 MB
-
-
-@dataclass(frozen=True, eq=False)
-class ProbedEquations:
-    """Normal equations, and their coupling to further coordinates (probes).
-
-    Args:
-        gradient: gradient of J with its priors; (n_x,).
-        normal: N of the data.
-        cross: N between the coordinates that vary and the probes; (n_x, n_probe).
-        blocks: N of the probes, zero between different Parts; (n_probe, n_probe).
-        slope: gradient of J by the probes; (n_probe,).
-    """
-
-    gradient: Real
-    normal: ArrowMatrix
-    cross: Real
-    blocks: Real
-    slope: Real
+MAX_JACOBIAN_VALUES = 2**19  # held in memory at once, 4 MB: what a cache holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +62,23 @@ class SensorColumns:
 
 
 @dataclass(frozen=True, eq=False)
+class _StackedSensors:
+    """Derivatives by the own coordinates of all sensors of one body.
+
+    Args:
+        projection: index of the body's projection.
+        projected: derivatives in that projection; (n_freq, n_in, 2, m, n_column).
+        blocks: block of each column; (n_column,).
+        rows: its row in that block; (n_column,).
+    """
+
+    projection: int
+    projected: Real
+    blocks: Integers
+    rows: Integers
+
+
+@dataclass(frozen=True, eq=False)
 class WeightedJacobian:
     """Weighted derivatives of one batch, summed over lines in chunks that fit into memory.
 
@@ -97,7 +95,7 @@ class WeightedJacobian:
     sensors: tuple[SensorColumns, ...] = ()
 
     @property
-    def _values_per_line(self) -> int:
+    def values_per_line(self) -> int:
         """Number of values of the shared columns on one line."""
         n_in = self.projections[0].target.shape[1] if self.projections else 1
         return max(2 * n_in * self._n_projected * self.forward.count, 1)
@@ -121,57 +119,54 @@ class WeightedJacobian:
             C (n_block, n_own, n_s), O (n_block, n_own, n_own), and the gradient by the blocks'
             coordinates (n_block, n_own).
         """
-        spans = list(_spans(groups, max(1, _MAX_JACOBIAN_VALUES // self._values_per_line)))
+        spans = list(split_lines(groups, max(1, MAX_JACOBIAN_VALUES // self.values_per_line)))
         totals: dict[int, tuple[Real, ...]] = {}
         self.forward.prepare()
+        _ = self._stacked_sensors
         with ThreadPoolExecutor(threads) as pool:
-            for span, parts in zip(spans, pool.map(self._sum, spans), strict=True):
-                sums = totals.setdefault(int(groups[span.start]), parts)
-                if sums is not parts:
-                    for total, part in zip(sums, parts, strict=True):
-                        np.add(total, part, out=total)
-        return [totals[group] for group in range(int(groups.max()) + 1)]
+            for span, parts in zip(spans, pool.map(self._sum_shared, spans), strict=True):
+                _add_parts(totals, int(groups[span.start]), parts)
+        of_blocks: dict[int, tuple[Real, ...]] = {}
+        for span in split_lines(groups, len(groups)):
+            _add_parts(of_blocks, int(groups[span.start]), self._sum_blocks(span))
+        return [totals[group] + of_blocks[group] for group in range(int(groups.max()) + 1)]
 
-    def _sum(self, span: slice) -> tuple[Real, ...]:
-        """Return the sums over one chunk of lines."""
-        columns = self._columns(span)
-        flat = _flat(columns)
+    def _sum_shared(self, span: slice) -> tuple[Real, ...]:
+        """Return S, the gradient by the shared coordinates, and C over one chunk of lines."""
+        columns = self.columns(span)
+        flat = flatten(columns)
+        cross = np.zeros((*self.partition.block_coordinates.shape, columns.shape[-1]))
+        for stacked in self._stacked_sensors:
+            of_body = flatten(columns[..., self.projections[stacked.projection].span, :])
+            products = flatten(stacked.projected[span]).T @ of_body
+            cross[stacked.blocks, stacked.rows] = products
+        return flat.T @ flat, flat.T @ self.target(span), cross
+
+    def _sum_blocks(self, span: slice) -> tuple[Real, ...]:
+        """Return O and the gradient by the blocks' coordinates over one run of lines."""
         n_block, n_own = self.partition.block_coordinates.shape
-        cross = np.zeros((n_block, n_own, columns.shape[-1]))
         blocks, slopes = np.zeros((n_block, n_own, n_own)), np.zeros((n_block, n_own))
-        by_body = [_flat(columns[..., projection.span, :]) for projection in self.projections]
         for number, sensor in enumerate(self.sensors):
-            part, count = _flat(sensor.weighted[span]), sensor.projected.shape[-1]
-            cross[number, :count] = _flat(sensor.projected[span]).T @ by_body[sensor.projection]
+            part, count = flatten(sensor.weighted[span]), sensor.projected.shape[-1]
             blocks[number, :count, :count] = part.T @ part
             slopes[number, :count] = part.T @ sensor.target[span].ravel()
-        return flat.T @ flat, flat.T @ self._target(span), cross, blocks, slopes
+        return blocks, slopes
 
-    def probe(self, probes: "WeightedJacobian", blocks: list[slice], sums: ProbedEquations) -> None:
-        """Add the coupling of further columns, of equal weights and projections.
-
-        Args:
-            probes: derivatives by the probes.
-            blocks: coordinates of each Part among the probes.
-            sums: sums to which to add.
-        """
-        n_freq = len(self.forward.solution.values)
-        values_per_line = self._values_per_line + probes._values_per_line
-        step = max(1, _MAX_JACOBIAN_VALUES // values_per_line)
-        for span in _spans(np.zeros(n_freq, int), step):
-            columns, probe_columns = self._columns(span), probes._columns(span)
-            flat = _flat(probe_columns)
-            sums.slope[:] += flat.T @ self._target(span)
-            sums.cross[self.partition.shared_coordinates] += _flat(columns).T @ flat
-            by_body = [
-                _flat(probe_columns[..., projection.span, :]) for projection in self.projections
-            ]
-            for sensor, at in zip(self.sensors, self.partition.block_coordinates, strict=True):
-                sums.cross[at[at >= 0]] += (
-                    _flat(sensor.projected[span]).T @ by_body[sensor.projection]
+    @cached_property
+    def _stacked_sensors(self) -> tuple["_StackedSensors", ...]:
+        """Sensors of each body side by side: one product serves them all."""
+        stacked = []
+        for projection in sorted({sensor.projection for sensor in self.sensors}):
+            numbers = [k for k, s in enumerate(self.sensors) if s.projection == projection]
+            projected = [self.sensors[k].projected for k in numbers]
+            counts = [values.shape[-1] for values in projected]
+            rows = np.concatenate([np.arange(count) for count in counts])
+            stacked.append(
+                _StackedSensors(
+                    projection, np.concatenate(projected, -1), np.repeat(numbers, counts), rows
                 )
-            for block in blocks:
-                sums.blocks[block, block] += flat[:, block].T @ flat[:, block]
+            )
+        return tuple(stacked)
 
     def add_force_reduction(self, forces: Real, powers: Real, sums: FreeForceReduction) -> None:
         """Add the reduction by forces whose spectra are free.
@@ -228,8 +223,8 @@ class WeightedJacobian:
         """Return spans of lines, weighted responses, their |u|^2, and its median over lines."""
         self.forward.prepare()
         n_freq = len(self.forward.solution.values)
-        step = max(1, _MAX_JACOBIAN_VALUES // self._values_per_line)
-        spans = list(_spans(np.zeros(n_freq, int), step))
+        step = max(1, MAX_JACOBIAN_VALUES // self.values_per_line)
+        spans = list(split_lines(np.zeros(n_freq, int), step))
         responses = [self._force_responses(forces, span) for span in spans]
         sizes = [(np.abs(response) ** 2).sum(axis=2) for response in responses]
         middle = np.median(np.concatenate(sizes), axis=(0, 1))
@@ -255,7 +250,7 @@ class WeightedJacobian:
 
     def _all_columns(self, span: slice) -> Complex:
         """Return weighted columns of all coordinates; (n_line, n_in, m, n_x)."""
-        columns = self._columns(span)
+        columns = self.columns(span)
         partition = self.partition
         size = len(partition.shared_coordinates) + int((partition.block_coordinates >= 0).sum())
         all_columns = np.zeros((*columns.shape[:2], columns.shape[3], size), complex)
@@ -267,17 +262,20 @@ class WeightedJacobian:
             )
         return all_columns
 
-    def _target(self, span: slice) -> Real:
+    def target(self, span: slice) -> Real:
         """Return the weighted residual that the shared columns fit, flattened like them."""
         return np.concatenate(
             [projection.target[span] for projection in self.projections], axis=-1
         ).ravel()
 
-    def _columns(self, span: slice) -> Real:
-        """Return weighted columns of the shared coordinates; (n_line, n_in, 2, m, n_s)."""
-        forward = self.forward
-        adjoints, forces = forward.output_adjoints(span), forward.pseudo_forces(span)
-        n_line, n_in, _, nv, count = forces.shape
+    def projected_adjoints(self, span: slice) -> Real:
+        """Return A, weighted FRFs per pseudo-force, real and imaginary parts one after the other.
+
+        Returns:
+            (n_line, n_in, 2 m, 2 nv).
+        """
+        adjoints = self.forward.output_adjoints(span)
+        n_line, n_in, nv = len(adjoints), self.projections[0].target.shape[1], adjoints.shape[-1]
         flat_adjoints = adjoints.reshape(n_line, 1, -1, 2 * nv)
         projected_adjoints = np.empty((n_line, n_in, 2, self._n_projected, 2, nv))
         for projection in self.projections:
@@ -289,9 +287,15 @@ class WeightedJacobian:
             ] = projected[..., 0, :]
             projected_adjoints[:, :, 1, projection.span, 0] = projected[..., 1, :]
             np.negative(projected[..., 1, :], out=projected_adjoints[:, :, 0, projection.span, 1])
+        return projected_adjoints.reshape(n_line, n_in, -1, 2 * nv)
+
+    def columns(self, span: slice) -> Real:
+        """Return weighted columns of the shared coordinates; (n_line, n_in, 2, m, n_s)."""
+        forward = self.forward
+        forces = forward.pseudo_forces(span)
+        n_line, n_in, _, nv, count = forces.shape
         columns = (
-            projected_adjoints.reshape(n_line, n_in, -1, 2 * nv)
-            @ forces.reshape(n_line, n_in, 2 * nv, count)
+            self.projected_adjoints(span) @ forces.reshape(n_line, n_in, 2 * nv, count)
         ).reshape(n_line, n_in, 2, self._n_projected, count)
         for term in forward.kinematic_terms(span):
             for projection in self.projections:
@@ -312,14 +316,7 @@ class WeightedJacobian:
         )
 
 
-def probe_blocks(model: Model, probes: Parametrisation) -> list[slice]:
-    """Return the coordinates of each Part among the probes."""
-    counts = [int(mask.sum()) for mask in model.split_parameters(probes.free)]
-    ends = np.cumsum([0, *(count for count in counts if count)])
-    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
-
-
-def _spans(groups: Integers, max_lines: int) -> Iterator[slice]:
+def split_lines(groups: Integers, max_lines: int) -> Iterator[slice]:
     """Yield chunks of lines, each of one group and of at most ``max_lines`` lines."""
     ends = [0, *(np.flatnonzero(np.diff(groups)) + 1), len(groups)]
     for first, last in pairwise(ends):
@@ -327,6 +324,14 @@ def _spans(groups: Integers, max_lines: int) -> Iterator[slice]:
             yield slice(start, min(start + max_lines, int(last)))
 
 
-def _flat(columns: Real) -> Real:
+def flatten(columns: Real) -> Real:
     """Reshape (.., n) to (rows, n)."""
-    return columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
+    return columns.reshape(prod(columns.shape[:-1]), columns.shape[-1])
+
+
+def _add_parts(totals: dict[int, tuple[Real, ...]], group: int, parts: tuple[Real, ...]) -> None:
+    """Add sums over some lines to those of their group."""
+    sums = totals.setdefault(group, parts)
+    if sums is not parts:
+        for total, part in zip(sums, parts, strict=True):
+            np.add(total, part, out=total)

@@ -27,7 +27,7 @@ d r = g dH, with g = 1, or g = |H_measured| / H_model for the logarithm:
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 
@@ -35,15 +35,15 @@ from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Linearised, Model
 from tuning.misfit.accumulation import (
     FreeForceReduction,
-    ProbedEquations,
     SensorColumns,
     WeightedJacobian,
-    probe_blocks,
 )
 from tuning.misfit.batch import batch_tests
 from tuning.misfit.body_projection import BodyProjection, body_projections
 from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
-from tuning.misfit.partition import partition_coordinates
+from tuning.misfit.part_groups import probe_blocks
+from tuning.misfit.partition import CoordinatePartition, partition_coordinates
+from tuning.misfit.probing import ProbedEquations, probe_by_columns, probe_by_forces
 from tuning.misfit.reduction import BodyWeightRoot, apply_body_weights, body_weight_roots
 from tuning.misfit.weights import WeightedBatch, weight_at_bodies, weight_batch
 from tuning.parametrisation.parametrisation import Parametrisation
@@ -110,8 +110,13 @@ class Misfit:
         if at_bodies and not logarithmic:
             self._terms = [weight_at_bodies(term, campaign.layout) for term in self._terms]
         self.values = sum(term.values for term in self._terms)
-        self._partition = partition_coordinates(
-            model, parametrisation, separate_channels=not at_bodies
+        self._at_bodies = at_bodies
+
+    @cached_property
+    def _partition(self) -> CoordinatePartition:
+        """Shared coordinates, and blocks of sensors."""
+        return partition_coordinates(
+            self.model, self.parametrisation, separate_channels=not self._at_bodies
         )
 
     @property
@@ -256,16 +261,27 @@ class Misfit:
             np.zeros(size),
         )
         partition = partition_coordinates(self.model, probes, separate_channels=False)
-        zero = np.zeros(size)
+        numbers, rates = np.flatnonzero(partition.shared_parameters), probes.rates(np.zeros(size))
+        parts = probe_blocks(self.model, probes)
         for term in self._terms:
             sums = self._sum_batch(term, term.batch.evaluator.at(theta))
-            forward = sums.lines.sensitivities(partition.shared_parameters, probes.rates(zero))
-            jacobian = self._jacobian(sums, x, all_channels=forward.has_readout_terms)
-            jacobian.probe(
-                WeightedJacobian(partition, forward, jacobian.projections),
-                probe_blocks(self.model, probes),
-                probed,
-            )
+            whole = sums.lines.sensitivities(partition.shared_parameters, rates)
+            by_forces = whole.is_force_alone
+            jacobian = self._jacobian(sums, x, all_channels=not by_forces.all())
+            for by_force in (True, False):
+                blocks = [part for part in parts if by_forces[part].all() == by_force]
+                if not blocks:
+                    continue
+                chosen = np.zeros(len(theta), bool)
+                chosen[numbers[np.concatenate(blocks)]] = True
+                is_whole = len(blocks) == len(parts)
+                forward = whole if is_whole else sums.lines.sensitivities(chosen, rates)
+                if by_force:
+                    probe_by_forces(jacobian, forward, blocks, probed)
+                else:
+                    some = replace(partition, shared_parameters=chosen)
+                    columns = WeightedJacobian(some, forward, jacobian.projections)
+                    probe_by_columns(jacobian, columns, blocks, probed)
         return probed
 
     def add_force_reduction(

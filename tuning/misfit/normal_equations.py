@@ -110,29 +110,91 @@ class ArrowMatrix:
         Raises:
             numpy.linalg.LinAlgError: the matrix is not positive definite.
         """
-        kept = np.append(np.ones(self.size, bool) if free is None else free, False)
-        extra, target = np.append(added, 1.0), np.append(right, 0.0) * kept
-        at = self.block_coordinates
-        inside = kept[at][:, :, None] * kept[at][:, None, :]
-        unit = np.eye(at.shape[1])
-        blocks = self.blocks * inside + unit * np.where(kept[at], extra[at], 1.0)[:, None, :]
-        cross = self.cross * (kept[at][:, :, None] & kept[self.shared_coordinates])
-        both = np.concatenate([cross, target[at][:, :, None]], axis=2)
-        solved = np.linalg.solve(blocks, both) if len(at) else both
-        is_free = kept[self.shared_coordinates]
-        shared = self.shared * np.outer(is_free, is_free)
-        shared += np.diag(np.where(is_free, extra[self.shared_coordinates], 1.0))
-        eliminated = np.einsum("bis,bit->st", cross, solved, optimize=True)
-        reduced = shared - eliminated[:, :-1]
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(shared), np.finfo(float).tiny))
+        return ArrowSolver(self, added).solve(right, free)
+
+
+class ArrowSolver:
+    """Solver of ``(A + diag(added)) x = right`` for several sets of free coordinates.
+
+    An active-set method frees and fixes a few coordinates at a time. Only blocks in which some were
+    freed or fixed are eliminated anew.
+
+    Args:
+        matrix: A.
+        added: added to the diagonal; (n,).
+    """
+
+    def __init__(self, matrix: ArrowMatrix, added: Real) -> None:
+        self._matrix, self._added = matrix, np.append(added, 1.0)
+        shape = matrix.block_coordinates.shape
+        self._is_free = np.zeros(shape, bool)
+        self._inverses = np.zeros((*shape, shape[1]))
+        self._products = np.zeros_like(matrix.cross)
+        self._eliminated: Real = np.zeros_like(matrix.shared)
+        self._is_begun = False
+
+    def solve(self, right: Real, free: Mask | None = None) -> Real:
+        """Return x, zero where not free; (n,).
+
+        Args:
+            right: right-hand side; (n,).
+            free: whether each coordinate is free, all if None; (n,).
+
+        Raises:
+            numpy.linalg.LinAlgError: the matrix is not positive definite.
+        """
+        matrix = self._matrix
+        kept = np.append(np.ones(matrix.size, bool) if free is None else free, False)
+        target = np.append(right, 0.0) * kept
+        at, shared_coordinates = matrix.block_coordinates, matrix.shared_coordinates
+        self._eliminate(kept[at])
+        of_blocks = (self._inverses @ target[at][:, :, None])[:, :, 0]
+        is_free = kept[shared_coordinates]
+        diagonal = np.where(is_free, self._added[shared_coordinates], 1.0)
+        inside = np.outer(is_free, is_free)
+        scale = np.diag(matrix.shared) * is_free + diagonal
+        scale = 1.0 / np.sqrt(np.maximum(scale, np.finfo(float).tiny))
+        reduced = np.where(inside, matrix.shared - self._eliminated, 0.0)
+        reduced[np.diag_indices_from(reduced)] += diagonal
         factor = scipy.linalg.cho_factor(reduced * np.outer(scale, scale), check_finite=False)
-        reduced_target = (target[self.shared_coordinates] - eliminated[:, -1]) * scale
+        coupled = np.einsum("bis,bi->s", matrix.cross, of_blocks, optimize=True)
+        reduced_target = (target[shared_coordinates] - coupled * is_free) * scale
         x_shared = scipy.linalg.cho_solve(factor, reduced_target, check_finite=False) * scale
-        solution = np.zeros(self.size + 1)
-        solution[at] = (solved[:, :, -1] - solved[:, :, :-1] @ x_shared) * kept[at]
-        solution[self.shared_coordinates] = x_shared
+        solution = np.zeros(matrix.size + 1)
+        solution[at] = (of_blocks - self._products @ x_shared) * kept[at]
+        solution[shared_coordinates] = x_shared
         x: Real = solution[:-1] * kept[:-1]
         return x
+
+    def _eliminate(self, is_free: Mask) -> None:
+        """Eliminate the blocks whose free coordinates have changed; (n_block, n_own)."""
+        cross = self._matrix.cross
+        changed = np.flatnonzero((is_free != self._is_free).any(axis=1))
+        is_renewed = not self._is_begun or 2 * len(changed) > len(cross)
+        if is_renewed:
+            changed = np.arange(len(cross))
+        else:
+            self._eliminated = self._eliminated - _contract(cross[changed], self._products[changed])
+        self._is_free, self._is_begun = is_free, True
+        if not len(changed):
+            return
+        rows, at = is_free[changed], self._matrix.block_coordinates[changed]
+        blocks = self._matrix.blocks[changed] * (rows[:, :, None] & rows[:, None, :])
+        blocks += np.eye(at.shape[1]) * np.where(rows, self._added[at], 1.0)[:, None, :]
+        # Fixed coordinates have a unit row, and take no part.
+        inverses = np.linalg.inv(blocks) * (rows[:, :, None] & rows[:, None, :])
+        self._inverses[changed] = inverses
+        self._products[changed] = inverses @ cross[changed]
+        eliminated = _contract(cross[changed], self._products[changed])
+        self._eliminated = eliminated if is_renewed else self._eliminated + eliminated
+
+
+def _contract(cross: Real, products: Real) -> Real:
+    """Return the sum of C' P over blocks; (n_s, n_s)."""
+    n_block, n_own, size = cross.shape
+    rows = n_block * n_own, size
+    total: Real = cross.reshape(rows).T @ products.reshape(rows)
+    return total
 
 
 QuadraticModel = tuple[

@@ -101,5 +101,5 @@ def point_power_of(values: Complex, outputs: Sequence[Output]) -> Real:
     """
     places = [(dof.point, dof.is_rotation) for dof in outputs]
     at_point = np.array([[here == there for there in places] for here in places], float)
-    power: Real = np.einsum("ij,fjt->fit", at_point, np.abs(values) ** 2)
+    power: Real = at_point @ np.abs(values) ** 2
     return power

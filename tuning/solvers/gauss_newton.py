@@ -33,7 +33,7 @@ from typing import Protocol
 import numpy as np
 
 from identification.words import Mask, Real
-from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
+from tuning.misfit.normal_equations import ArrowMatrix, ArrowSolver, QuadraticModel
 from tuning.solvers.nlopt_solver import (
     INTERRUPTED_ADVICE,
     OUT_OF_EVALUATIONS_ADVICE,
@@ -367,11 +367,11 @@ def bounded_step(
         return float(gradient @ d + 0.5 * d @ (normal.multiply(d) + added * d))
 
     is_active: Mask = ((lower >= 0) & (gradient > 0)) | ((upper <= 0) & (gradient < 0))
-    step = np.zeros(len(gradient))
+    step, solver = np.zeros(len(gradient)), ArrowSolver(normal, added)
     for _ in range(_MAX_ACTIVE_SET_ITERATIONS):
         fixed = np.where(is_active, step, 0.0)
         right = -(gradient + normal.multiply(fixed))
-        target = np.where(is_active, fixed, normal.solve(right, added, ~is_active))
+        target = np.where(is_active, fixed, solver.solve(right, ~is_active))
         is_outside = ~is_active & ((target < lower) | (target > upper))
         if is_outside.any():
             clipped = np.clip(target, lower, upper)
