@@ -185,8 +185,8 @@ class ForwardSensitivities:
         ideal, request = self.solution.ideal_values, self.solution.request
         selected = output_selection(request.outputs, changes[0].point)
         outputs = np.flatnonzero(selected.any(axis=1))
-        shape = (len(ideal), len(outputs), ideal.shape[2], int(mask.sum()))
-        derivatives = np.zeros(shape, complex)
+        shape = (len(ideal), ideal.shape[2], len(outputs), int(mask.sum()))
+        derivatives = np.zeros(shape, complex)  # (n_freq, n_in, n_row, n_parameter)
         for change in changes:
             core = change.core[mask]
             active = np.flatnonzero(core.any(axis=(1, 2, 3)))
@@ -195,14 +195,18 @@ class ForwardSensitivities:
                 relative = np.einsum(
                     "fk,pkr->frp", request.laplace[:, None] ** np.arange(3), factors
                 )
-                derivatives[..., active] += ideal[:, outputs, :, None] * relative[:, :, None]
+                readings = ideal[:, outputs].swapaxes(1, 2)
+                derivatives[..., active] += readings[..., None] * relative[:, None]
                 continue
             directions = direction_selection(request.outputs, change.point)[outputs]
             left = directions @ change.left @ core[active, 0]
             body_rows = np.flatnonzero(change.right.any(axis=1))
             motion = real_times(change.right[body_rows].T, self._sources.absolute[body_rows])
-            derivatives[..., active] += np.einsum("prt,tif->frip", left, motion, optimize=True)
-        return outputs, derivatives
+            products = motion.transpose(2, 1, 0) @ left.transpose(2, 1, 0).reshape(
+                left.shape[2], -1
+            )
+            derivatives[..., active] += products.reshape(*shape[:3], len(active))
+        return outputs, derivatives.swapaxes(1, 2)
 
     def _adjoints(self, span: slice) -> Complex:
         """Return adjoint solutions y of every output; (nv, n_out, n_line)."""

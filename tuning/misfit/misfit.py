@@ -442,8 +442,9 @@ def _project_sensor(
     projections: tuple[BodyProjection, ...],
 ) -> SensorColumns:
     """Project a sensor's derivatives (n_freq, n_row, n_in, n_own) like the channels of its body."""
+    is_read = bool(len(rows))  # a sensor may have no channel here
     index = next(
-        k for k, projection in enumerate(projections) if np.isin(rows, projection.rows).all()
+        k for k, projection in enumerate(projections) if not is_read or rows[0] in projection.rows
     )
     projection = projections[index]
     slopes = _real_and_imaginary(values)
@@ -459,7 +460,11 @@ def _project_sensor(
 
 def _real_and_imaginary(values: Complex) -> Real:
     """Stack real and imaginary parts: (n_freq, n_row, n_in, n) to (n_freq, n_in, 2, n_row, n)."""
-    return np.stack([values.real, values.imag]).transpose(1, 3, 0, 2, 4)
+    n_freq, n_row, n_in, count = values.shape
+    parts = np.empty((n_freq, n_in, 2, n_row, count))
+    by_input = values.swapaxes(1, 2)
+    parts[:, :, 0], parts[:, :, 1] = by_input.real, by_input.imag
+    return parts
 
 
 def _add(first: QuadraticModel, second: QuadraticModel) -> QuadraticModel:

@@ -22,6 +22,8 @@ from tuning.misfit.accumulation import MAX_JACOBIAN_VALUES, WeightedJacobian, fl
 from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.misfit.part_groups import PartGroup, group_parts
 
+_MAX_PROJECTED_VALUES = 2**21  # of V, held in memory at once, 16 MB
+
 
 @dataclass(frozen=True, eq=False)
 class ProbedEquations:
@@ -97,7 +99,7 @@ def probe_by_forces(
     order = _order_coordinates(fitted)
     n_freq, n_in = len(solution.values), solution.values.shape[2]
     values_per_line = 2 * n_in * sum(to_bodies.shape) * (len(order) + 1)
-    step = max(1, MAX_JACOBIAN_VALUES // values_per_line)
+    step = max(1, _MAX_PROJECTED_VALUES // values_per_line)
     counts = list(map(len, blocks))
     total = np.zeros((forward.count, len(order) + 1))
     of_parts = [np.zeros((count, count)) for count in counts]
@@ -151,10 +153,10 @@ def _project_columns(fitted: WeightedJacobian, span: slice, adjoints: Real) -> R
     parts = [adjoints.swapaxes(2, 3) @ columns.reshape(n_line, n_in, -1, n_shared)]
     by_part = adjoints.reshape(n_line, n_in, 2, n_projected, -1)
     for number, projection in enumerate(fitted.projections):
-        own = [s.projected[span] for s in fitted.sensors if s.projection == number]
-        if own:
+        of_sensors = [s.projected[span] for s in fitted.sensors if s.projection == number]
+        if of_sensors:
             rows = by_part[:, :, :, projection.span].reshape(n_line, n_in, -1, by_part.shape[-1])
-            stacked = np.concatenate(own, axis=-1)
+            stacked = np.concatenate(of_sensors, axis=-1)
             parts.append(rows.swapaxes(2, 3) @ stacked.reshape(n_line, n_in, -1, stacked.shape[-1]))
     parts.append(adjoints.swapaxes(2, 3) @ fitted.target(span).reshape(n_line, n_in, -1, 1))
     projected: Real = np.concatenate(parts, axis=-1)
