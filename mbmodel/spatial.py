@@ -3,6 +3,8 @@
 Motions and forces of a body have six entries, translation then rotation, in world axes.
 """
 
+import math
+
 import numpy as np
 
 from identification.words import Real
@@ -18,7 +20,7 @@ def cross_matrix(vector: Real) -> Real:
     Args:
         vector: v; (3,).
     """
-    x, y, z = vector
+    x, y, z = vector.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
@@ -30,15 +32,19 @@ def rotation_matrix(vector: Real) -> Real:
     Args:
         vector: rotation vector v [rad]; (3,).
     """
-    angle = float(np.linalg.norm(vector))
-    k = cross_matrix(vector)
-    matrix: Real = np.eye(3) + float(np.sinc(angle / np.pi)) * k + _versine(angle) * k @ k
+    angle, k = math.hypot(*vector), cross_matrix(vector)
+    matrix: Real = np.eye(3) + _sine_ratio(angle) * k + _versine(angle) * (k @ k)
     return matrix
+
+
+def _sine_ratio(angle: float) -> float:
+    """Return ``sin(a) / a``, well defined at ``a = 0``."""
+    return math.sin(angle) / angle if angle else 1.0
 
 
 def _versine(angle: float) -> float:
     """Return ``(1 - cos a) / a^2``, well defined at ``a = 0``."""
-    return float(0.5 * np.sinc(angle / (2 * np.pi)) ** 2)
+    return 0.5 * _sine_ratio(angle / 2) ** 2
 
 
 def rotation_slopes(vector: Real) -> Real:
@@ -53,13 +59,12 @@ def rotation_slopes(vector: Real) -> Real:
     Returns:
         The first axis runs over the entries of v.
     """
-    angle = float(np.linalg.norm(vector))
-    k = cross_matrix(vector)
+    angle, k = math.hypot(*vector), cross_matrix(vector)
     if angle < 1e-2:  # series: the next term is below 1e-16
         third = 1 / 6 - angle**2 / 120 + angle**4 / 5040
     else:
-        third = (angle - np.sin(angle)) / angle**3
-    jacobian = np.eye(3) + _versine(angle) * k + third * k @ k
+        third = (angle - math.sin(angle)) / angle**3
+    jacobian = np.eye(3) + _versine(angle) * k + third * (k @ k)
     rotation = rotation_matrix(vector)
     return np.stack([cross_matrix(column) @ rotation for column in jacobian.T])
 

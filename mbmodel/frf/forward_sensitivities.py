@@ -20,7 +20,7 @@ from mbmodel.frf.force_entries import FORCE_TARGETS, ForceEntries
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.motion_sources import MotionSources
 from mbmodel.frf.ports import direction_selection
-from mbmodel.frf.slope_matrix import SlopeMatrix
+from mbmodel.frf.slope_matrix import SlopeMatrix, as_slice
 from mbmodel.frf.slope_stacks import (
     TermsByTarget,
     collect_terms,
@@ -189,7 +189,7 @@ class ForwardSensitivities:
         derivatives = np.zeros(shape, complex)  # (n_freq, n_in, n_row, n_parameter)
         for change in changes:
             core = change.core[mask]
-            active = np.flatnonzero(core.any(axis=(1, 2, 3)))
+            active = as_slice(np.flatnonzero(core.any(axis=(1, 2, 3))))
             if change.slot == "output":
                 factors = selected[outputs] @ change.left @ core[active] @ change.right[0]
                 relative = np.einsum(
@@ -205,7 +205,7 @@ class ForwardSensitivities:
             products = motion.transpose(2, 1, 0) @ left.transpose(2, 1, 0).reshape(
                 left.shape[2], -1
             )
-            derivatives[..., active] += products.reshape(*shape[:3], len(active))
+            derivatives[..., active] += products.reshape(*shape[:3], -1)
         return outputs, derivatives.swapaxes(1, 2)
 
     def _adjoints(self, span: slice) -> Complex:

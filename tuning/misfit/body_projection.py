@@ -19,7 +19,7 @@ import numpy as np
 from identification.words import Complex, Integers, Mask, Real
 from tuning.misfit.reduction import BodyWeightRoot
 
-_N_MOTIONS = 6  # translations and rotations of a body
+N_MOTIONS = 6  # translations and rotations of a body
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,19 +60,19 @@ def body_projections(
         body_roots: weights that a body's channels have together, besides ``root``.
         all_channels: whether all channels are kept.
     """
-    blocks: Mask = np.any(readout.reshape(len(readout), -1, _N_MOTIONS), axis=2)
+    blocks: Mask = np.any(readout.reshape(len(readout), -1, N_MOTIONS), axis=2)
     is_on_one_body = blocks.sum(axis=1) == 1
     body_of = np.where(is_on_one_body, blocks.argmax(axis=1), -1)
     projections: list[BodyProjection] = []
     start = 0
     for body in np.unique(body_of):
         rows = np.flatnonzero(body_of == body)
-        columns = slice(_N_MOTIONS * body, _N_MOTIONS * body + _N_MOTIONS)
+        columns = slice(N_MOTIONS * body, N_MOTIONS * body + N_MOTIONS)
         if body < 0:  # encoders, differences of two bodies
             columns = slice(0, readout.shape[1])
         rigid_motion, matrix = readout[rows, columns], _weights(rows, root, body_roots)
         targets = target[:, rows].transpose(0, 2, 1)
-        if len(rows) > _N_MOTIONS and body >= 0 and not all_channels:
+        if len(rows) > N_MOTIONS and body >= 0 and not all_channels:
             basis = np.linalg.qr(matrix @ rigid_motion)[0].swapaxes(2, 3)
             matrix, targets = basis @ matrix, (basis @ targets[..., None])[..., 0]
         end = start + matrix.shape[2]

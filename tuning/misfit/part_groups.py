@@ -9,9 +9,8 @@ import numpy as np
 
 from identification.words import Complex, Integers, Real
 from mbmodel import ForceEntries, Model
+from tuning.misfit.body_projection import N_MOTIONS
 from tuning.parametrisation.parametrisation import Parametrisation
-
-_N_MOTIONS = 6  # of a body
 
 
 def probe_blocks(model: Model, probes: Parametrisation) -> list[Integers]:
@@ -80,9 +79,9 @@ def group_parts(forces: Sequence[ForceEntries], counts: Sequence[int]) -> list[P
             zip(parts.tolist(), of_target.coordinates.tolist(), strict=True)
         ):
             at = coordinates[part][of_target.target]
-            first = coordinate - coordinate % _N_MOTIONS
+            first = coordinate - coordinate % N_MOTIONS
             at.update(
-                range(first, first + _N_MOTIONS) if of_target.target == "load" else (coordinate,)
+                range(first, first + N_MOTIONS) if of_target.target == "load" else (coordinate,)
             )
     members: dict[tuple[tuple[int, ...], ...], list[int]] = defaultdict(list)
     for part, (count, at) in enumerate(zip(counts, coordinates, strict=True)):
