@@ -205,7 +205,7 @@ class ForwardSensitivities:
             products = motion.transpose(2, 1, 0) @ left.transpose(2, 1, 0).reshape(
                 left.shape[2], -1
             )
-            derivatives[..., active] += products.reshape(*shape[:3], -1)
+            derivatives[..., active] += products.reshape(*shape[:3], len(left))
         return outputs, derivatives.swapaxes(1, 2)
 
     def _adjoints(self, span: slice) -> Complex:
