@@ -15,6 +15,7 @@ from tuning.misfit.body_projection import BodyProjection
 from tuning.misfit.partition import CoordinatePartition
 
 MAX_JACOBIAN_VALUES = 2**19  # held in memory at once, 4 MB: what a cache holds
+_MAX_FORCE_VALUES = 2**21  # with free forces, for each of which a run of lines adds to a matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +193,8 @@ class WeightedJacobian:
             parts = np.concatenate([flat.real, flat.imag], axis=1)
             flat_targets = force_targets.transpose(2, 0, 1).reshape(len(sums.value), -1)
             targets = np.concatenate([flat_targets.real, flat_targets.imag], axis=1)
-            sums.normal[:] += parts.swapaxes(1, 2) @ parts
+            for normal, of_force in zip(sums.normal, parts, strict=True):
+                np.add(normal, of_force.T @ of_force, out=normal)
             sums.gradient[:] += (targets[:, None] @ parts)[:, 0]
             sums.value[:] += 0.5 * (targets**2).sum(axis=1)
             sums.expected_gain[:] += np.log1p(variance * size).sum(axis=(0, 1))
@@ -223,7 +225,7 @@ class WeightedJacobian:
         """Return spans of lines, weighted responses, their |u|^2, and its median over lines."""
         self.forward.prepare()
         n_freq = len(self.forward.solution.values)
-        step = max(1, MAX_JACOBIAN_VALUES // self.values_per_line)
+        step = max(1, _MAX_FORCE_VALUES // self.values_per_line)
         spans = list(split_lines(np.zeros(n_freq, int), step))
         responses = [self._force_responses(forces, span) for span in spans]
         sizes = [(np.abs(response) ** 2).sum(axis=2) for response in responses]
