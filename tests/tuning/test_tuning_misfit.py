@@ -350,3 +350,34 @@ def test_the_order_of_tests_and_channels_does_not_matter(
     assert second[0] == pytest.approx(first[0], rel=1e-12)
     close(second[1], first[1], size * np.sqrt(first[0]))
     close(second[2].dense(), first[2].dense(), np.outer(size, size))
+
+
+def test_a_model_is_linearised_once_for_its_value_and_its_derivatives(
+    whole, mixed, wished, monkeypatch
+):
+    _, parametrisation = wished
+    cost = Misfit(whole, mixed, parametrisation, model_error_floor=0.1)
+    x = somewhere(parametrisation)
+    expected = Misfit(whole, mixed, parametrisation, model_error_floor=0.1).quadratic_model(x)
+    calls = []
+    linearise = Evaluator.at
+
+    def count(evaluator, theta):
+        calls.append(theta)
+        return linearise(evaluator, theta)
+
+    monkeypatch.setattr(Evaluator, "at", count)
+    batches = len(cost.batches)
+    value = cost.value(x)
+    cost.value(0.9 * x)
+    assert len(calls) == 2 * batches
+    again, gradient, normal = cost.quadratic_model(x)
+    assert len(calls) == 2 * batches
+    assert again == expected[0] == pytest.approx(value, rel=1e-13)
+    np.testing.assert_array_equal(gradient, expected[1])
+    np.testing.assert_array_equal(normal.dense(), expected[2].dense())
+    cost.value(1.1 * x)
+    assert cost.quadratic_model(0.9 * x)[0] == pytest.approx(cost(0.9 * x)[0], rel=1e-13)
+    assert len(calls) == 3 * batches
+    assert cost(x)[0] == pytest.approx(expected[0], rel=1e-13)
+    assert len(calls) == 4 * batches

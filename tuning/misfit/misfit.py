@@ -111,6 +111,7 @@ class Misfit:
             self._terms = [weight_at_bodies(term, campaign.layout) for term in self._terms]
         self.values = sum(term.values for term in self._terms)
         self._at_bodies = at_bodies
+        self._linearised: tuple[tuple[Real, tuple[Linearised, ...]], ...] = ()
 
     @cached_property
     def _partition(self) -> CoordinatePartition:
@@ -150,8 +151,7 @@ class Misfit:
         """Return J [nats] and dJ/dx, by the adjoint method; (n_x,)."""
         theta = self.parametrisation.theta(x)
         total, gradient = self.prior(x), np.zeros(len(theta))
-        for term in self._terms:
-            lines = term.batch.evaluator.at(theta)
+        for term, lines in self._linearise(theta):
             values, weighted, _ = self._residual(term, lines)
             total += float(values.sum())
             gradient += lines.gradient(
@@ -164,9 +164,7 @@ class Misfit:
     def value(self, x: Real) -> float:
         """Return J [nats]."""
         theta = self.parametrisation.theta(x)
-        data = (
-            self._residual(term, term.batch.evaluator.at(theta))[0].sum() for term in self._terms
-        )
+        data = (self._residual(term, lines)[0].sum() for term, lines in self._linearise(theta))
         return self.prior(x) + float(sum(data))
 
     def squared_residuals(self, x: Real) -> Real:
@@ -228,8 +226,7 @@ class Misfit:
         """
         theta = self.parametrisation.theta(x)
         sums: list[QuadraticModel] = []
-        for term in self._terms:
-            lines = term.batch.evaluator.at(theta)
+        for term, lines in self._linearise(theta):
             groups = np.zeros(len(lines.values), int) if folds is None else folds
             of_groups = self._batch_quadratics(term, lines, x, groups)
             sums = (
@@ -263,8 +260,8 @@ class Misfit:
         partition = partition_coordinates(self.model, probes, separate_channels=False)
         numbers, rates = np.flatnonzero(partition.shared_parameters), probes.rates(np.zeros(size))
         parts = probe_blocks(self.model, probes)
-        for term in self._terms:
-            sums = self._sum_batch(term, term.batch.evaluator.at(theta))
+        for term, lines in self._linearise(theta):
+            sums = self._sum_batch(term, lines)
             whole = sums.lines.sensitivities(partition.shared_parameters, rates)
             by_forces = whole.is_force_alone
             jacobian = self._jacobian(sums, x, all_channels=not by_forces.all())
@@ -296,8 +293,8 @@ class Misfit:
             reduction: sums to which to add.
         """
         theta = self.parametrisation.theta(x)
-        for term in self._terms:
-            sums = self._sum_batch(term, term.batch.evaluator.at(theta))
+        for term, lines in self._linearise(theta):
+            sums = self._sum_batch(term, lines)
             self._jacobian(sums, x).add_force_reduction(forces, powers, reduction)
 
     def force_gains(self, x: Real, forces: Real, powers: Real) -> Real:
@@ -313,8 +310,8 @@ class Misfit:
         """
         theta = self.parametrisation.theta(x)
         gains = np.zeros((len(powers), forces.shape[1]))
-        for term in self._terms:
-            sums = self._sum_batch(term, term.batch.evaluator.at(theta))
+        for term, lines in self._linearise(theta):
+            sums = self._sum_batch(term, lines)
             gains += self._jacobian(sums, x).force_gains(forces, powers)
         return gains
 
@@ -326,9 +323,21 @@ class Misfit:
                 "use a misfit without logarithm and without weights at bodies"
             )
         theta = self.parametrisation.theta(x)
-        for term in self._terms:
+        for term, lines in self._linearise(theta):
             batch = term.batch
-            yield term.weight, batch.select_inputs(batch.evaluator.at(theta).values) - batch.values
+            yield term.weight, batch.select_inputs(lines.values) - batch.values
+
+    def _linearise(self, theta: Real) -> Iterator[tuple[WeightedBatch, Linearised]]:
+        """Return the batches with the model linearised at theta.
+
+        The last two models are kept: a search asks for J, and then for the derivatives there.
+        """
+        for kept, models in self._linearised:
+            if np.array_equal(kept, theta):
+                return zip(self._terms, models, strict=True)
+        models = tuple(term.batch.evaluator.at(theta) for term in self._terms)
+        self._linearised = ((theta, models), *self._linearised[:1])
+        return zip(self._terms, models, strict=True)
 
     def _prior_gradient(self, x: Real) -> Real:
         """Return the gradient of the prior; (n_x,)."""

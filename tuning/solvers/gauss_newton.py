@@ -213,7 +213,8 @@ def _advance(
         weighted_step = normal.multiply(step) + box.precision * step
         slope = float(gradient @ step)
         predicted = -slope - 0.5 * float(step @ weighted_step)
-        trial_value = problem.value(state.x + step)
+        # The accepted point itself, whose model the derivatives need next.
+        trial_value = problem.value(np.clip(state.x + step, box.lower, box.upper))
         state.evaluations += 1
         if np.isfinite(trial_value) and value - trial_value > 0.05 * predicted > 0:
             if value - trial_value > 0.5 * predicted:
@@ -233,7 +234,7 @@ def _advance(
             length = _best_length(slope, trial_value - value)
             if abs(length - 1) > _MIN_LENGTH_CHANGE and predicted > min_decrease:
                 trial_step = np.clip(length * step, lower, upper)
-                new_value = problem.value(state.x + trial_step)
+                new_value = problem.value(np.clip(state.x + trial_step, box.lower, box.upper))
                 state.evaluations += 1
                 if new_value < trial_value:
                     trial_value, step = new_value, trial_step
