@@ -8,7 +8,7 @@ import numpy as np
 from identification.solid.body_channels import BodyData
 from identification.solid.fault_search import FaultSearch, search_faults
 from identification.solid.frequency_limit import ResidualSpectrum, residual_spectrum
-from identification.solid.rigid_fit import Moments
+from identification.solid.moments import Moments
 from identification.solid.sensor_faults import BelievedBody, FaultHypothesis, Key
 from identification.solid.shared_shape import block_residuals
 from identification.words import Real, Tolerance

@@ -42,28 +42,45 @@ class DelayedSums:
             delays: tau [s]; (n_channel,).
         """
         difference = 1j * (delays[:, None] - delays)
-        turn = np.exp(self.centre[:, None, None] * difference)
         zeroth, first, second = self.sums
-        return np.asarray((turn * (zeroth + difference * (first + 0.5 * difference * second))).real)
+        series = zeroth + difference * (first + 0.5 * difference * second)
+        return np.asarray((self._turn(delays) * series).real)
 
-    def remove(self, delays: Real) -> tuple[Real, Real, Real]:
-        """Compute G, W1 and W2 without these delays; each (n_group, n_block, n, n).
+    def total_power(self, delays: Real) -> Real:
+        """Compute the sum of ``power`` over all blocks; (n_group, n, n)."""
+        difference = 1j * (delays[:, None] - delays)
+        zeroth, first, second = (self._turn(delays) * self.sums).sum(axis=2)
+        return np.asarray((zeroth + difference * (first + 0.5 * difference * second)).real)
+
+    def total_slopes(self, delays: Real) -> tuple[Real, Real]:
+        """Compute W1 and W2 without these delays, summed over all blocks; each (n_group, n, n).
 
         Args:
             delays: tau [s]; (n_channel,).
         """
-        difference = delays[:, None] - delays
-        centre = self.centre[:, None, None]
-        turn = np.exp(1j * centre * difference)
-        zeroth, first, second = self.sums
-        shifted = 1j * difference * second
-        product = turn * (zeroth + 1j * difference * (first + 0.5 * shifted))
-        weighted = turn * (first + shifted)
+        difference = 1j * (delays[:, None] - delays)
+        weights = self.centre ** np.arange(3)[:, None]
+        moments = np.moveaxis(self._turn(delays) * self.sums, 2, 0)
+        # Sums with each power of w_b of each moment, real and imaginary parts at once.
+        flat = weights @ moments.reshape(len(self.centre), -1).view(float)
+        weighted = flat.view(complex).reshape(3, *moments.shape[1:])
+
+        def product(power: int) -> Complex:
+            total, by_offset, by_square = weighted[power]
+            return np.asarray(total + difference * (by_offset + 0.5 * difference * by_square))
+
+        def product_by_offset(power: int) -> Complex:
+            return np.asarray(weighted[power][1] + difference * weighted[power][2])
+
         return (
-            product.real,
-            (centre * product + weighted).imag,
-            (centre**2 * product + 2 * centre * weighted + turn * second).real,
+            (product(1) + product_by_offset(0)).imag,
+            (product(2) + 2 * product_by_offset(1) + weighted[0][2]).real,
         )
+
+    def _turn(self, delays: Real) -> Complex:
+        """Return exp(i w_b (tau_k - tau_l)) of each pair of channels; (n_block, n, n)."""
+        turns = np.exp(1j * self.centre[:, None] * delays)
+        return np.asarray(turns[:, :, None] * turns[:, None].conj())
 
 
 def band_sums(

@@ -7,8 +7,10 @@ import numpy as np
 from scipy.stats import gamma
 
 from identification.solid.body_channels import BodyData
+from identification.solid.moments import Moments
+from identification.solid.projection import project
 from identification.solid.ranking import RankedFault, Ranking, rank_faults
-from identification.solid.rigid_fit import Moments, fit_errors, project
+from identification.solid.rigid_fit import fit_errors
 from identification.solid.sensor_faults import (
     BelievedBody,
     FaultHypothesis,

@@ -16,7 +16,8 @@ import numpy as np
 from scipy.special import gammainccinv
 
 from identification.solid.body_channels import BodyData
-from identification.solid.rigid_fit import RigidFitModel, project
+from identification.solid.projection import project
+from identification.solid.rigid_fit import RigidFitModel
 from identification.solid.sensor_faults import BelievedBody
 from identification.words import Complex, Integers, Mask, Real
 

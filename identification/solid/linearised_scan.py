@@ -16,15 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.solid.body_channels import BodyData
-from identification.solid.rigid_fit import (
-    Moments,
-    Projection,
-    RigidFitModel,
-    add_delay_slopes,
-    project,
-)
+from identification.solid.moments import Moments
+from identification.solid.projection import Projection, project
+from identification.solid.rigid_fit import RigidFitModel
+from identification.solid.slope_products import SlopeProducts, solve_definite
 from identification.words import Complex, Real
 
+_MAX_PRODUCTS = 200_000  # products of slopes in memory at once
 _MAX_SCAN_LINES = 250  # lines to which a scan thins the data; a mount or a delay is broad
 
 
@@ -35,62 +33,58 @@ class LinearisedFit:
     Args:
         errors: p; (n_error,).
         projections: projection of each group of columns.
-        slopes: derivatives of the whitened rows; (n_error, n_channel, 6).
-        projected_slopes: the slopes after projection of all motions; (n_group, n_error, n_channel,
-            6).
+        products: products of the slopes of the whitened rows.
     """
 
     errors: Real
     projections: tuple[Projection, ...]
-    slopes: Real
-    projected_slopes: Real
+    products: SlopeProducts
 
     @classmethod
     def of(cls, model: RigidFitModel, moments: Moments, errors: Real) -> "LinearisedFit":
         """Linearise a model at these errors."""
         rows = model.rows(errors) * model.scale[:, None]
-        slopes = model.sensors.slopes(errors) * model.scale[:, None]
-        projections = tuple(project(rows, mask) for mask in moments.mask)
-        projected_slopes = np.array(
-            [projection.residual_projector @ slopes for projection in projections]
-        )
-        return cls(errors, projections, slopes, projected_slopes)
+        entries = model.sensors.slope_entries(errors)
+        products = SlopeProducts(entries, model.scale, len(errors))
+        return cls(errors, tuple(project(rows, mask) for mask in moments.mask), products)
 
-    def cost(self, clean: Real, spread: Real, noise_scale: float) -> float:
+    def costs(self, clean: Real, spread: Real, noise_scale: float) -> Real:
         """Return the data's cost over the noise scale plus the prior's cost, after one step.
 
         Args:
-            clean: G - V of each group, and W1 and W2 if delays are errors; (1 or 3, n_group,
-                n_channel, n_channel).
+            clean: G - V of each group, and W1 and W2 if delays are errors, of each reading;
+                (1 or 3, n_group, n_reading, n_channel, n_channel).
             spread: prior standard deviation of the errors; (n_error,).
             noise_scale: variance of the noise over the stated one.
+
+        Returns:
+            Costs [nats]; (n_reading,).
         """
-        data, gradient = 0.0, np.zeros(len(self.errors))
-        information = np.zeros((len(self.errors), len(self.errors)))
-        for group, (projection, projected_slopes) in enumerate(
-            zip(self.projections, self.projected_slopes, strict=True)
-        ):
+        at_once = max(1, _MAX_PRODUCTS // len(self.errors) ** 2)
+        parts = np.split(clean, range(at_once, clean.shape[2], at_once), axis=2)
+        return np.concatenate([self._costs_of(part, spread, noise_scale) for part in parts])
+
+    def _costs_of(self, clean: Real, spread: Real, noise_scale: float) -> Real:
+        """Return the costs of few readings, all products in memory at once; (n_reading,)."""
+        count, size = clean.shape[2], len(self.errors)
+        data, gradient = np.zeros(count), np.zeros((count, size))
+        information = np.zeros((count, size, size))
+        for group, projection in enumerate(self.projections):
             moments, *delayed = clean[:, group]
-            inverse = projection.inverse[:6]
-            data += float(np.sum(projection.residual_projector * moments))
-            gradient -= 2 * np.tensordot(
-                self.slopes, (inverse @ moments @ projection.residual_projector).T, 2
-            )
-            flat = projected_slopes.reshape(len(self.errors), -1)
-            mapped = (
-                projected_slopes @ _nearest_semidefinite(inverse @ moments @ inverse.T)
-            ).reshape(len(self.errors), -1)
-            information += mapped @ flat.T
-            if delayed:
-                first, second = delayed
-                add_delay_slopes(
-                    gradient, information, projection, projected_slopes, (first, second)
-                )
+            data += np.einsum("cd,kcd->k", projection.residual_projector, moments)
+            late = (delayed[0], delayed[1]) if delayed else None
+            self.products.add_to(gradient, information, projection, moments, late)
         precision = 1 / spread**2
-        slope = gradient / noise_scale + precision * self.errors
-        curvature = 2 * information / noise_scale + np.diag(precision)
+        slopes = gradient / noise_scale + precision * self.errors
+        information *= 2 / noise_scale
+        places = np.arange(size)
+        information[:, places, places] += precision
         prior = 0.5 * float(precision @ self.errors**2)
-        return data / noise_scale + prior - 0.5 * float(slope @ np.linalg.solve(curvature, slope))
+        gains = [
+            0.5 * float(slope @ solve_definite(curvature, slope))
+            for curvature, slope in zip(information, slopes, strict=True)
+        ]
+        return np.asarray(data / noise_scale + prior - np.array(gains), float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,22 +164,30 @@ class CorrectedSums:
     noise: Real
     corrected_noise: Real
 
-    def clean(self, reading: int, channels: list[int]) -> Real:
-        """Return G - V, and W1 and W2, with these channels divided by one reading.
+    def clean(self, channels: list[int]) -> Real:
+        """Return G - V, and W1 and W2, with these channels divided by each reading.
+
+        Args:
+            channels: numbers of the channels; without any, the sums are those of one reading.
 
         Returns:
-            Sums; (n_sum, n_group, n, n).
+            Sums; (n_sum, n_group, n_reading, n, n).
         """
-        sums, noise = self.gram.copy(), self.noise.copy()
-        half_corrected = self.half_corrected[:, :, reading][:, :, channels]
-        signs = np.array([1.0, -1.0, 1.0])[: len(sums), None, None, None]  # W1 is antisymmetric
-        sums[:, :, channels] = half_corrected
-        sums[:, :, :, channels] = signs * np.swapaxes(half_corrected, 2, 3)
-        for a in channels:
-            sums[:, :, a, channels] = self.corrected[:, :, reading, a][:, :, channels]
-        noise[:, channels] = self.corrected_noise[:, reading][:, channels]
-        places = np.arange(sums.shape[2])
-        sums[0][:, places, places] -= noise
+        count = self.corrected.shape[2] if channels else 1
+        sums = np.repeat(self.gram[:, :, None], count, axis=2)
+        noise = np.repeat(self.noise[:, None], count, axis=1)
+        if channels:
+            half_corrected = self.half_corrected[:, :, :, channels]
+            signs = np.array([1.0, -1.0, 1.0])[: len(sums)]  # W1 is antisymmetric
+            sums[:, :, :, channels] = half_corrected
+            sums[..., channels] = signs[:, None, None, None, None] * np.swapaxes(
+                half_corrected, -1, -2
+            )
+            for a in channels:
+                sums[:, :, :, a, channels] = self.corrected[:, :, :, a, channels]
+            noise[..., channels] = self.corrected_noise[..., channels]
+        places = np.arange(sums.shape[-1])
+        sums[0][..., places, places] -= noise
         return sums
 
 
@@ -199,20 +201,5 @@ def subtract_noise(moments: Moments, delays: Real | None) -> Real:
     Returns:
         Sums; (n_sum, n_group, n, n).
     """
-    sums: tuple[Real, ...] = (moments.gram,)
-    if moments.delayed is not None and delays is not None:
-        sums = moments.delayed.remove(delays)
-    clean: Real = np.array([blocks.sum(axis=1) for blocks in sums])
-    places = np.arange(clean.shape[2])
-    clean[0][:, places, places] -= moments.noise.sum(axis=1)
-    return clean
-
-
-def _nearest_semidefinite(matrix: Real) -> Real:
-    """Return the nearest positive semidefinite matrix.
-
-    Subtracting noise can leave negative eigenvalues.
-    """
-    values, vectors = np.linalg.eigh(matrix)
-    nearest: Real = (vectors * np.maximum(values, 0)) @ vectors.T
-    return nearest
+    sums = moments.fit_sums()
+    return np.array([sums.clean(delays), *(sums.delay_sums(delays) or ())])

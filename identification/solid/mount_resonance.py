@@ -10,7 +10,7 @@ in the band; this estimate does not.
 
 import numpy as np
 
-from identification.solid.rigid_fit import project
+from identification.solid.projection import project
 from identification.solid.sensor_faults import BelievedBody
 from identification.solid.shared_shape import FreeShape
 

@@ -10,10 +10,12 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import softmax
 
-from identification.solid.rigid_fit import FittedErrors, Moments, fit_errors
-from identification.solid.screening import BodyFit, fit_free_shapes, screen_faults
+from identification.solid.free_shapes import FreeShapes
+from identification.solid.moments import Moments
+from identification.solid.rigid_fit import FittedErrors, fit_errors
+from identification.solid.screening import BodyFit, screen_faults
 from identification.solid.sensor_faults import BelievedBody, FaultHypothesis, Key, min_parameters
-from identification.solid.shared_shape import FreeShape, folds
+from identification.solid.shared_shape import folds
 from identification.words import Real, Tolerance
 
 _MAX_SHAPE_STEPS = 8  # Gauss-Newton steps of a fit with a free shape
@@ -89,6 +91,7 @@ def rank_faults(
     """
     body_fit = BodyFit.at(state, tolerance)
     candidates = [_held_out_cost(None, state, body_fit)]
+    shapes = _HeldOutShapes(body_fit)
     for screened in screen_faults(body_fit, excluded):
         hypothesis = screened.hypothesis
         if hypothesis.grid:
@@ -96,7 +99,7 @@ def rank_faults(
             candidate = _held_out_cost(hypothesis, hypothesis.read(state, parameters), body_fit)
             candidates.append(replace(candidate, parameters=parameters))
         elif hypothesis.frees_shape:
-            candidates += _held_out_shape_costs(hypothesis, body_fit)
+            candidates += shapes.candidates(hypothesis)
         else:
             candidates.append(_held_out_cost(hypothesis, screened.state, body_fit))
     candidates[0] = _restart_null(candidates, state, body_fit)
@@ -204,30 +207,40 @@ def _select_best_shapes(candidates: list[RankedFault], temper: float) -> list[Ra
     return list(best.values())
 
 
-def _held_out_shape_costs(hypothesis: FaultHypothesis, body_fit: BodyFit) -> list[RankedFault]:
-    """Compute the held-out cost of each free shape, with a free amplitude in each block."""
-    state, moments = body_fit.state, body_fit.moments
-    start = body_fit.healthy.errors if body_fit.is_quiet else state.start
+class _HeldOutShapes:
+    """Held-out costs of free shapes, with a free amplitude in each block."""
 
-    def shapes(part: Moments) -> list[FreeShape]:
-        return fit_free_shapes(hypothesis, state, part, start, _MAX_SHAPE_STEPS)
+    def __init__(self, body_fit: BodyFit) -> None:
+        state, moments = body_fit.state, body_fit.moments
+        start = body_fit.healthy.errors if body_fit.is_quiet else state.start
+        self._body_fit = body_fit
+        self._whole = FreeShapes(state, moments, start, _MAX_SHAPE_STEPS)
+        self._folds = [
+            (
+                FreeShapes(state, moments.select_blocks(train), start, _MAX_SHAPE_STEPS),
+                moments.select_blocks(~train),
+            )
+            for train in folds(moments.gram.shape[1])
+        ]
 
-    halves = [
-        [body_fit.shape_data(moments.select_blocks(~train), shape) for shape in shapes(part)]
-        for train in folds(moments.gram.shape[1])
-        for part in [moments.select_blocks(train)]
-    ]
-    candidates = []
-    for fitted_shape, *data in zip(shapes(moments), *halves, strict=True):
-        errors = fitted_shape.fitted.errors
-        cost = (
-            fitted_shape.fitted.prior
-            + state.penalty(errors, body_fit.tolerance)
-            + hypothesis.cost
-            + fitted_shape.price
-        )
-        wider = replace(
-            state, extra=np.column_stack([state.extra, fitted_shape.shape]), start=errors
-        )
-        candidates.append(RankedFault(hypothesis, wider, fitted_shape.fitted, cost, sum(data)))
-    return candidates
+    def candidates(self, hypothesis: FaultHypothesis) -> list[RankedFault]:
+        """Return each free shape of a hypothesis with its held-out cost."""
+        body_fit, state = self._body_fit, self._body_fit.state
+        halves = [
+            [body_fit.shape_data(held_out, shape) for shape in shapes.fit(hypothesis)]
+            for shapes, held_out in self._folds
+        ]
+        candidates = []
+        for fitted_shape, *data in zip(self._whole.fit(hypothesis), *halves, strict=True):
+            errors = fitted_shape.fitted.errors
+            cost = (
+                fitted_shape.fitted.prior
+                + state.penalty(errors, body_fit.tolerance)
+                + hypothesis.cost
+                + fitted_shape.price
+            )
+            wider = replace(
+                state, extra=np.column_stack([state.extra, fitted_shape.shape]), start=errors
+            )
+            candidates.append(RankedFault(hypothesis, wider, fitted_shape.fitted, cost, sum(data)))
+        return candidates

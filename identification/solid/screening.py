@@ -5,9 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
+from identification.solid.free_shapes import FreeShapes
 from identification.solid.linearised_scan import LinearisedFit, LineSums, subtract_noise
+from identification.solid.moments import Moments
 from identification.solid.mount_resonance import estimate_mount
-from identification.solid.rigid_fit import FittedErrors, Moments, fit_errors, project
+from identification.solid.projection import project
+from identification.solid.rigid_fit import FittedErrors, fit_errors
 from identification.solid.sensor_faults import (
     READING_RESPONSES,
     BelievedBody,
@@ -16,14 +19,7 @@ from identification.solid.sensor_faults import (
     list_hypotheses,
     min_parameters,
 )
-from identification.solid.shared_shape import (
-    FreeShape,
-    amplitude_gain,
-    channel_shape,
-    common_shape,
-    estimate_noise_scale,
-    shared_channels,
-)
+from identification.solid.shared_shape import FreeShape, amplitude_gain, estimate_noise_scale
 from identification.words import Real, Tolerance
 
 # Variance of the noise over the stated one, at most. Variances that other software states from few
@@ -34,10 +30,6 @@ _MAX_QUIET_NATS = 60.0
 _SCREENING_STEPS = 4  # Gauss-Newton steps of a screening fit
 # Singular value over the largest below which no motion shows a component of a sensor's place.
 _PLACE_RANK_TOLERANCE = 1e-6
-_NATS_PER_SHAPE_DIRECTION = 2.0  # cost of each direction that a free shape may take [nats]
-# Cost of the direction that several sensors share [nats]: log 2, since half of all plates bend
-# that way.
-_NATS_OF_SHARED_SHAPE = 0.7
 _MAX_CLOSE_FAULTS = 10  # hypotheses close to the best that are ranked
 _MAX_SCANNED_FAULTS = 2  # hypotheses with scanned parameters that are ranked besides
 _COARSE_GRID_STEP = 3  # step through the grid of a scan when the body is nearly healthy
@@ -175,15 +167,10 @@ def _estimate_mounts(
         if hypothesis.effect == "mount_resonance"
     }
     estimated = []
+    shapes = FreeShapes(body_fit.state, body_fit.moments, body_fit.state.start, _SCREENING_STEPS)
     for fault in unknown[:_MAX_SCANNED_FAULTS]:
         key = ("mount_resonance", fault.hypothesis.location, fault.hypothesis.dof)
-        (left_out,) = fit_free_shapes(
-            fault.hypothesis,
-            body_fit.state,
-            body_fit.moments,
-            body_fit.state.start,
-            _SCREENING_STEPS,
-        )
+        (left_out,) = shapes.fit(fault.hypothesis)
         parameters = estimate_mount(body_fit.state, left_out, fault.hypothesis.channels[0])
         smallest = min_parameters(mounts[key], body_fit.state.data.freq_hz)
         if parameters is not None and parameters[0] > smallest[0] and key not in excluded:
@@ -197,40 +184,19 @@ def screen_all(body_fit: BodyFit) -> list[ScreenedFault]:
     screened = _screen_scans(
         [hypothesis for hypothesis in every_hypothesis if hypothesis.grid], body_fit
     )
+    # A gross fault has driven the errors of the healthy fit far off, so that the fit starts anew.
+    start, steps = (
+        (body_fit.healthy.errors, 2)
+        if body_fit.is_quiet
+        else (body_fit.state.start, _SCREENING_STEPS)
+    )
+    shapes = FreeShapes(body_fit.state, body_fit.moments, start, steps)
     for hypothesis in every_hypothesis:
         if hypothesis.frees_shape:
-            screened.append(_screen_shape(hypothesis, body_fit))
+            screened.append(_screen_shape(hypothesis, body_fit, shapes))
         elif not hypothesis.grid:
             screened += _screen_one(hypothesis, body_fit)
     return screened
-
-
-def fit_free_shapes(
-    hypothesis: FaultHypothesis, state: BelievedBody, moments: Moments, start: Real, steps: int
-) -> list[FreeShape]:
-    """Fit the shape of one channel, or common shapes of all, with errors fitted beside them.
-
-    A channel that is left free is a shape too. Where errors of sensors have absorbed a part of the
-    shape, a fit of both does not return from there. So the common shape is fitted from the end of
-    the fit without it, and from that of the best single channel, too. A direction that channels of
-    several sensors share has a smaller prior cost, since it need not be found among all redundant
-    ones.
-    """
-    model = state.model
-    if hypothesis.effect != "flexible_body":
-        return [channel_shape(model, moments, hypothesis.channels[0], start, steps)]
-    mask, channels = moments.mask[0], range(len(state.data.scale))
-    single_channels = [channel_shape(model, moments, channel, start, steps) for channel in channels]
-    best = min(single_channels, key=lambda shape: shape.fitted.data)
-    healthy = fit_errors(model, moments.sum_blocks(slice(None)), start=start, steps=steps)
-    redundant = int(mask.sum()) - project(model.rows(start) * model.scale[:, None], mask).rank
-    price = _NATS_PER_SHAPE_DIRECTION * max(redundant - 1, 0)
-    shapes = [
-        replace(common_shape(model, moments, errors, steps), price=price)
-        for errors in (start, healthy.errors, best.fitted.errors)
-    ]
-    shared = shared_channels(model, mask, start)
-    return shapes + [replace(single_channels[k], price=_NATS_OF_SHARED_SHAPE) for k in shared]
 
 
 def _screen_scans(scanned: list[FaultHypothesis], body_fit: BodyFit) -> list[ScreenedFault]:
@@ -251,17 +217,14 @@ def _screen_scans(scanned: list[FaultHypothesis], body_fit: BodyFit) -> list[Scr
     ):
         grid = full_grid[:: _COARSE_GRID_STEP if body_fit.is_quiet else 1]
         corrected = spectra.divide(np.array([READING_RESPONSES[effect](freq, *at) for at in grid]))
-        null_cost = linear.cost(corrected.clean(0, []), spread, body_fit.noise_scale)
+        null_cost = float(linear.costs(corrected.clean([]), spread, body_fit.noise_scale)[0])
         base_nats = body_fit.base_nats if body_fit.is_quiet else null_cost
         for hypothesis in scanned:
             if (hypothesis.effect, hypothesis.grid) == (effect, full_grid):
-                channels = list(hypothesis.channels)
-                costs = [
-                    linear.cost(corrected.clean(k, channels), spread, body_fit.noise_scale)
-                    for k in range(len(grid))
-                ]
+                clean = corrected.clean(list(hypothesis.channels))
+                costs = linear.costs(clean, spread, body_fit.noise_scale)
                 best = int(np.argmin(costs))
-                nats = base_nats + costs[best] - null_cost + hypothesis.cost
+                nats = base_nats + float(costs[best]) - null_cost + hypothesis.cost
                 screened.append(ScreenedFault(nats, hypothesis, state, grid[best]))
     return screened
 
@@ -277,8 +240,12 @@ def _screen_one(hypothesis: FaultHypothesis, body_fit: BodyFit) -> list[Screened
         clean = body_fit.clean[:, :, order][:, :, :, order] * np.outer(signs, signs)
         # An exchange does not change the priors, so that the state is only built if it is needed.
         trial = body_fit.state if hypothesis.pairs else hypothesis.states(body_fit.state)[0]
-        cost = body_fit.linear.cost(clean, trial.spread, body_fit.noise_scale)
-        nats = cost + trial.penalty(body_fit.healthy.errors, body_fit.tolerance) + hypothesis.cost
+        (cost,) = body_fit.linear.costs(clean[:, :, None], trial.spread, body_fit.noise_scale)
+        nats = (
+            float(cost)
+            + trial.penalty(body_fit.healthy.errors, body_fit.tolerance)
+            + hypothesis.cost
+        )
         if hypothesis.pairs:
             if nats >= body_fit.base_nats + _MAX_EXCESS_NATS:
                 return []
@@ -333,19 +300,15 @@ def _solve_displacement(hypothesis: FaultHypothesis, state: BelievedBody, total:
     return start
 
 
-def _screen_shape(hypothesis: FaultHypothesis, body_fit: BodyFit) -> ScreenedFault:
+def _screen_shape(
+    hypothesis: FaultHypothesis, body_fit: BodyFit, shapes: FreeShapes
+) -> ScreenedFault:
     """Screen a hypothesis with a free shape."""
-    # A gross fault has driven the errors of the healthy fit far off, so that the fit starts anew.
-    start, steps = (
-        (body_fit.healthy.errors, 2)
-        if body_fit.is_quiet
-        else (body_fit.state.start, _SCREENING_STEPS)
-    )
     nats = [
         body_fit.shape_data(body_fit.moments, shape) / body_fit.noise_scale
         + shape.fitted.prior
         + body_fit.state.penalty(shape.fitted.errors, body_fit.tolerance)
         + shape.price
-        for shape in fit_free_shapes(hypothesis, body_fit.state, body_fit.moments, start, steps)
+        for shape in shapes.fit(hypothesis)
     ]
     return ScreenedFault(min(nats) + hypothesis.cost, hypothesis, body_fit.state)

@@ -12,13 +12,32 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from identification.solid.rotation_vectors import (
+    compose_rotations,
+    cross_product,
+    rotation_matrices,
+)
 from identification.words import Complex, Dof, Integers, Layout, Mask, Real, Tolerance
 
 _MIN_TOLERANCE = 1e-6  # of a gain [1], an angle [rad] or a place [m], so that priors stay proper
 _UNIT_VECTORS = np.eye(3)  # world axes
 _CROSS_PAIRS = ((0, 1), (0, 2), (1, 2))  # axes of a sensor that a transverse sensitivity joins
+
+
+@dataclass(frozen=True, eq=False)
+class SlopeEntries:
+    """Derivatives of the rows by errors, of those pairs of error and channel that have one.
+
+    Args:
+        error: number of the error, ascending; (n,).
+        channel: number of the channel; (n,).
+        rows: derivative of the channel's row by the error; (n, 6).
+    """
+
+    error: Integers
+    channel: Integers
+    rows: Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,44 +166,83 @@ class Sensors:
             Rows [1, m]; (n_channel, 6).
         """
         gain, frames, axes, arms = self._decompose(errors)
-        rows = gain[:, None] * self._unit_rows(axes, arms)
+        mixed = gain[:, None] * axes
         if self.has_cross:
-            rows = rows + self._cross_rows(self._cross_axes(errors, frames), arms)
-        return rows @ self.moving
+            crossed = self._cross_axes(errors, frames)
+            if self._any_turning:
+                crossed = np.where(self.turning[:, None], 0.0, crossed)
+            mixed = mixed + crossed
+        return self._unit_rows(mixed, arms) @ self.moving
 
     def slopes(self, errors: Real) -> Real:
         """Compute the derivatives of ``rows``; (n_error, n_channel, 6).
 
         Angles are increments beyond those in p: a + d x a.
         """
+        entries = self.slope_entries(errors)
+        slopes = np.zeros((self.count, len(self.channels), 6))
+        slopes[entries.error, entries.channel] = entries.rows
+        return slopes
+
+    def slope_entries(self, errors: Real) -> SlopeEntries:
+        """Compute the derivatives of ``rows`` by each error at each channel that it concerns."""
         gain, frames, axes, arms = self._decompose(errors)
-        count, sensors = len(self.channels), len(self.names)
-        channel = np.arange(count)
-        slopes = np.zeros((self.count, count, 6))
-        slopes[channel, channel] = self._unit_rows(axes, arms)
-        turned = gain[:, None] * _cross_product(_UNIT_VECTORS[:, None], axes)  # (3, n_channel, 3)
-        index = count + 3 * self.sensor_of + np.arange(3)[:, None]
+        count = len(self.channels)
+        turned = gain[:, None] * cross_product(_UNIT_VECTORS[:, None], axes)  # (3, n_channel, 3)
         if self.has_cross:
-            mixed = np.where(self.turning[:, None], 0.0, self._cross_axes(errors, frames))
-            turned = turned + _cross_product(_UNIT_VECTORS[:, None], mixed)
-            self._fill_cross_slopes(slopes, frames, arms)
-        slopes[index, channel] = self._unit_rows(turned, arms)
-        slopes[index + 3 * sensors, channel, 3:] = np.where(self.turning[:, None], 0.0, turned)
-        return slopes @ self.moving
+            mixed = self._cross_axes(errors, frames)
+            if self._any_turning:
+                mixed = np.where(self.turning[:, None], 0.0, mixed)
+            turned = turned + cross_product(_UNIT_VECTORS[:, None], mixed)
+        rows = np.zeros((len(self._entry_order), 6))
+        rows[:count] = self._unit_rows(axes, arms)
+        rows[count : 4 * count] = self._unit_rows(turned, arms).reshape(-1, 6)
+        rows[4 * count : 7 * count, 3:] = turned.reshape(-1, 3)
+        if self._any_turning:
+            rows[4 * count : 7 * count, 3:] *= np.tile(~self.turning, 3)[:, None]
+        if self.has_cross:
+            channel, _, second = self._cross_entries
+            mixed_axes = frames[self.sensor_of[channel], :, second]
+            rows[7 * count :, :3] = mixed_axes
+            rows[7 * count :, 3:] = cross_product(arms[channel], mixed_axes)
+        error, channel = self._entry_places
+        return SlopeEntries(error, channel, (rows @ self.moving)[self._entry_order])
+
+    @cached_property
+    def _unordered_places(self) -> Integers:
+        """Error and channel of each derivative: gains, angles, offsets, sensitivities; (2, n)."""
+        channel = np.arange(len(self.channels))
+        angle = len(channel) + 3 * self.sensor_of + np.arange(3)[:, None]
+        error = [channel, angle.ravel(), angle.ravel() + 3 * len(self.names)]
+        places = [channel, np.tile(channel, 3), np.tile(channel, 3)]
+        if self.has_cross:
+            error.append(self._cross_entries[1])
+            places.append(self._cross_entries[0])
+        return np.array([np.concatenate(error), np.concatenate(places)])
+
+    @cached_property
+    def _entry_order(self) -> Integers:
+        """Order of the derivatives by their errors; (n,)."""
+        return np.argsort(self._unordered_places[0], kind="stable")
+
+    @cached_property
+    def _entry_places(self) -> Integers:
+        """Error and channel of each derivative, in the order of the errors; (2, n)."""
+        return self._unordered_places[:, self._entry_order]
 
     def step(self, errors: Real, change: Real) -> Real:
         """Add a change to p, with rotations composed."""
         stepped = errors + change
         block = slice(len(self.channels), len(self.channels) + 3 * len(self.names))
-        before = Rotation.from_rotvec(errors[block].reshape(-1, 3))
-        further = Rotation.from_rotvec(change[block].reshape(-1, 3))
-        stepped[block] = (further * before).as_rotvec().ravel()
+        stepped[block] = compose_rotations(
+            change[block].reshape(-1, 3), errors[block].reshape(-1, 3)
+        ).ravel()
         return stepped
 
     def _decompose(self, errors: Real) -> tuple[Real, Real, Real, Real]:
         """Return gains, rotated frames of the sensors, rotated axes and displaced arms."""
         count, sensors = len(self.channels), len(self.names)
-        turns = _rotation_matrices(errors[count : count + 3 * sensors].reshape(sensors, 3))
+        turns = rotation_matrices(errors[count : count + 3 * sensors].reshape(sensors, 3))
         axes = (turns[self.sensor_of] @ self.axes[:, :, None])[:, :, 0]
         offsets = errors[count + 3 * sensors : count + 6 * sensors].reshape(sensors, 3)
         arms = (self.arms + offsets)[self.sensor_of]
@@ -216,41 +274,17 @@ class Sensors:
         ]
         return np.array(entries, np.intp).reshape(-1, 3).T
 
-    def _fill_cross_slopes(self, slopes: Real, frames: Real, arms: Real) -> None:
-        """Fill in the derivatives of the rows by the transverse sensitivities."""
-        channel, error, second = self._cross_entries
-        axes = frames[self.sensor_of[channel], :, second]
-        slopes[error, channel] = np.hstack([axes, _cross_product(arms[channel], axes)])
-
-    def _cross_rows(self, axes: Real, arms: Real) -> Real:
-        """Return rows that transverse sensitivities add to channels that read no rotation."""
-        return np.where(self.turning[:, None], 0.0, np.hstack([axes, _cross_product(arms, axes)]))
+    @cached_property
+    def _any_turning(self) -> bool:
+        """Whether any channel reads a rotation."""
+        return bool(self.turning.any())
 
     def _unit_rows(self, axes: Real, arms: Real) -> Real:
-        """Return rows of channels with a gain of one."""
-        rows = np.zeros((*axes.shape[:-1], 6))
-        moving = ~self.turning
-        rows[..., moving, :3] = axes[..., moving, :]
-        rows[..., moving, 3:] = _cross_product(arms, axes)[..., moving, :]
-        rows[..., self.turning, 3:] = axes[..., self.turning, :]
+        """Return rows of channels that read along these axes; (..., n_channel, 6)."""
+        rows = np.empty((*axes.shape[:-1], 6))
+        rows[..., :3] = axes
+        rows[..., 3:] = cross_product(arms, axes)
+        if self._any_turning:
+            rows[..., self.turning, :3] = 0.0
+            rows[..., self.turning, 3:] = axes[..., self.turning, :]
         return rows
-
-
-def _cross_product(first: Real, second: Real) -> Real:
-    """Compute the cross product along the last axis, faster than numpy's for few vectors."""
-    x, y, z = first[..., 0], first[..., 1], first[..., 2]
-    u, v, w = second[..., 0], second[..., 1], second[..., 2]
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
-
-
-def _rotation_matrices(vectors: Real) -> Real:
-    """Compute rotation matrices of rotation vectors (Rodrigues).
-
-    1 + sinc(t) K + sinc(t / 2)^2 K^2 / 2, with t the angle and K the skew matrix of the vector.
-    """
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None] / np.pi
-    skew = np.swapaxes(_cross_product(vectors[:, None], _UNIT_VECTORS), 1, 2)
-    turned: Real = (
-        _UNIT_VECTORS + np.sinc(angle) * skew + 0.5 * np.sinc(angle / 2) ** 2 * (skew @ skew)
-    )
-    return turned

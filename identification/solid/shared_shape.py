@@ -12,7 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.solid.rigid_fit import FittedErrors, Moments, RigidFitModel, fit_errors, project
+from identification.solid.moments import Moments
+from identification.solid.projection import project
+from identification.solid.rigid_fit import FittedErrors, RigidFitModel, fit_errors
 from identification.words import Mask, Real
 
 _N_ALTERNATIONS = 3  # alternations of the fit of errors and of the shape

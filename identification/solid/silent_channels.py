@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.solid.body_channels import BodyData, whiten
-from identification.solid.rigid_fit import project
+from identification.solid.projection import project
 from identification.solid.sensor_errors import Sensors
 from identification.words import Integers, Layout, Mask, Real
 

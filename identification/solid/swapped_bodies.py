@@ -7,7 +7,8 @@ import numpy as np
 
 from identification.solid.body_channels import ChannelTable, body_data
 from identification.solid.fault_search import FaultSearch
-from identification.solid.rigid_fit import Moments, fit_errors
+from identification.solid.moments import Moments
+from identification.solid.rigid_fit import fit_errors
 from identification.solid.sensor_faults import BelievedBody
 from identification.words import Campaign, node_number
 

@@ -4,7 +4,7 @@ import numpy as np
 from solid_bodies import Case, draw
 
 from identification.solid.body_channels import body_data, exchange_channels, join_tests
-from identification.solid.rigid_fit import Moments
+from identification.solid.moments import Moments
 
 
 def test_sums_of_exchanged_channels_are_those_of_the_exchanged_data():

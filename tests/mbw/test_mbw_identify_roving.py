@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from mbw.command import app
 
-NODES, SENSORS, AVERAGES = tuple(range(1, 21)), (3, 8, 15), 5
+NODES, SENSORS, AVERAGES = tuple(range(1, 15)), (3, 8, 13), 5
 FREQ = np.array([22.0, 47.0, 95.0, 125.2, 125.6, 163.0])
 DAMPING = np.array([0.006, 0.003, 0.008, 0.002, 0.003, 0.005])
 AXIS = np.arange(0, 801) * 0.25
@@ -47,7 +47,7 @@ def functions(seed=77):
             if (hit, sensor) == (5, 3):
                 yield replace(frf, data=-measured)
                 yield replace(frf, func=6, data=1 / (1 + ratio))
-            if (hit, sensor) == (9, 15):
+            if (hit, sensor) == (9, 13):
                 yield replace(frf, data=-1.5 * measured)
                 yield replace(frf, func=6, data=0.5 / (1 + ratio))
 
@@ -106,7 +106,7 @@ def test_a_structure_that_bends_is_not_called_solid(outcome) -> None:
 
 
 def test_a_body_of_six_different_shapes_is_not_called_solid(tmp_path) -> None:
-    _, found = identified(tmp_path, seed=83)  # its six shapes differ too much
+    _, found = identified(tmp_path, seed=84)  # its six shapes differ too much
     (check,) = found["solid"]
     # Which small faults imitate the second shape depends on rounding; none is gross.
     effects = {fault["effect"] for fault in check["faults"]}
