@@ -14,7 +14,7 @@ demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
 
 test: check docs
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 check: $(VENV)/.installed-test
 	$(BIN)/ruff check .
