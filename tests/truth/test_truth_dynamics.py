@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from truth.campaign.draw import draw_basis
 from truth.campaign.file_formats import model_xml
 from truth.errors import TruthError
-from truth.machine.dynamics import assemble
+from truth.machine.dynamics import assemble, joint_rows
 from truth.machine.mjcf_reader import read_station
 from truth.machine.rig import Prepared, accelerance, build
 from truth.machine.station import Hammer, Sensor, Station
@@ -218,3 +218,12 @@ def test_the_drawing_reads_back_as_it_was_written(two_bodies, tmp_path: Path, ha
     again = read_station(tmp_path / "model.xml")
     np.testing.assert_allclose(assemble(again).stiffness, assemble(two_bodies).stiffness, rtol=1e-9)
     np.testing.assert_array_equal(assemble(again).mass, assemble(two_bodies).mass)
+
+
+def test_rows_of_joints_are_computed_once_and_cannot_be_changed(two_bodies):
+    moving, fixed = joint_rows(two_bodies, 1)
+    assert joint_rows(two_bodies, 1)[0] is moving
+    np.testing.assert_allclose(moving @ moving.T, joint_rows(replace(two_bodies), 1)[0] @ moving.T)
+    for rows in (moving, fixed):
+        with pytest.raises(ValueError, match="read-only"):
+            rows[:] = 0.0

@@ -14,6 +14,7 @@ times b more, and all rows (joints, sensors, hammers) follow from that.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.linalg
@@ -116,6 +117,7 @@ def motion_row(
     return row
 
 
+@lru_cache(maxsize=256)  # joints, tendons and each motor of one machine ask for them
 def joint_rows(station: Station, index: int, flexes: tuple[Flex, ...] = ()) -> tuple[Real, Real]:
     """Return the rows that give a stage's joint coordinates, and those that must stay zero.
 
@@ -138,7 +140,10 @@ def joint_rows(station: Station, index: int, flexes: tuple[Flex, ...] = ()) -> t
         relative = relative - motion_at(station, stage.parent, point, flexes)
     orthogonal = np.linalg.qr(S, mode="complete")[0][:, S.shape[1] :]
     moving = np.linalg.pinv(S) @ relative if stage.joints else np.zeros((0, relative.shape[1]))
-    return moving, orthogonal.T @ relative
+    fixed = orthogonal.T @ relative
+    for rows in (moving, fixed):
+        rows.flags.writeable = False
+    return moving, fixed
 
 
 def motion_at(station: Station, index: int, point: Real, flexes: tuple[Flex, ...]) -> Real:
