@@ -1,4 +1,12 @@
-"""A link between two bodies as a Part: springs and dampers at one point (``parallel_path``)."""
+"""A link between two bodies as a Part: springs and dampers at one point (``parallel_path``).
+
+Springs and dampers are passive, so K and C have no negative eigenvalue. They are written
+
+    K = (1 + N) diag(k) (1 + N),   k >= 0,   N = [[0, n_xy, n_xz], [n_xy, 0, n_yz], [.., .., 0]],
+
+that is as springs along the columns of 1 + N, |n| <= 1; C likewise. K is linear in k about no link,
+as score tests and fits need. Every symmetric matrix without negative eigenvalues has such a form.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,6 +41,34 @@ def list_start_points() -> Real:
     """
     aside = _ASIDE_SHARE * np.eye(3)
     return np.vstack([np.zeros(3), np.stack([aside, -aside], axis=1).reshape(-1, 3)])
+
+
+def build_passive(sizes: Real, turned: Real) -> Real:
+    """Return the matrix (1 + N) diag(k) (1 + N) of springs or dampers; (3, 3).
+
+    Args:
+        sizes: k; (3,).
+        turned: n_xy, n_xz and n_yz; (3,).
+    """
+    columns = _build_columns(turned)
+    matrix: Real = (columns * sizes) @ columns
+    return matrix
+
+
+def slope_passive(sizes: Real, turned: Real) -> Real:
+    """Return the slopes of ``build_passive`` by the sizes, then by N; (6, 3, 3)."""
+    columns = _build_columns(turned)
+    along = columns.T[:, :, None] * columns.T[:, None, :]
+    half = (_build_columns(np.eye(3)) - np.eye(3)) @ (sizes[:, None] * columns)
+    return np.concatenate([along, half + half.swapaxes(-1, -2)])
+
+
+def _build_columns(turned: Real) -> Real:
+    """Return 1 + N; (..., 3, 3)."""
+    columns = np.broadcast_to(np.eye(3), (*turned.shape[:-1], 3, 3)).copy()
+    rows, others = np.triu_indices(3, k=1)
+    columns[..., rows, others] = columns[..., others, rows] = turned
+    return columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +135,12 @@ class Link:
 
     @property
     def along_axes(self) -> tuple[str, ...]:
-        """Names of stiffness and damping along the axes."""
+        """Names of the sizes of stiffness and damping, which lie along the axes where N = 0."""
         return self._name_entries(_ENTRY_NAMES[:3])
 
     @property
     def _names(self) -> tuple[str, ...]:
-        """Names of the diagonal entries, of those beside the diagonal, and of the point."""
+        """Names of the sizes k, of the entries of N, and of the point."""
         prefix = self.along_axes[0].rpartition(".")[0]
         point = (f"{prefix}.point_{axis}" for axis in "xyz")
         return (*self.along_axes, *self._name_entries(_ENTRY_NAMES[3:]), *point)
@@ -121,12 +157,15 @@ class Link:
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Bounds of the point: as far aside as the centres of mass are apart."""
+        """Bounds of N, and of the point: as far aside as the centres of mass are apart."""
         low, high = (
             (-self._distance - self._offset) / ARM_UNIT_M,
             (self._distance - self._offset) / ARM_UNIT_M,
         )
-        return {name: (float(low[k]), float(high[k])) for k, name in enumerate(self._names[12:])}
+        turned = dict.fromkeys(self._names[6:12], (-1.0, 1.0))
+        return turned | {
+            name: (float(low[k]), float(high[k])) for k, name in enumerate(self._names[12:])
+        }
 
     @property
     def _start(self) -> Real:
@@ -137,12 +176,10 @@ class Link:
     @property
     def part(self) -> AddedPart:
         """Part with the link."""
-        units = [f"{self._units[0]:g} N/m"] * 3 + [f"{self._units[1]:g} N s/m"] * 3
+        units = [f"{self._units[0]:g} N/m"] * 3 + [f"{self._units[1]:g} N s/m"] * 3 + ["1"] * 6
         parameters = tuple(
             Parameter(name, 0.0, unit, positive=False)
-            for name, unit in zip(
-                self._names, [*units, *units, *[f"{ARM_UNIT_M:g} m"] * 3], strict=True
-            )
+            for name, unit in zip(self._names, [*units, *[f"{ARM_UNIT_M:g} m"] * 3], strict=True)
         )
         place = f"pair:{self.name}"
         return AddedPart(
@@ -151,11 +188,20 @@ class Link:
 
     def _build_matrices(self, theta: Real) -> Real:
         """Return K and C in their units; (2, 3, 3)."""
-        matrices = np.zeros((2, 3, 3))
-        rows, columns = np.triu_indices(3, k=1)
-        matrices[:, rows, columns] = matrices[:, columns, rows] = theta[6:12].reshape(2, 3)
-        matrices[:, np.arange(3), np.arange(3)] = theta[:6].reshape(2, 3)
-        return matrices
+        return np.array(
+            [
+                build_passive(theta[3 * k : 3 * k + 3], theta[6 + 3 * k : 9 + 3 * k])
+                for k in range(2)
+            ]
+        )
+
+    def _build_slopes(self, theta: Real) -> Real:
+        """Return the slopes of K and C by the entries of both; (12, 2, 3, 3)."""
+        slopes = np.zeros((12, 2, 3, 3))
+        for k in range(2):
+            own = [*range(3 * k, 3 * k + 3), *range(6 + 3 * k, 9 + 3 * k)]
+            slopes[own, k] = slope_passive(theta[own[:3]], theta[own[3:]])
+        return slopes
 
     def _find_motion(self, theta: Real) -> Real:
         """Return R, the relative motion at the point per motion of both bodies; (3, 12)."""
@@ -178,9 +224,7 @@ class Link:
         """Return the slopes by each parameter."""
         motion, both = self._find_motion(theta), self._build_matrices(theta)
         core = np.zeros((len(theta), 2, 12, 12))
-        for number in range(12):
-            unit = self._build_matrices(np.eye(15)[number])
-            core[number] = motion.T @ unit @ motion
+        core[:12] = motion.T @ self._build_slopes(theta) @ motion
         for axis, unit in enumerate(np.eye(3)):
             turned = transport(ARM_UNIT_M * unit)[:3] - np.eye(3, 6)
             slope = np.hstack([-turned, turned])
@@ -189,13 +233,11 @@ class Link:
         return (self._build_change(core * self._units[:, None, None]),)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """Return the mean stiffness and damping [SI], neither below zero."""
+        """Return the mean stiffness and damping [SI]."""
         stiffness, damping = self._build_matrices(np.array([fitted[name] for name in self._names]))
-        sizes, axes = np.linalg.eigh(stiffness)
-        stiffness = (axes * np.maximum(sizes, 0.0)) @ axes.T
         weight = stiffness if stiffness.any() else np.eye(3)
         means = [np.trace(weight @ matrix) / np.trace(weight) for matrix in (stiffness, damping)]
-        mean_stiffness, mean_damping = (self._units * np.maximum(means, 0.0)).tolist()
+        mean_stiffness, mean_damping = (self._units * means).tolist()
         return {"stiffness": mean_stiffness, "damping": mean_damping}
 
     def write(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
@@ -216,9 +258,7 @@ class Link:
         largest = np.abs(both).max(axis=(1, 2))
         for number, (kind, axis, sizes) in enumerate(rows):
             name = f"{self.name}.{kind}{number % 3}"
-            if any(sizes < -HALF_PRECISION * largest):
-                additions.append(NotInMjcf(name, "a spring or damper below zero"))
-            elif any(np.abs(sizes) > HALF_PRECISION * largest):
+            if any(np.abs(sizes) > HALF_PRECISION * largest):
                 low, high = self.bodies
                 line = point, axis
                 additions += link_elements(

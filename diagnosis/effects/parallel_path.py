@@ -4,8 +4,9 @@ At a point p the upper body moves against the lower one by
 
     r = R u,   R = [-G(p - c_low), G(p - c_high)],   G(d) = [1, -[d]x].
 
-The link answers with K r + s C r, K and C symmetric: springs and dampers along any three axes, or
-along one alone. It adds R' (K + s C) R, which is no net force on both bodies together.
+The link answers with K r + s C r, K and C symmetric and without negative eigenvalues: springs and
+dampers along any axes, or along one alone (``link.py``). It adds R' (K + s C) R, which is no net
+force on both bodies together.
 
 Score tests take K and C along the world axes, at a point halfway between the centres of mass and at
 six points about it. Refits start at the best of these and fit point and axes, with dR/dp linear in

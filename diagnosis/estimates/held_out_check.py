@@ -4,10 +4,10 @@ A set of causes may absorb errors of a real machine that it does not cause. Such
 better on lines that it did not see. The set must therefore gain there, under the likelihood of all
 fits (``tuning.assessment.model_error``), what the posterior asks of it on the lines of the fit,
 
-    c_before - c_after > |S| chance (1 - s),
+    c_before - c_after > (k / 2) ln N / N,
 
-c being the mean -ln L per value at the floor of held-out residuals, s the share of the noise in
-the variance of the fit with the causes.
+c being the mean -ln L per value at the floor of held-out residuals, k the number of parameters of
+the causes, and N the number of independent values (``diagnosis.inference.posterior``).
 
 Otherwise sets of as many causes are not admitted, and the most probable set of fewer causes is
 checked (cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap that is
@@ -46,19 +46,17 @@ def admit_predictive_causes(
         before: HeldOutGap | None = gaps.retuned
         if base.proven:  # corrected in every set: they are no merit of the further causes
             before = estimate_gaps(base, whole, search.null, search.null, settings).after
-        count = len(best.causes)
-        if before is None or predicts_held_out(before, gaps.after, count):
+        if before is None or predicts_held_out(before, gaps.after):
             return evidence, posterior, gaps
-        evidence = evidence.model_copy(update={"admitted_causes": count - 1})
+        evidence = evidence.model_copy(update={"admitted_causes": len(best.causes) - 1})
 
 
-def predicts_held_out(before: HeldOutGap, after: HeldOutGap, causes: int) -> bool:
+def predicts_held_out(before: HeldOutGap, after: HeldOutGap) -> bool:
     """Return whether a set of causes predicts held-out lines well enough.
 
     Args:
         before: gap without the causes.
         after: gap with them.
-        causes: number of causes.
     """
     excess = before.gap.excess
     if excess is None or not is_gap_visible(excess**2 - 1):
@@ -66,5 +64,10 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, causes: int) -> boo
     first, last = (estimate_model_error(gap.predicted, gap.campaign) for gap in (before, after))
     if first is None or last is None:
         return True
-    chance = load_calibration().chance * (1 - after.refit.statistics.noise_share)
-    return first.cost / first.values - last.cost / last.values > causes * chance
+    fit = after.refit
+    parameters = sum(map(fit.count_parameters, fit.causes))
+    statistics = fit.statistics
+    price = load_calibration().price_parameters(
+        parameters, statistics.noise_share, statistics.values
+    )
+    return first.cost / first.values - last.cost / last.values > price

@@ -1,6 +1,7 @@
 """Constants of the posterior, calibrated on virtual machines, and their origin."""
 
 import json
+import math
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -19,7 +20,6 @@ class Calibration(BaseModel):
         error_values: effective sample size of the model error: its number of independent values.
         max_noise_share: largest share of the noise in a variance: no model is exact, and the
             parameters of any cause fit some noise.
-        chance: gain of a wrong cause on the model error of a real machine [nats per value].
         force_scale: temperature of the softmax over places, as a share of the largest gain.
         campaigns: number of campaigns of the calibration.
         command: command that makes the calibration.
@@ -33,7 +33,6 @@ class Calibration(BaseModel):
     hidden_width: float
     error_values: float
     max_noise_share: float
-    chance: float
     force_scale: float
     campaigns: int = 0
     command: str = ""
@@ -56,6 +55,22 @@ class Calibration(BaseModel):
         """
         share = min(noise_share, self.max_noise_share)
         return 1 / (share / values + (1 - share) / self.error_values)
+
+    def price_parameters(self, parameters: int, noise_share: float, values: int) -> float:
+        """Return what fitted parameters gain by chance, per independent value [nats].
+
+        A prior as wide as a single value allows (unit information, Kass and Wasserman 1995) leaves
+        of the likelihood of k parameters, fitted to N independent values, the evidence
+
+            ln L - (k / 2) ln N   (Schwarz 1978).
+
+        Args:
+            parameters: number k of fitted parameters.
+            noise_share: share of the noise in the variance.
+            values: number of values.
+        """
+        count = self.count_independent(noise_share, values)
+        return parameters / 2 * math.log(max(count, 1.0)) / count
 
 
 @cache

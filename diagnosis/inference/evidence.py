@@ -4,6 +4,8 @@ Fits take seconds, the posterior takes a millisecond. The constants of the poste
 calibrated on stored evidence, and a new calibration needs no fit.
 """
 
+from collections.abc import Collection
+
 from pydantic import BaseModel, ConfigDict
 
 from identification.words import VarianceSource
@@ -108,6 +110,7 @@ class FittedSet(_Row, FitSummary):
         doubt: excess of chi square over one that a badly known variance explains.
         shifts: shift of the tolerances that each cause releases [standard deviations of a single
             one]; None for a cause that does not only release tolerances.
+        parameters: number of fitted parameters of each cause; none if empty.
     """
 
     keys: tuple[Key, ...]
@@ -122,6 +125,12 @@ class FittedSet(_Row, FitSummary):
     serial: float | None = None
     doubt: float = 0.0
     shifts: tuple[float | None, ...] = ()
+    parameters: tuple[int, ...] = ()
+
+    def count_parameters(self, proven: Collection[Key] = ()) -> int:
+        """Return the number of parameters of all causes but those that are proven."""
+        counts = zip(self.keys, self.parameters, strict=False)
+        return sum(count for key, count in counts if key not in proven)
 
 
 class ForceGain(_Row):

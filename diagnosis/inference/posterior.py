@@ -9,13 +9,14 @@ channels and hits: with a share s of the noise in the variance, the residual of 
 independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error alone. Relative to
 the empty set with a rest ("unexplained"), the log probability is
 
-    l_S = N [ c_0 - c_S - n_S chance (1 - s) ] - n_S ln M,
+    l_S = N (c_0 - c_S) - (k_S / 2) ln N - n_S ln M,
 
-where n_S is the number of its causes that no redundant channels prove. The best of M hypotheses
-gains by chance; ln M is the cost of a uniform prior. ``chance`` per value and share of model error
-accounts for errors of a real machine that resemble effects. A fault that redundant channels prove
-without a model pays for neither: its part of the gap decides. n_e and chance are calibrated on
-virtual machines whose errors are known. The empty set without a rest ("none") has odds of
+where n_S is the number of its causes that no redundant channels prove, and k_S that of their fitted
+parameters. The best of M hypotheses gains by chance; ln M is the cost of a uniform prior. Many
+parameters explain more by chance, be it the error of a real machine; k_S / 2 ln N is the cost of a
+prior as wide as one value allows (Schwarz 1978). A fault that redundant channels prove without a
+model pays for neither: its part of the gap decides. n_e is calibrated on virtual machines whose
+errors are known. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
@@ -132,12 +133,21 @@ def compute_log_odds(
         return np.zeros(0)
     null = evidence.null
     best = min(sets, key=lambda fitted: fitted.objective)
+    proven = set(evidence.small_faults)
     count = constants.count_independent(best.noise_share, best.values)
-    chance = constants.chance * (1 - best.noise_share)
     prior = float(np.log(max(evidence.hypotheses, 1)))
     gains = np.array([null.objective - fitted.objective for fitted in sets])
-    unproven = np.array([len(set(fitted.keys) - set(evidence.small_faults)) for fitted in sets])
-    return count * (gains - unproven * chance) - unproven * prior
+    prices = np.array(
+        [
+            constants.price_parameters(
+                fitted.count_parameters(proven), best.noise_share, best.values
+            )
+            for fitted in sets
+        ]
+    )
+    unproven = np.array([len(set(fitted.keys) - proven) for fitted in sets])
+    logs: np.ndarray[tuple[int], np.dtype[np.float64]] = count * (gains - prices) - unproven * prior
+    return logs
 
 
 def select_material_sets(

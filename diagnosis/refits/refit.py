@@ -85,6 +85,22 @@ class Refit(FitSummary):
         """Return the direction that the fit gives a cause."""
         return cause.along(map_values(self.fit.parametrisation, self.fit.theta))
 
+    def count_parameters(self, cause: Hypothesis) -> int:
+        """Return the number of parameters that the fit gives a cause.
+
+        Tolerances without their prior count, and parameters of Parts. Those at a bound do not, nor
+        those that stay at zero, such as the direction of a link without stiffness, or that have a
+        prior.
+
+        Args:
+            cause: cause of the set.
+        """
+        varies, x = self.fit.parametrisation, self.fit.x
+        added = {p.name for part in cause.parts for p in part.parameters} - cause.follow.keys()
+        own = np.isin(np.array(varies.names), [*added, *cause.release])
+        free = own & ~varies.has_prior & ~varies.coordinates_at_bound(x) & (x != 0)
+        return int(free.sum())
+
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
         """Return how far a cause that only releases tolerances shifts them.
 
@@ -154,4 +170,5 @@ def summarise_refit(refit: Refit) -> FittedSet:
         serial=refit.serial,
         doubt=refit.doubt,
         shifts=tuple(refit.tolerance_shift(cause) for cause in refit.causes),
+        parameters=tuple(map(refit.count_parameters, refit.causes)),
     )

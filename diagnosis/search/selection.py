@@ -61,8 +61,12 @@ def select_causes(
 def _is_promising(search: Search, best: Refit, path: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether the search goes on from a set, be it improbable."""
     gain = path.objective - best.objective
-    chance = load_calibration().chance * (1 - best.statistics.noise_share)
-    return gain > chance or is_last_material(search, best, settings)
+    price = load_calibration().price_parameters(
+        best.count_parameters(best.causes[-1]),
+        best.statistics.noise_share,
+        best.statistics.values,
+    )
+    return gain > price or is_last_material(search, best, settings)
 
 
 def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:

@@ -110,7 +110,6 @@ def _describe_weighing(test: LinearisedTest, stride: int) -> Weighing:
         counted_values=test.values / max(1, stride // 2),
         error_values=constants.error_values,
         max_noise_share=constants.max_noise_share,
-        chance=constants.chance,
         hidden=constants.hidden["lines"],
         hidden_width=constants.hidden_width,
         min_closed=SETTINGS.min_closed,

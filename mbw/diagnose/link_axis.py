@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from diagnosis import Diagnosis
+from diagnosis.effects.link import build_passive
 from mbw.diagnose.schema import Point
 
 _ENTRY = re.compile(r"\.link\d+\.stiffness_([xyz]{1,2})$")
@@ -37,21 +38,17 @@ def link_axis(diagnosis: Diagnosis, location: str) -> Point | None:
 
 
 def principal_axis(entries: Mapping[str, float]) -> Point | None:
-    """Return the stiffest axis of a symmetric matrix.
+    """Return the stiffest axis of a link.
 
     Args:
-        entries: entries of the matrix, such as ``x`` on its diagonal and ``yz`` beside it.
+        entries: sizes ``x``, ``y``, ``z`` and entries ``xy``, ``xz``, ``yz`` of N, as in
+            ``diagnosis.effects.link``; those that are missing are zero.
     """
-    matrix = np.zeros((3, 3))
-    for name, value in entries.items():
-        row, column = "xyz".index(name[0]), "xyz".index(name[-1])
-        matrix[row, column] = matrix[column, row] = value
-    sizes, axes = np.linalg.eigh(matrix)
-    order = np.argsort(-np.abs(sizes))
-    first, second = np.abs(sizes[order[:2]])
-    if not first > _MIN_STIFFNESS_RATIO * second:
+    values = np.array([entries.get(name, 0.0) for name in ("x", "y", "z", "xy", "xz", "yz")])
+    sizes, axes = np.linalg.eigh(build_passive(values[:3], values[3:]))
+    if not sizes[2] > _MIN_STIFFNESS_RATIO * sizes[1]:
         return None
-    axis = axes[:, order[0]]
+    axis = axes[:, 2]
     axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
     return (float(axis[0]), float(axis[1]), float(axis[2]))
 

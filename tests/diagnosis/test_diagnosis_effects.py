@@ -5,8 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from diagnosis import EFFECTS, Scene
+from diagnosis.effects.link import build_passive, slope_passive
 from diagnosis.effects.points import are_joined
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.refits.refitting import add_hypothesis
@@ -178,13 +180,11 @@ def test_a_link_states_what_it_has_in_each_direction_or_in_its_own(scene):
     alike[:3], alike[3:6] = stiffness / units[0], damping / units[1]
     said = one.state(dict(zip(names, alike, strict=True)))
     assert said == pytest.approx({"stiffness": stiffness, "damping": damping})
-    # A strut, wherever it is, gives k n n' at its point.
+    # A strut, wherever it is, gives k n n' at its point: y is turned towards x and z.
     axis = np.array([0.6, -0.64, 0.48])
-    square = np.outer(axis, axis)
-    entries = np.array([square[k] for k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
     strut = np.zeros(15)
-    strut[[0, 1, 2, 6, 7, 8]] = entries * stiffness / units[0]
-    strut[[3, 4, 5, 9, 10, 11]] = entries * damping / units[1]
+    strut[[1, 4]] = axis[1] ** 2 * np.array([stiffness / units[0], damping / units[1]])
+    strut[[6, 9]], strut[[8, 11]] = axis[0] / axis[1], axis[2] / axis[1]
     strut[12:] = 1.0, -2.0, 0.5  # tenths of a metre from halfway
     said = one.state(dict(zip(names, strut, strict=True)))
     assert said == pytest.approx({"stiffness": stiffness, "damping": damping})
@@ -365,3 +365,31 @@ def test_no_body_loses_more_than_it_has_and_small_masses_hang_on_it(scene):
         assert stated["mass"] == pytest.approx(mass)
         assert np.linalg.norm(stated["position"]) < 10
         assert len(one.bounds) == len(part.parameters)
+
+
+def test_a_link_is_any_passive_matrix_and_no_other():
+    """Every K without negative eigenvalues, of any rank, is fitted from a start along the axes."""
+    random = np.random.default_rng(5)
+    upper = np.triu_indices(3)
+    lower, higher = [0.0] * 3 + [-1.0] * 3, [np.inf] * 3 + [1.0] * 3
+    for number in range(30):
+        root = random.standard_normal((3, 1 + number % 3)) * 10.0 ** random.uniform(-2, 0)
+        wanted = root @ root.T / np.trace(root @ root.T)
+        start = np.append(np.diag(wanted), np.zeros(3))
+        fit = least_squares(
+            lambda x, wanted=wanted: (build_passive(x[:3], x[3:]) - wanted)[upper],
+            start, bounds=(lower, higher), xtol=1e-14, ftol=1e-14, gtol=1e-14,
+        )  # fmt: skip
+        assert np.abs(fit.fun).max() < 1e-6
+        any_other = np.append(random.uniform(0, 1, 3), random.uniform(-1, 1, 3))
+        matrix = build_passive(any_other[:3], any_other[3:])
+        assert np.linalg.eigvalsh(matrix).min() > -1e-12
+
+
+def test_the_slopes_of_a_passive_matrix_are_those_of_differences():
+    random = np.random.default_rng(6)
+    theta, step = np.append(random.uniform(0, 1, 3), random.uniform(-1, 1, 3)), 1e-6
+    slopes = slope_passive(theta[:3], theta[3:])
+    for number, unit in enumerate(step * np.eye(6)):
+        (high, low) = (build_passive(x[:3], x[3:]) for x in (theta + unit, theta - unit))
+        np.testing.assert_allclose(slopes[number], (high - low) / (2 * step), atol=1e-9)

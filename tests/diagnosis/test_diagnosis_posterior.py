@@ -20,7 +20,6 @@ CONSTANTS = Calibration(
     hidden_width=0.25,
     error_values=80.0,
     max_noise_share=0.99,
-    chance=0.5,
     force_scale=0.04,
 )
 A, B, C = (("mass_error", f"body:{name}", None) for name in "abc")
@@ -56,13 +55,13 @@ def total(posterior):
 
 
 def test_the_log_odds_of_a_set_are_those_computed_by_hand():
-    one, two = fitted((A,), -2.0, 0.5), fitted((A, B), -3.0, 0.0)
+    one = fitted((A,), -2.0, 0.5, parameters=(4,))
+    two = fitted((A, B), -3.0, 0.0, parameters=(4, 15))
     logs = compute_log_odds(evidence(), [one, two], CONSTANTS)
     count = 1 / (0.2 / 6000 + 0.8 / 80.0)  # at the noise share of the best set
-    chance = 0.5 * (1 - 0.2)  # per cause, at the noise share of the best set
     expected = [
-        count * (2.0 - chance) - np.log(50),
-        count * (3.0 - 2 * chance) - 2 * np.log(50),
+        count * 2.0 - 4 / 2 * np.log(count) - np.log(50),
+        count * 3.0 - 19 / 2 * np.log(count) - 2 * np.log(50),
     ]
     np.testing.assert_allclose(logs, expected)
 
@@ -220,12 +219,14 @@ def test_causes_within_three_nats_of_each_other_are_confounded():
     assert Posterior(0.1, 0.1, 0.9, (), (), both).find_confounded_pairs() == ((B[:2], C[:2]),)
 
 
-def test_a_fault_that_redundant_channels_prove_pays_no_chance():
-    alone, beside = fitted((A,), -0.1, 0.5), fitted((A, B), -0.6, 0.0)
+def test_a_fault_that_redundant_channels_prove_pays_for_no_parameter():
+    alone = fitted((A,), -0.1, 0.5, parameters=(6,))
+    beside = fitted((A, B), -0.6, 0.0, parameters=(6, 3))
     logs = compute_log_odds(evidence(small_faults=(A,)), [alone, beside], CONSTANTS)
-    count, chance = CONSTANTS.count_independent(0.2, 6000), 0.5 * (1 - 0.2)
-    np.testing.assert_allclose(logs, [count * 0.1, count * (0.6 - chance) - np.log(50)])
-    sets = [fitted((A,), -0.1, 0.5)]
+    count = CONSTANTS.count_independent(0.2, 6000)
+    expected = [count * 0.1, count * 0.6 - 3 / 2 * np.log(count) - np.log(50)]
+    np.testing.assert_allclose(logs, expected)
+    sets = [fitted((A,), -0.1, 0.5, parameters=(6,))]
     assert dict(compute_posterior(evidence(sets), CONSTANTS).causes).get(A, 0.0) < 1e-2
     proven = compute_posterior(evidence(sets, small_faults=(A,)), CONSTANTS)
     assert dict(proven.causes)[A] > 0.99

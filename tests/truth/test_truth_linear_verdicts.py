@@ -39,7 +39,6 @@ def verdicts(test):
         counted_values=2.0 * test.values,
         error_values=CONSTANTS.error_values,
         max_noise_share=CONSTANTS.max_noise_share,
-        chance=CONSTANTS.chance,
         hidden=CONSTANTS.hidden["lines"],
         hidden_width=CONSTANTS.hidden_width,
         min_closed=0.2,
@@ -165,6 +164,7 @@ def simulate(verdicts, numbers, size, draws, random):
                 values=round(weighing.counted_values),
                 noise_share=min(1 / (1 + after), weighing.max_noise_share),
                 effective_values=1.0, chi_square=1 + gap, serial=gap + noise, doubt=1e9,
+                parameters=(len(numbers),) * len(keys),
             )
             for keys, gap in (((), before), ((("true", "here", None),), after))
         ]  # fmt: skip
@@ -183,9 +183,9 @@ def test_rates_are_those_of_fits_weighed_by_the_posterior(verdicts, effect):
     numbers = numbers_of(verdicts, effect)
     alone = [k for k, one in enumerate(verdicts.signatures) if one.effect != effect or k in numbers]
     many = replace(verdicts, draws=240)
-    many = replace(many, signatures=[verdicts.signatures[k] for k in alone])
+    many = replace(many, signatures=[verdicts.signatures[k] for k in alone], _family_fits={})
     numbers = numbers_of(many, effect)
-    many.__dict__["_rival_shares"] = lambda *_: np.zeros((many.draws, 0))
+    many.__dict__["_is_rival"] = lambda *_: False
     sizes = np.geomspace(*many.signatures[numbers[0]].drawn.limits, 60)
     rates = np.array([many.find(numbers, np.full(many.draws, size)).mean() for size in sizes])
     random = np.random.default_rng(3)

@@ -131,7 +131,10 @@ class LinearVerdicts:
         left = np.maximum(left, 0.0) ** 2 / weighing.fitted_values
         after_each = after[:, None] + np.insert(left, 0, 0.0, axis=1)
         hypotheses = len({family[:2] for family, _ in self.families})
-        logs = weighing.weigh(before, after_each, hypotheses)
+        effect = self.signatures[numbers[0]]
+        rivals_of = [row for _, row in self.families if self._is_rival(effect, row[0])]
+        parameters = np.array([len(numbers), *map(len, rivals_of)])
+        logs = weighing.weigh(before, after_each, hypotheses, parameters)
         gap = before + self.noise[2] / np.sqrt(weighing.values)
         others = np.column_stack([logs[:, 1:], np.zeros(len(gap)), weighing.weigh_nothing(gap)])
         is_probable = logs[:, 0] > logsumexp(others, axis=1)

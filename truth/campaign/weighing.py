@@ -3,10 +3,10 @@ r"""How a diagnosis weighs fits: odds of a cause, and when tolerances explain th
 A fit without a cause leaves the gap e_0 per value, one with a cause e_1. With N independent values
 of its residual, M effects and places, and the share s = 1 / (1 + e_1) <= s_max of the noise,
 
-    l = N [ln(1 + e_0) - ln(1 + e_1) - chance (1 - s)] - ln M,   1 / N = s / n + (1 - s) / n_e
+    l = N [ln(1 + e_0) - ln(1 + e_1)] - k / 2 ln N - ln M,   1 / N = s / n + (1 - s) / n_e
 
-are the log odds of the cause against "unexplained" (design effect: Kish 1965, ch. 5.4). Those of
-"none" are ln(hidden / e_0) / width.
+are the log odds of a cause with k parameters against "unexplained" (design effect: Kish 1965, ch.
+5.4; parameters: Schwarz 1978). Those of "none" are ln(hidden / e_0) / width.
 
 Among m tolerances the k farthest are chance if they are not less probable together than one
 outlier: P(k or more of m beyond the k-th) >= P(one or more of m beyond the outlier), binomial.
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.stats import binom, chi2, norm
 
 from truth.campaign.bounded_least_squares import BOUND
-from truth.machine.station import Mask, Real
+from truth.machine.station import Integer, Mask, Real
 
 _HALVINGS = 40  # of the interval of a threshold
 _SMALLEST_GAP = 1e-9
@@ -34,7 +34,6 @@ class Weighing:
         counted_values: number of those that the posterior counts.
         error_values: number of independent values of a model's error.
         max_noise_share: s_max, the largest share of the noise in the variance of a fit.
-        chance: gain of a wrong cause per value and share of the model's error [nats].
         hidden: gap per value that badly known noise may hide.
         hidden_width: width of its logarithm.
         min_closed: part of the gap that a material cause closes.
@@ -46,24 +45,24 @@ class Weighing:
     counted_values: float
     error_values: float
     max_noise_share: float
-    chance: float
     hidden: float
     hidden_width: float
     min_closed: float
     outlier: float
 
-    def weigh(self, before: Real, after: Real, hypotheses: int) -> Real:
+    def weigh(self, before: Real, after: Real, hypotheses: int, parameters: Integer) -> Real:
         """Return l of fits [nats]; (n_draw, n_fit).
 
         Args:
             before: e_0; (n_draw,).
             after: e_1, of the effect itself first; (n_draw, n_fit).
             hypotheses: number M of effects and places.
+            parameters: number k of parameters of each fit; (n_fit,).
         """
         share = np.minimum(1 / (1 + after[:, :1]), self.max_noise_share)
         count = 1 / (share / self.counted_values + (1 - share) / self.error_values)
         gained = np.log1p(before)[:, None] - np.log1p(after)
-        logs: Real = count * (gained - self.chance * (1 - share)) - np.log(hypotheses)
+        logs: Real = count * gained - parameters / 2 * np.log(count) - np.log(hypotheses)
         return logs
 
     def weigh_nothing(self, gap: Real) -> Real:
