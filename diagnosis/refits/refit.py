@@ -89,8 +89,8 @@ class Refit(FitSummary):
         """Return the number of parameters that the fit gives a cause.
 
         Tolerances without their prior count, and parameters of Parts. Those at a bound do not, nor
-        those that stay at zero, such as the direction of a link without stiffness, or that have a
-        prior.
+        those that stay at zero, such as the direction of a link without stiffness. Priors of
+        parameters of Parts are so wide that data decide.
 
         Args:
             cause: cause of the set.
@@ -98,7 +98,7 @@ class Refit(FitSummary):
         varies, x = self.fit.parametrisation, self.fit.x
         added = {p.name for part in cause.parts for p in part.parameters} - cause.follow.keys()
         own = np.isin(np.array(varies.names), [*added, *cause.release])
-        free = own & ~varies.has_prior & ~varies.coordinates_at_bound(x) & (x != 0)
+        free = own & ~varies.coordinates_at_bound(x) & (x != 0)
         return int(free.sum())
 
     def tolerance_shift(self, cause: Hypothesis) -> float | None:

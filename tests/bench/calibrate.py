@@ -1,13 +1,13 @@
 """Constants of the posterior, by maximum likelihood on campaigns that no reported figure uses.
 
-Each kept row holds the evidence of one virtual machine and its truth: seeds 390000 to 391062, real
-instruments, 0, 5, 15 and 30 % of small errors beside one effect, two or none. Of each the logarithm
-of the probability of the truth counts: that of every effect that is present (geometric mean of
-two), of no cause where nothing is missing, and of no cause or of a small error that is named where
-small errors are alone. ``error_values`` is fitted on a grid; where the likelihood is flat, the
-least sure value counts. ``hidden``, its width and ``force_scale``
+Each kept row holds the evidence of one virtual machine and its truth (``calibration_rows``): real
+instruments, 0, 5, 15 and 30 % of small errors beside one effect, several or none. Of each the
+logarithm of the probability of the truth counts: that of every effect that is present (geometric
+mean of several), of no cause where nothing is missing, and of no cause or of a small error that is
+named where small errors are alone. ``error_values`` is fitted on a grid; where the likelihood is
+flat, the least sure value counts. ``hidden``, its width and ``force_scale``
 are those that earlier series of campaigns gave (seeds 80000 to 320673), but for ``hidden.lines``:
-four times the largest gap of the clean machines among these rows.
+four times the largest gap of exact machines among campaigns of seeds 390000 to 391062.
 
 ``python -m tests.bench.calibrate`` writes the maximum to ``diagnosis/inference/calibration.json``.
 """
@@ -24,7 +24,7 @@ from diagnosis.inference.calibration import Calibration, load_calibration
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import Posterior, compute_posterior, read_site
 
-ROWS = Path(__file__).parent / "results" / "calibrate.390000.json.gz"
+ROWS = Path(__file__).parent / "results" / "calibrate.430000.json.gz"
 FILE = Path(__file__).parents[2] / "diagnosis" / "inference" / "calibration.json"
 ERROR_VALUES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256)
 MIN_TRUTH_PROBABILITY = 0.01  # that a campaign counts at least: one outlier rules nothing
