@@ -79,7 +79,7 @@ class FitSummary:
         return beyond if self.serial is None else max(self.serial, beyond - self.doubt)
 
     def is_material_step(self, before: "FitSummary", null: "FitSummary", min_closed: float) -> bool:
-        """Return whether one more cause closes part of the gap, or leaves that part of the error.
+        """Return whether one more cause closes part of the gap, or leaves no more of what is left.
 
         Beside a strong effect a weaker one closes little of the gap, and most of what remains.
 
@@ -90,7 +90,7 @@ class FitSummary:
         """
         if before.gap - self.gap >= min_closed * null.gap:
             return True
-        return is_gap_visible(before.gap) and self.floor < min_closed * before.floor
+        return is_gap_visible(before.gap) and self.gap < min_closed * before.gap
 
 
 class FittedSet(_Row, FitSummary):

@@ -277,3 +277,29 @@ def test_how_far_released_tolerances_are_off_counts_how_many_they_are(case):
         assert erfc(z / sqrt(2)) == pytest.approx(tail, rel=1e-9)
     assert np.isfinite(shift({turn.release[0]: 80.0}, turn))
     assert shift({}, only(scene, "joint_coupling")[0]) is None
+
+
+def test_a_cause_has_as_many_parameters_as_its_fit_moves_freely(case):
+    scene, null, coupled, _ = case
+    assert coupled.count_parameters(coupled.causes[0]) == 3  # stiffness and damping follow others
+    link = only(scene, "parallel_path")[0]
+    session = add_hypothesis(scene.session, link)
+    varies = session.parametrisation
+    first = scene.session.parametrisation.size
+    x = np.zeros(varies.size)
+
+    def count(values):
+        ended = Ended(np.append(x[:first], values), varies)
+        refit = Refit(link, session, ended, null.statistics, null.fitted_values)
+        return refit.count_parameters(link)
+
+    strut = np.zeros(15)
+    assert count(strut) == 0
+    strut[[1, 6, 8, 12]] = 0.3, -0.5, 0.2, 0.1  # a stiffness, its axis, and one way aside
+    assert count(strut) == 4
+    strut[6] = 1.0  # at its bound
+    assert count(strut) == 3
+    assert count(np.full(15, 0.01)) == 15
+    gain = only(scene, "sensor_gain")[0]
+    released = run_refits(scene, [add_cause(null, gain)], SHORT)[0]
+    assert released.count_parameters(released.causes[0]) == len(gain.release)

@@ -49,6 +49,7 @@ def body_projections(
     target: Complex,
     body_roots: Sequence[BodyWeightRoot],
     *,
+    together: Sequence[Integers] = (),
     all_channels: bool,
 ) -> tuple[BodyProjection, ...]:
     """Return the projection of the channels of each body.
@@ -58,17 +59,22 @@ def body_projections(
         root: square roots of the weights of single channels; (n_freq, n_out, n_in).
         target: weighted residual; (n_freq, n_out, n_in).
         body_roots: weights that a body's channels have together, besides ``root``.
+        together: rows of each sensor with parameters, which no body may divide: the channels of a
+            bending body are its own where a mode has a zero, and else move with the mode too.
         all_channels: whether all channels are kept.
     """
     blocks: Mask = np.any(readout.reshape(len(readout), -1, N_MOTIONS), axis=2)
     is_on_one_body = blocks.sum(axis=1) == 1
     body_of = np.where(is_on_one_body, blocks.argmax(axis=1), -1)
+    for sensor in together:
+        if len(np.unique(body_of[sensor])) > 1:
+            body_of[sensor] = -1
     projections: list[BodyProjection] = []
     start = 0
     for body in np.unique(body_of):
         rows = np.flatnonzero(body_of == body)
         columns = slice(N_MOTIONS * body, N_MOTIONS * body + N_MOTIONS)
-        if body < 0:  # encoders, differences of two bodies
+        if body < 0:  # encoders, differences of two bodies; sensors of a body that bends
             columns = slice(0, readout.shape[1])
         rigid_motion, matrix = readout[rows, columns], _weights(rows, root, body_roots)
         targets = target[:, rows].transpose(0, 2, 1)

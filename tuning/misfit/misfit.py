@@ -428,17 +428,18 @@ class Misfit:
         for body in sums.body_roots:
             target[:, body.rows] = np.einsum("ftij,fjt->fit", body.inverse, target[:, body.rows])
         forward = sums.lines.sensitivities(partition.shared_parameters, rates)
+        sensor_slopes = sums.lines.sensitivities(partition.sensor_parameters)
+        columns = list(partition.sensor_columns(sensor_slopes, rates))
         projections = body_projections(
             sums.lines.ports.readout,
             root,
             target,
             sums.body_roots,
+            together=[rows for rows, _, _ in columns],
             all_channels=all_channels or forward.has_readout_terms,
         )
-        sensor_slopes = sums.lines.sensitivities(partition.sensor_parameters)
         sensors = (
-            _project_sensor(rows, values, root, target, projections)
-            for rows, values, _ in partition.sensor_columns(sensor_slopes, rates)
+            _project_sensor(rows, values, root, target, projections) for rows, values, _ in columns
         )
         return WeightedJacobian(partition, forward, projections, tuple(sensors))
 
