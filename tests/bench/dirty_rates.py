@@ -86,6 +86,8 @@ def figures(rows: Sequence[dict], old: Sequence[dict] = ()) -> list[dict[str, ob
     left_out = [row["left_out"] for row in rows if "left_out" in row]
     for reason in sorted(set(left_out)):
         found.append(_figure(f"campaigns left out: {reason}", left_out.count(reason), len(rows)))
+    failed = sum(case.verdict is NOTHING_SAID for case in read)
+    found.append(_figure("diagnoses that ended in an error", failed, len(read)))
     found += _calibration(read)
     found += _time("all", read)
     return found + compared(rows, old)
@@ -242,6 +244,8 @@ def wrong_rows(rows: Sequence[dict]) -> list[tuple[int, str, str]]:
 def is_right_row(case: Graded) -> bool:
     """Tell whether the verdict of a row is right, by what its cell asks for."""
     kind = case.row["cell"]
+    if case.verdict is NOTHING_SAID:
+        return False
     if kind == "single":
         return right_first(case.truth, case.verdict)
     if kind == "several":

@@ -116,6 +116,10 @@ def test_imperfections_alone_may_be_named_if_they_matter():
     assert told["alone, dirt 15 %: wrong cause with p of 0.5 or more, %"][1].startswith("3 [")
     ((seed, true, said),) = wrong_rows(rows)
     assert (seed, true, said) == (2, "alone: nothing", "partly, joint_coupling at joint:ty 0.80")
+    assert told["diagnoses that ended in an error"] == (0, 3)
+    ended = [*rows, row(4, alone, None, nothing, None)]
+    assert values(ended)["diagnoses that ended in an error"] == (1, 4)
+    assert [seed for seed, *_ in wrong_rows(ended)] == [2, 4]
 
 
 def test_several_faults_are_found_if_all_are_likely():
