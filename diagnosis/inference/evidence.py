@@ -78,19 +78,16 @@ class FitSummary:
         beyond = self.chi_square - 1
         return beyond if self.serial is None else max(self.serial, beyond - self.doubt)
 
-    def is_material_step(self, before: "FitSummary", null: "FitSummary", min_closed: float) -> bool:
-        """Return whether one more cause closes part of the gap, or leaves no more of what is left.
+    def is_material_step(self, before: "FitSummary", min_closed: float) -> bool:
+        """Return whether one more cause closes so much of the gap that remains without it.
 
-        Beside a strong effect a weaker one closes little of the gap, and most of what remains.
+        Beside a strong effect a weaker one closes little of the gap of the null model.
 
         Args:
             before: fit without the cause.
-            null: null model.
-            min_closed: that part.
+            min_closed: part of its gap.
         """
-        if before.gap - self.gap >= min_closed * null.gap:
-            return True
-        return is_gap_visible(before.gap) and self.gap < min_closed * before.gap
+        return is_gap_visible(before.gap) and before.gap - self.gap >= min_closed * before.gap
 
 
 class FittedSet(_Row, FitSummary):

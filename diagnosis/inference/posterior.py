@@ -169,7 +169,7 @@ def select_material_sets(
         fewer = [fits[without] for without in sets_without.values() if without in fits]
         if sets_without[fitted.keys[-1]] not in fits:
             fewer.append(null)
-        return all(fitted.is_material_step(before, null, settings.min_closed) for before in fewer)
+        return all(fitted.is_material_step(before, settings.min_closed) for before in fewer)
 
     return [fitted for fitted in sets if is_material(fitted)]
 

@@ -138,7 +138,7 @@ def test_a_cause_that_closes_less_than_a_fifth_is_not_material():
     enough = fitted((B,), -1.0, 7.9)
     most = fitted((C,), -1.0, 1.9)
     beside = fitted((B, C), -1.5, 5.5)
-    rest = fitted((C, A), -2.0, 0.5)
+    rest = fitted((C, A), -2.0, 1.6)
     material = select_material_sets(null, [little, enough, most, beside, rest], SETTINGS)
     # C closes enough beside B, but B closes nothing beside C, whichever came last.
     assert [fitted_set.keys for fitted_set in material] == [(B,), (C,)]
@@ -152,11 +152,11 @@ def test_both_causes_of_a_material_pair_close_a_fifth_beside_each_other():
     assert [fitted_set.keys for fitted_set in material] == [(A,), (B,), (A, B)]
 
 
-def test_a_weak_cause_beside_a_strong_one_is_material_if_it_leaves_a_fifth_of_the_rest():
+def test_a_weak_cause_beside_a_strong_one_is_material_if_it_closes_a_fifth_of_the_rest():
     null = fitted((), 0.0, 300.0)
     strong = fitted((A,), -1.0, 20.0)
     weak = fitted((A, B), -3.0, 0.1)
-    small_error = fitted((A, C), -2.0, 4.1)
+    small_error = fitted((A, C), -2.0, 16.1)
     beside_nothing = fitted((A, B, C), -3.1, 0.0)  # no gap was visible before
     material = select_material_sets(null, [strong, weak, small_error, beside_nothing], SETTINGS)
     assert [fitted_set.keys for fitted_set in material] == [(A,), (A, B)]
