@@ -7,7 +7,8 @@ is found by the next round, from a model that has the first (Draper and Smith 19
 
 While others are missing, an effect may be improbable or close little of the gap. The search
 therefore goes on as long as the last cause gains more than a wrong one does by chance, and a gap
-remains that a further one may close.
+remains that a further one may close. It ends after some rounds in a row in none of which the set
+became more probable: of several effects, the last one to be found explains most.
 """
 
 from collections.abc import Callable
@@ -19,7 +20,12 @@ from diagnosis.inference.evidence import Key
 from diagnosis.null_model import Baseline, admit_outliers, refit_from
 from diagnosis.refits.refit import Refit
 from diagnosis.search.elimination import reconsider_causes
-from diagnosis.search.fitted_sets import Search, is_acceptable, is_last_material
+from diagnosis.search.fitted_sets import (
+    Search,
+    is_acceptable,
+    is_last_material,
+    is_more_probable,
+)
 from diagnosis.search.refit_round import list_excluded, refit_round, score_hypotheses
 from diagnosis.settings import DiagnosisSettings
 from tuning import is_gap_visible
@@ -38,7 +44,12 @@ def select_causes(
     small_faults = tuple(map(key_of, base.checks.small))
     search, path = Search(base.null, base.null, small_faults=small_faults), base.null
     visited: set[frozenset[Key]] = set()
-    while len(path.causes) < settings.max_causes and frozenset(path.keys) not in visited:
+    vain_rounds = 0
+    while (
+        len(path.causes) < settings.max_causes
+        and frozenset(path.keys) not in visited
+        and vain_rounds < settings.max_vain_rounds
+    ):
         visited.add(frozenset(path.keys))
         say(f"score tests of all hypotheses for cause {len(path.causes) + 1}")
         ranked = score_hypotheses(base.scene, path, list_excluded(base), settings)
@@ -50,7 +61,8 @@ def select_causes(
         best = min(refits, key=lambda refit: refit.objective, default=None)
         if best is None or not _is_promising(search, best, path, settings):
             break
-        search, path = reconsider_causes(base, search, best, settings)
+        before, (search, path) = path, reconsider_causes(base, search, best, settings)
+        vain_rounds = 0 if is_more_probable(search, path, before) else vain_rounds + 1
         if is_acceptable(search, path, settings):
             search = replace(search, selected=path)
         if not is_gap_visible(path.gap):
