@@ -31,8 +31,6 @@ class DiagnosisSettings:
         max_bending_bodies: bodies that are candidates for bending: each takes several refits. If
             more of them bend, the data checks prove no small faults of sensors.
         max_causes: number of causes of the largest set.
-        max_vain_rounds: rounds in a row without a more probable set after which the search ends. Of
-            two equal effects the first alone explains too little to be probable.
         min_closed: part of the gap that an established cause closes (FORMATS).
         min_probability: probability of an established cause (FORMATS).
         force_floor_ratio: part of the model-error floor that counts for free forces: with a force
@@ -74,7 +72,6 @@ class DiagnosisSettings:
     min_proven_probability: float = 0.9
     max_bending_bodies: int = 2
     max_causes: int = 5
-    max_vain_rounds: int = 2
     min_closed: float = 0.2
     min_probability: float = 0.5
     force_floor_ratio: float = 0.1

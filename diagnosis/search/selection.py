@@ -7,8 +7,8 @@ is found by the next round, from a model that has the first (Draper and Smith 19
 
 While others are missing, an effect may be improbable or close little of the gap. The search
 therefore goes on as long as the last cause gains more than a wrong one does by chance, and a gap
-remains that a further one may close. It ends after some rounds in a row in none of which the set
-became more probable: of several effects, the last one to be found explains most.
+remains that a further one may close. It ends after two rounds in a row in which the set did not
+become more probable: of two equal effects, the first alone explains too little.
 """
 
 from collections.abc import Callable
@@ -44,11 +44,11 @@ def select_causes(
     small_faults = tuple(map(key_of, base.checks.small))
     search, path = Search(base.null, base.null, small_faults=small_faults), base.null
     visited: set[frozenset[Key]] = set()
-    vain_rounds = 0
+    was_vain = is_vain = False
     while (
         len(path.causes) < settings.max_causes
         and frozenset(path.keys) not in visited
-        and vain_rounds < settings.max_vain_rounds
+        and not (was_vain and is_vain)
     ):
         visited.add(frozenset(path.keys))
         say(f"score tests of all hypotheses for cause {len(path.causes) + 1}")
@@ -62,7 +62,7 @@ def select_causes(
         if best is None or not _is_promising(search, best, path, settings):
             break
         before, (search, path) = path, reconsider_causes(base, search, best, settings)
-        vain_rounds = 0 if is_more_probable(search, path, before) else vain_rounds + 1
+        was_vain, is_vain = is_vain, not is_more_probable(search, path, before)
         if is_acceptable(search, path, settings):
             search = replace(search, selected=path)
         if not is_gap_visible(path.gap):

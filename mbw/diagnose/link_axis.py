@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from diagnosis import Diagnosis
-from diagnosis.effects.link import build_passive
+from diagnosis.effects.passive_matrix import build_passive
 from mbw.diagnose.schema import Point
 
 _ENTRY = re.compile(r"\.link\d+\.stiffness_([xyz]{1,2})$")
@@ -42,7 +42,7 @@ def principal_axis(entries: Mapping[str, float]) -> Point | None:
 
     Args:
         entries: sizes ``x``, ``y``, ``z`` and entries ``xy``, ``xz``, ``yz`` of N, as in
-            ``diagnosis.effects.link``; those that are missing are zero.
+            ``diagnosis.effects.passive_matrix``; those that are missing are zero.
     """
     values = np.array([entries.get(name, 0.0) for name in ("x", "y", "z", "xy", "xz", "yz")])
     sizes, axes = np.linalg.eigh(build_passive(values[:3], values[3:]))

@@ -28,7 +28,6 @@ RUNGS: dict[str, DiagnosisSettings] = {
     "one refit a round": replace(SETTINGS, max_refits=1),
     "no variants and replacements": replace(SETTINGS, max_variants=0),
     "one cause at most": replace(SETTINGS, max_causes=1),
-    "as many vain rounds as causes": replace(SETTINGS, max_vain_rounds=SETTINGS.max_causes),
     "floors in one turn": replace(SETTINGS, schedule=FloorSchedule(max_turns=1)),
     "no bodies that bend": replace(SETTINGS, max_bending_bodies=0),
     "one start of a body's mode": replace(SETTINGS, bending_start_ratios=(1.0,)),

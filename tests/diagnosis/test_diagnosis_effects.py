@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.effects.link import build_passive, slope_passive
+from diagnosis.effects.passive_matrix import build_passive, slope_passive
 from diagnosis.effects.points import are_joined
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.refits.refitting import add_hypothesis

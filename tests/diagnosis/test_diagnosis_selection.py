@@ -48,10 +48,10 @@ def test_a_set_with_the_causes_has_a_lower_floor_than_the_null_model(two_effects
 def test_causes_that_predict_held_out_lines_no_better_are_not_admitted(two_effects, monkeypatch):
     found, _ = two_effects
     gaps = found.gaps
-    assert predicts_held_out(gaps.retuned, gaps.after, 2)
+    assert predicts_held_out(gaps.retuned, gaps.after)
     useless = replace(gaps.after, predicted=gaps.retuned.predicted)
-    assert not predicts_held_out(gaps.retuned, useless, 1)
-    assert predicts_held_out(gaps.after, gaps.after, 1)  # not visible: the fits decide
+    assert not predicts_held_out(gaps.retuned, useless)
+    assert predicts_held_out(gaps.after, gaps.after)  # not visible: the fits decide
 
     def estimate(base, whole, null, chosen, settings):
         return replace(gaps, after=useless if chosen.causes else None)
