@@ -1,0 +1,66 @@
+"""Evidence of the calibration: campaigns that no reported figure uses, diagnosed one by one.
+
+The designs are those of the reported campaigns (``dirty_campaigns``) with other seeds: the first
+designs from 430000 on, and further ones that have nothing but small errors from 431000 on. Force
+channels and exact machines of the catalogue are left out: small errors decide the constants.
+
+``python -m tests.bench.calibration_rows`` goes on from where it was, then packs the rows for
+``calibrate``. ``CAMPAIGNS`` and ``JOBS`` as in ``dirty``.
+"""
+
+import gzip
+import json
+import os
+import tomllib
+
+from threadpoolctl import threadpool_limits
+
+from diagnosis import diagnose
+from tests.bench.calibrate import ROWS
+from tests.bench.dirty import LEAST_RATIO, dirt_items, weakest_ratio
+from tests.bench.dirty_campaigns import Stored, ensure, reported_designs
+from tests.bench.kept import cases
+from tuning import open_session
+
+FIRST, FIRST_ALONE = 430_000, 431_000
+COUNT, COUNT_ALONE = 48, 120  # designs from which campaigns are chosen
+CELLS = ("single", "several", "alone", "nothing")
+
+
+def seeds() -> list[int]:
+    """Return the seeds of all campaigns."""
+    designs = reported_designs()
+    first = [FIRST + n for n in range(COUNT) if designs[n].cell in CELLS]
+    return first + [FIRST_ALONE + n for n in range(COUNT_ALONE) if designs[n].cell == "alone"]
+
+
+def make(seed: int) -> dict[str, object]:
+    """Return truth, small errors and evidence of a campaign; no evidence if none can be judged."""
+    base = FIRST_ALONE if seed >= FIRST_ALONE else FIRST
+    stored = ensure(reported_designs()[seed - base], seed)
+    ratio = None if stored.answer is None else weakest_ratio(stored.answer)
+    if stored.answer is None or (ratio is not None and ratio < LEAST_RATIO):
+        return {"seed": seed}
+    return {"seed": seed, **describe_truth(stored.answer), "evidence": _evidence(stored)}
+
+
+def describe_truth(answer: str) -> dict[str, object]:
+    """Return effects with their places, and those of all small errors."""
+    told = tomllib.loads(answer)
+    causes = [cause for cause in told.get("cause", [told]) if cause["effect"] != "none"]
+    return {
+        "truth": [[cause["effect"], cause["location"]] for cause in causes],
+        "items": [item.split("@") for item in dirt_items(answer)],
+    }
+
+
+def _evidence(stored: Stored) -> dict[str, object]:
+    with threadpool_limits(1):
+        return diagnose(open_session(stored.folder)).evidence.model_dump(mode="json")
+
+
+if __name__ == "__main__":
+    made, file = cases("calibrate", seeds(), make, int(os.environ.get("JOBS", "2")))
+    whole = [row for row in made if "evidence" in row]
+    ROWS.write_bytes(gzip.compress(json.dumps(whole).encode(), mtime=0))
+    file.unlink()
