@@ -167,8 +167,8 @@ class Link:
         """Return the slopes of K and C by the entries of both; (12, 2, 3, 3)."""
         slopes = np.zeros((12, 2, 3, 3))
         for k in range(2):
-            own = [*range(3 * k, 3 * k + 3), *range(6 + 3 * k, 9 + 3 * k)]
-            slopes[own, k] = slope_passive(theta[own[:3]], theta[own[3:]])
+            places = [*range(3 * k, 3 * k + 3), *range(6 + 3 * k, 9 + 3 * k)]
+            slopes[places, k] = slope_passive(theta[places[:3]], theta[places[3:]])
         return slopes
 
     def _find_motion(self, theta: Real) -> Real:

@@ -36,6 +36,6 @@ def slope_passive(sizes: Real, turned: Real) -> Real:
 def _build_columns(turned: Real) -> Real:
     """Return 1 + N; (..., 3, 3)."""
     columns = np.broadcast_to(np.eye(3), (*turned.shape[:-1], 3, 3)).copy()
-    rows, others = np.triu_indices(3, k=1)
-    columns[..., rows, others] = columns[..., others, rows] = turned
+    rows, ends = np.triu_indices(3, k=1)
+    columns[..., rows, ends] = columns[..., ends, rows] = turned
     return columns

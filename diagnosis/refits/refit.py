@@ -97,8 +97,8 @@ class Refit(FitSummary):
         """
         varies, x = self.fit.parametrisation, self.fit.x
         added = {p.name for part in cause.parts for p in part.parameters} - cause.follow.keys()
-        own = np.isin(np.array(varies.names), [*added, *cause.release])
-        free = own & ~varies.coordinates_at_bound(x) & (x != 0)
+        is_added = np.isin(np.array(varies.names), [*added, *cause.release])
+        free = is_added & ~varies.coordinates_at_bound(x) & (x != 0)
         return int(free.sum())
 
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
