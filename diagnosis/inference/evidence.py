@@ -57,8 +57,10 @@ class FitSummary:
         cost: -ln L at the floor, mean of all values [nats].
         prior: cost of the tolerances, half the sum of their squared shifts [nats].
         fitted_values: number of values that the fit saw.
+        keys: causes of the fit; none of the null model.
     """
 
+    keys: tuple[Key, ...]
     chi_square: float
     floor: float
     serial: float | None
@@ -81,13 +83,15 @@ class FitSummary:
     def is_material_step(self, before: "FitSummary", min_closed: float) -> bool:
         """Return whether one more cause closes so much of the gap that remains without it.
 
-        Beside a strong effect a weaker one closes little of the gap of the null model.
+        Beside a strong effect a weaker one closes little of the gap of the null model. Where other
+        causes leave no visible gap, no further one is material.
 
         Args:
             before: fit without the cause.
             min_closed: part of its gap.
         """
-        return is_gap_visible(before.gap) and before.gap - self.gap >= min_closed * before.gap
+        has_rest = not before.keys or is_gap_visible(before.gap)
+        return has_rest and before.gap - self.gap >= min_closed * before.gap
 
 
 class FittedSet(_Row, FitSummary):

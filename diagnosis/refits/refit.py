@@ -73,7 +73,7 @@ class Refit(FitSummary):
         return self.hypothesis.members or (self.hypothesis,)
 
     @property
-    def keys(self) -> tuple[Key, ...]:
+    def keys(self) -> tuple[Key, ...]:  # type: ignore[override]
         """Effect, location and direction of each cause."""
         return tuple(cause.key for cause in self.causes)
 

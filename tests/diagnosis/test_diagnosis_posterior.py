@@ -230,3 +230,10 @@ def test_a_fault_that_redundant_channels_prove_pays_for_no_parameter():
     assert dict(compute_posterior(evidence(sets), CONSTANTS).causes).get(A, 0.0) < 1e-2
     proven = compute_posterior(evidence(sets, small_faults=(A,)), CONSTANTS)
     assert dict(proven.causes)[A] > 0.99
+
+
+def test_the_first_cause_of_a_gap_that_noise_nearly_hides_is_material():
+    null, alone = fitted((), 0.0, 0.05), fitted((A,), -1.0, 0.01)
+    assert select_material_sets(null, [alone], SETTINGS) == [alone]
+    pair = fitted((A, B), -2.0, 0.0)  # what A leaves is not visible
+    assert select_material_sets(null, [alone, pair], SETTINGS) == [alone]
