@@ -99,7 +99,7 @@ def test_a_gap_that_more_noise_may_hide_needs_a_larger_size(found):
     signatures, information = found
     alone = [one for one in signatures if one.effect == "structural_damping"][:1]
     usual = predict_smallest(alone, information, WEIGHING)[0].of_usual
-    (row,) = predict_smallest(alone, information, replace(WEIGHING, hidden=1.0))
+    (row,) = predict_smallest(alone, information, replace(WEIGHING, hidden=1e4))
     assert row.of_usual > 1.05 * usual
 
 
