@@ -110,7 +110,8 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
     threads = scene.jobs if len(tasks) == 1 else 1
     lines, settings = len(scene.session.campaign.freq_hz), scene.settings
     stride = choose_stride(lines, schedule.stride * scene.stride_factor, settings)
-    schedule = replace(schedule, stride=stride)
+    thinning = max(1, stride // schedule.stride)
+    schedule = replace(schedule, stride=stride, first_stride_factor=thinning)
     lags = settings.serial_lags if scene.has_independent_lines else ()
     record = scene.record or RefitRecord(Checkpoint())
     names = [record.next_name(_name_causes(task)) for task in tasks]

@@ -7,7 +7,15 @@ import pytest
 from small_machine import virtual_campaign
 
 from identification.words import Campaign
-from tuning import estimate_model_error, fit_at_error_floor, parametrise, predict
+from tuning import (
+    STAGES,
+    FloorSchedule,
+    estimate_model_error,
+    fit,
+    fit_at_error_floor,
+    parametrise,
+    predict,
+)
 from tuning.assessment.model_error import profile_floor
 from tuning.misfit.weights import FORCE_ERROR_FLOOR
 
@@ -107,6 +115,24 @@ def test_an_inexact_model_is_fitted_at_its_own_error(model, true_theta):
         floor=0.005,
     )
     assert again.error.floor == pytest.approx(found.error.floor, rel=0.02)
+
+
+def test_first_stages_of_a_large_campaign_count_fewer_lines(model, true_theta, monkeypatch):
+    campaign = virtual_campaign(model, true_theta, noise=0.01)
+    strides = []
+
+    def record_strides(*args, stages, **options):
+        strides.append([stage.stride for stage in stages])
+        return fit(*args, stages=stages, **options)
+
+    monkeypatch.setattr("tuning.fitting.error_floor_fit.fit", record_strides)
+    varies = parametrise(model, campaign.tolerance)
+    found = fit_at_error_floor(
+        model, campaign, varies, schedule=FloorSchedule(stride=16, first_stride_factor=2)
+    )
+    assert strides[0] == [*(2 * stage.stride for stage in STAGES[:3]), 16]
+    assert all(later == [16] for later in strides[1:])
+    np.testing.assert_allclose(found.fit.theta, true_theta, rtol=0.03)
 
 
 def test_the_floor_never_falls_below_a_force_sensors_error():

@@ -30,6 +30,8 @@ class FloorSchedule:
         max_rise: factor by which the floor may rise in a turn. A fit that began too low is led back
             without losing its way.
         min_change: relative change of the floor at which the turns end.
+        first_stride_factor: factor on the strides of the stages before the first fit at a floor,
+            above 1 for large campaigns, whose later fits count fewer lines too.
     """
 
     stride: int = 8
@@ -37,6 +39,7 @@ class FloorSchedule:
     max_turns: int = 6
     max_rise: float = 1.5
     min_change: float = 0.05
+    first_stride_factor: int = 1
 
     def stage(self, floor: float) -> Stage:
         """Return the stage of a fit at a floor."""
@@ -89,7 +92,10 @@ def fit_at_error_floor(
         ValueError: no channel moves, or the schedule has no turn.
     """
     schedule = schedule or FloorSchedule()
-    stages = STAGES[:3] if start is None else first_stages
+    stages = tuple(
+        replace(stage, stride=stage.stride * schedule.first_stride_factor)
+        for stage in (STAGES[:3] if start is None else first_stages)
+    )
     theta = start
     counted = thin_lines(campaign, schedule.stride // 2)
     for turn in range(1, schedule.max_turns + 1):
