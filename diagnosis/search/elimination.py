@@ -24,6 +24,7 @@ from diagnosis.search.fitted_sets import Search, is_last_material, is_more_proba
 from diagnosis.search.refit_round import list_excluded, score_hypotheses
 from diagnosis.search.score_test import select_best_of_sites
 from diagnosis.settings import DiagnosisSettings
+from tuning import predict, residual_statistics, thin_lines
 
 
 def reconsider_causes(
@@ -41,7 +42,7 @@ def reconsider_causes(
     removable = [cause for cause in best.causes[:-1] if cause.reform is None]
     if not removable:
         return search, best
-    shorter = _leave_out(base.scene, best, removable, settings)
+    shorter = _leave_out(base.scene, search, best, removable, settings)
     search = replace(search, refits=(*search.refits, *shorter))
     kept = best
     if is_last_material(search, best, settings) and is_more_probable(search, best, search.selected):
@@ -55,14 +56,26 @@ def reconsider_causes(
 
 
 def _leave_out(
-    scene: Scene, best: Refit, removable: Sequence[Hypothesis], settings: DiagnosisSettings
+    scene: Scene,
+    search: Search,
+    best: Refit,
+    removable: Sequence[Hypothesis],
+    settings: DiagnosisSettings,
 ) -> list[Refit]:
-    """Return the refit without each of some causes."""
+    """Return the refit without each of some causes.
+
+    Each starts at the error that is left where its cause is only taken away, at most that of the
+    null model. At the lower floor of the best set it would settle only after many steps.
+    """
     tasks = []
     for left_out in removable:
         kept = join_hypotheses([cause for cause in best.causes if cause is not left_out])
         session = add_hypothesis(scene.session, kept)
-        tasks.append(RefitTask(kept, session, find_start(best, session, None), best.floor))
+        start = find_start(best, session, None)
+        thin = thin_lines(session.campaign, settings.score_stride * scene.stride_factor)
+        left = residual_statistics(predict(session.model, start, thin), thin)
+        floor = search.null.floor if left is None else min(left.floor, search.null.floor)
+        tasks.append(RefitTask(kept, session, start, floor))
     return run_refits(scene, tasks, settings.schedule)
 
 
