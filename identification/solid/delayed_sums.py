@@ -62,7 +62,8 @@ class DelayedSums:
         weights = self.centre ** np.arange(3)[:, None]
         moments = np.moveaxis(self._turn(delays) * self.sums, 2, 0)
         # Sums with each power of w_b of each moment, real and imaginary parts at once.
-        flat = weights @ moments.reshape(len(self.centre), -1).view(float)
+        rows = np.ascontiguousarray(moments.reshape(len(self.centre), -1))  # a view needs that
+        flat = weights @ rows.view(float)
         weighted = flat.view(complex).reshape(3, *moments.shape[1:])
 
         def product(power: int) -> Complex:

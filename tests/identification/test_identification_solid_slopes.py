@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 from solid_bodies import Case, draw, faulty
 
 from identification.solid.body_channels import body_data, join_tests
+from identification.solid.delayed_sums import DelayedSums
 from identification.solid.linearised_scan import LinearisedFit, LineSums
 from identification.solid.moments import Moments
 from identification.solid.projection import project
@@ -94,3 +95,22 @@ def test_an_indefinite_system_is_solved_too():
     np.testing.assert_allclose(solve_definite(matrix, np.array([3.0, 3.0])), [1.0, 1.0])
     definite = believed(Case(1, lines=20)).data.scale
     np.testing.assert_allclose(solve_definite(np.diag(definite), definite), np.ones(len(definite)))
+
+
+@pytest.mark.parametrize(("groups", "channels"), [(1, 1), (1, 4), (2, 3)])
+def test_one_band_has_the_slopes_of_its_two_halves(groups, channels):
+    """The memory of the sums is as sums over lines leave it: channels before bands."""
+    random = np.random.default_rng(groups)
+    shape = (channels, channels, 3, groups, 2)
+    halves = (random.normal(size=shape) + 1j * random.normal(size=shape)).transpose(2, 3, 4, 0, 1)
+    delays = random.normal(size=channels) * 1e-5
+    two = DelayedSums(np.array([300.0, 300.0]), halves)
+    one = DelayedSums(np.array([300.0]), two.sums[:, :, :1] + two.sums[:, :, 1:])
+    first_half = DelayedSums(np.array([300.0]), halves[:, :, :1])  # a view with gaps
+    second_half = DelayedSums(np.array([300.0]), halves[:, :, 1:])
+    added = zip(first_half.total_slopes(delays), second_half.total_slopes(delays), strict=True)
+    for whole, parts, sum_of_both in zip(
+        one.total_slopes(delays), two.total_slopes(delays), added, strict=True
+    ):
+        np.testing.assert_allclose(whole, parts, rtol=1e-12)
+        np.testing.assert_allclose(sum(sum_of_both), parts, rtol=1e-12)
