@@ -89,14 +89,16 @@ class Refit(FitSummary):
         """Return the number of parameters that the fit gives a cause.
 
         Tolerances without their prior count, and parameters of Parts. Those at a bound do not, nor
-        those that stay at zero, such as the direction of a link without stiffness. Priors of
-        parameters of Parts are so wide that data decide.
+        those that stay at zero, such as the direction of a link without stiffness. A prior narrower
+        than the unit of its parameter makes it a tolerance, which does not count.
 
         Args:
             cause: cause of the set.
         """
         varies, x = self.fit.parametrisation, self.fit.x
-        added = {p.name for part in cause.parts for p in part.parameters} - cause.follow.keys()
+        narrow = {name for name, deviation in cause.believed.items() if deviation < 1}
+        added = {p.name for part in cause.parts for p in part.parameters}
+        added -= {*cause.follow, *narrow}
         is_added = np.isin(np.array(varies.names), [*added, *cause.release])
         free = is_added & ~varies.coordinates_at_bound(x) & (x != 0)
         return int(free.sum())
