@@ -19,7 +19,7 @@ CASES: dict[str, tuple[int, tuple[str, ...], float | None, str | None]] = {
     # seed, effects, survival ratio, what the catalogue knows
     "none": (72_010, (), None, None),
     "explained": (72_013, ("gyroscopic",), 6.0, None),
-    "partly": (72_014, ("parallel_path", "appendage"), 6.0, "parallel_path"),
+    "partly": (72_014, ("parallel_path", "appendage"), (20.0, 4.0), "parallel_path"),
     "unexplained": (72_013, ("gyroscopic",), 6.0, "drift"),
     "sensor": (72_011, ("sensor_polarity",), None, "sensor_polarity"),
 }

@@ -1,5 +1,6 @@
 """Campaigns of truth, opened: a small random tree with known effects."""
 
+from itertools import repeat
 from pathlib import Path
 
 from identification.words import Campaign, Complex, Real
@@ -13,7 +14,7 @@ def drawn(
     folder: Path,
     seed: int,
     *effects: str | None,
-    ratio: float | None = 4.0,
+    ratio: float | tuple[float, ...] | None = 4.0,
     place: str | None = None,
     lines: int = 241,
 ) -> tuple[Session, str]:
@@ -23,12 +24,14 @@ def drawn(
         folder: where the campaign is written.
         seed: of machine, test and effect.
         effects: what the drawing lacks; none, or None, for nothing.
-        ratio: survival ratio of each; None for a drawn size.
+        ratio: survival ratio of each, or that of all; None for a drawn size.
         place: of the effects; drawn if None.
         lines: of 1 Hz.
     """
     tree = draw_tree(seed, 3)
-    cause = Cause(tuple(Wanted(effect, place, ratio) for effect in effects if effect is not None))
+    names = [effect for effect in effects if effect is not None]
+    ratios = ratio if isinstance(ratio, tuple) else (ratio,) * len(names)
+    cause = Cause(tuple(Wanted(*row) for row in zip(names, repeat(place), ratios, strict=False)))
     protocol = Protocol(nodes=(tree.first_aim(),), lines=lines, resolution_hz=1.0)
     campaign = draw_campaign(tree, Plan(seed, cause, protocol=protocol))
     write_campaign(campaign, folder / "campaign")
