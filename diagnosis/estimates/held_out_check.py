@@ -15,7 +15,6 @@ hardly visible on held-out lines, the fits alone decide.
 """
 
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps
-from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import Posterior, compute_posterior
 from diagnosis.null_model import Baseline
@@ -64,10 +63,5 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap) -> bool:
     first, last = (estimate_model_error(gap.predicted, gap.campaign) for gap in (before, after))
     if first is None or last is None:
         return True
-    fit = after.refit
-    parameters = sum(map(fit.count_parameters, fit.causes))
-    statistics = fit.statistics
-    price = load_calibration().price_parameters(
-        parameters, statistics.noise_share, statistics.values
-    )
+    price = after.refit.price_parameters(after.refit.causes)
     return first.cost / first.values - last.cost / last.values > price

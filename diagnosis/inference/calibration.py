@@ -56,21 +56,22 @@ class Calibration(BaseModel):
         share = min(noise_share, self.max_noise_share)
         return 1 / (share / values + (1 - share) / self.error_values)
 
-    def price_parameters(self, parameters: int, noise_share: float, values: int) -> float:
-        """Return what fitted parameters gain by chance, per independent value [nats].
+    def price_parameter(self, noise_share: float, values: int) -> float:
+        """Return what a fitted parameter gains by chance, per independent value [nats].
 
         A prior as wide as a single value allows (unit information, Kass and Wasserman 1995) leaves
         of the likelihood of k parameters, fitted to N independent values, the evidence
 
-            ln L - (k / 2) ln N   (Schwarz 1978).
+            ln L - (k / 2) ln N   (Schwarz 1978),
+
+        so that one costs ln N / (2 N) per value.
 
         Args:
-            parameters: number k of fitted parameters.
             noise_share: share of the noise in the variance.
             values: number of values.
         """
         count = self.count_independent(noise_share, values)
-        return parameters / 2 * math.log(max(count, 1.0)) / count
+        return math.log(max(count, 1.0)) / (2 * count)
 
 
 @cache

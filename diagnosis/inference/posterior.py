@@ -137,16 +137,12 @@ def compute_log_odds(
     count = constants.count_independent(best.noise_share, best.values)
     prior = float(np.log(max(evidence.hypotheses, 1)))
     gains = np.array([null.objective - fitted.objective for fitted in sets])
-    prices = np.array(
-        [
-            constants.price_parameters(
-                fitted.count_parameters(proven), best.noise_share, best.values
-            )
-            for fitted in sets
-        ]
-    )
+    price = constants.price_parameter(best.noise_share, best.values)
+    parameters = np.array([fitted.count_parameters(proven) for fitted in sets])
     unproven = np.array([len(set(fitted.keys) - proven) for fitted in sets])
-    logs: np.ndarray[tuple[int], np.dtype[np.float64]] = count * (gains - prices) - unproven * prior
+    logs: np.ndarray[tuple[int], np.dtype[np.float64]] = (
+        count * (gains - price * parameters) - unproven * prior
+    )
     return logs
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from diagnosis.hypothesis import Hypothesis, Value
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import FitSummary, FittedSet, Key
 from identification.words import Real
 from tuning import (
@@ -102,6 +103,13 @@ class Refit(FitSummary):
         is_added = np.isin(np.array(varies.names), [*added, *cause.release])
         free = is_added & ~varies.coordinates_at_bound(x) & (x != 0)
         return int(free.sum())
+
+    def price_parameters(self, causes: Sequence[Hypothesis]) -> float:
+        """Return what the parameters of causes gain by chance, per value [nats]."""
+        price = load_calibration().price_parameter(
+            self.statistics.noise_share, self.statistics.values
+        )
+        return price * sum(map(self.count_parameters, causes))
 
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
         """Return how far a cause that only releases tolerances shifts them.

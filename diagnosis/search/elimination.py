@@ -24,7 +24,7 @@ from diagnosis.search.fitted_sets import Search, is_last_material, is_more_proba
 from diagnosis.search.refit_round import list_excluded, score_hypotheses
 from diagnosis.search.score_test import select_best_of_sites
 from diagnosis.settings import DiagnosisSettings
-from tuning import predict, residual_statistics, thin_lines
+from tuning import estimate_model_error, predict, thin_lines
 
 
 def reconsider_causes(
@@ -73,8 +73,8 @@ def _leave_out(
         session = add_hypothesis(scene.session, kept)
         start = find_start(best, session, None)
         thin = thin_lines(session.campaign, settings.score_stride * scene.stride_factor)
-        left = residual_statistics(predict(session.model, start, thin), thin)
-        floor = search.null.floor if left is None else min(left.floor, search.null.floor)
+        error = estimate_model_error(predict(session.model, start, thin), thin)
+        floor = search.null.floor if error is None else min(error.floor, search.null.floor)
         tasks.append(RefitTask(kept, session, start, floor))
     return run_refits(scene, tasks, settings.schedule)
 

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from diagnosis.data_checks.bending_bodies import key_of
-from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Key
 from diagnosis.null_model import Baseline, admit_outliers, refit_from
 from diagnosis.refits.refit import Refit
@@ -73,12 +72,9 @@ def select_causes(
 def _is_promising(search: Search, best: Refit, path: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether the search goes on from a set, be it improbable."""
     gain = path.objective - best.objective
-    price = load_calibration().price_parameters(
-        best.count_parameters(best.causes[-1]),
-        best.statistics.noise_share,
-        best.statistics.values,
+    return gain > best.price_parameters(best.causes[-1:]) or is_last_material(
+        search, best, settings
     )
-    return gain > price or is_last_material(search, best, settings)
 
 
 def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:

@@ -55,8 +55,8 @@ class SlopeProducts:
         projector, inverse = projection.residual_projector, projection.inverse[:6]
         mapped = inverse @ clean
         motion = nearest_semidefinite(mapped @ inverse.T)
-        left = np.swapaxes(mapped @ projector, -1, -2)[..., self._channel, :]
-        slopes = np.einsum("...iq,iq->...i", left, self._rows)
+        of_channels = np.swapaxes(mapped @ projector, -1, -2)[..., self._channel, :]
+        slopes = np.einsum("...iq,iq->...i", of_channels, self._rows)
         gradient[..., self._errors] -= 2 * np.add.reduceat(slopes, self._starts, axis=-1)
         products = (self._rows @ motion) @ self._rows.T
         products *= projector[self._channel][:, self._channel]

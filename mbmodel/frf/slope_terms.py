@@ -221,5 +221,5 @@ def act_on_joints(load: SlopeTerm, to_joints: Real) -> SlopeTerm:
         load: term with the target ``load``.
         to_joints: T'; (nv, 6 n_body).
     """
-    left = to_joints if load.left is None else to_joints @ load.left
-    return SlopeTerm("force", load.source, left, load.core, load.right)
+    at_joints = to_joints if load.left is None else to_joints @ load.left
+    return SlopeTerm("force", load.source, at_joints, load.core, load.right)

@@ -46,8 +46,8 @@ def make(seed: int) -> dict[str, object]:
 
 def describe_truth(answer: str) -> dict[str, object]:
     """Return effects with their places, and those of all small errors."""
-    told = tomllib.loads(answer)
-    causes = [cause for cause in told.get("cause", [told]) if cause["effect"] != "none"]
+    truth = tomllib.loads(answer)
+    causes = [cause for cause in truth.get("cause", [truth]) if cause["effect"] != "none"]
     return {
         "truth": [[cause["effect"], cause["location"]] for cause in causes],
         "items": [item.split("@") for item in dirt_items(answer)],

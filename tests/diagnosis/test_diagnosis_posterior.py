@@ -55,9 +55,9 @@ def total(posterior):
 
 
 def test_the_log_odds_of_a_set_are_those_computed_by_hand():
-    one = fitted((A,), -2.0, 0.5, parameters=(4,))
-    two = fitted((A, B), -3.0, 0.0, parameters=(4, 15))
-    logs = compute_log_odds(evidence(), [one, two], CONSTANTS)
+    first = fitted((A,), -2.0, 0.5, parameters=(4,))
+    both = fitted((A, B), -3.0, 0.0, parameters=(4, 15))
+    logs = compute_log_odds(evidence(), [first, both], CONSTANTS)
     count = 1 / (0.2 / 6000 + 0.8 / 80.0)  # at the noise share of the best set
     expected = [
         count * 2.0 - 4 / 2 * np.log(count) - np.log(50),

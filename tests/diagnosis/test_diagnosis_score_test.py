@@ -59,18 +59,20 @@ def test_probes_by_forces_couple_as_their_columns_do(probed, monkeypatch):
     )
     by_columns = misfit.probe_coordinates(x, probes)
     size = np.sqrt(np.diag(by_columns.blocks))
-    own = np.sqrt(np.maximum(by_columns.normal.diagonal(), 1e-300))
+    varying_size = np.sqrt(np.maximum(by_columns.normal.diagonal(), 1e-300))
     assert (size > 0).all()
     np.testing.assert_allclose(
         by_forces.blocks / np.outer(size, size), by_columns.blocks / np.outer(size, size), atol=1e-9
     )
     np.testing.assert_allclose(
-        by_forces.cross / np.outer(own, size), by_columns.cross / np.outer(own, size), atol=1e-9
+        by_forces.cross / np.outer(varying_size, size),
+        by_columns.cross / np.outer(varying_size, size),
+        atol=1e-9,
     )
     np.testing.assert_allclose(
         by_forces.slope / size, by_columns.slope / size, rtol=1e-9, atol=1e-9
     )
-    assert np.abs(by_columns.cross / np.outer(own, size)).max() > 0.1
+    assert np.abs(by_columns.cross / np.outer(varying_size, size)).max() > 0.1
 
 
 def test_gains_equal_those_of_normal_equations_without_the_released_coordinates(probed):

@@ -53,12 +53,12 @@ def test_products_of_slopes_are_those_of_dense_slopes():
     motion = nearest_semidefinite(inverse @ clean @ inverse.T)
     expected = np.einsum("pcq,qr,cd,sdr->ps", slopes, motion, outside, slopes)
     steep = -2 * np.einsum("pcq,qd,dc->p", slopes, inverse @ clean, outside)
-    own = slice(len(errors) - len(rows), None)
+    delays_of_channels = slice(len(errors) - len(rows), None)
     crossed = ((outside @ slopes @ inverse) * first).sum(axis=2)
-    expected[:, own] += crossed
-    expected[own] += crossed.T
-    expected[own, own] += outside * second
-    steep[own] -= 2 * (outside * first).sum(axis=1)
+    expected[:, delays_of_channels] += crossed
+    expected[delays_of_channels] += crossed.T
+    expected[delays_of_channels, delays_of_channels] += outside * second
+    steep[delays_of_channels] -= 2 * (outside * first).sum(axis=1)
     size = np.outer(state.spread, state.spread)
     np.testing.assert_allclose(information * size, expected * size, atol=1e-9)
     np.testing.assert_allclose(gradient * state.spread, steep * state.spread, atol=1e-7)
@@ -104,13 +104,14 @@ def test_one_band_has_the_slopes_of_its_two_halves(groups, channels):
     shape = (channels, channels, 3, groups, 2)
     halves = (random.normal(size=shape) + 1j * random.normal(size=shape)).transpose(2, 3, 4, 0, 1)
     delays = random.normal(size=channels) * 1e-5
-    two = DelayedSums(np.array([300.0, 300.0]), halves)
-    one = DelayedSums(np.array([300.0]), two.sums[:, :, :1] + two.sums[:, :, 1:])
+    in_two_bands = DelayedSums(np.array([300.0, 300.0]), halves)
+    summed = in_two_bands.sums[:, :, :1] + in_two_bands.sums[:, :, 1:]
+    in_one_band = DelayedSums(np.array([300.0]), summed)
     first_half = DelayedSums(np.array([300.0]), halves[:, :, :1])  # a view with gaps
     second_half = DelayedSums(np.array([300.0]), halves[:, :, 1:])
     added = zip(first_half.total_slopes(delays), second_half.total_slopes(delays), strict=True)
     for whole, parts, sum_of_both in zip(
-        one.total_slopes(delays), two.total_slopes(delays), added, strict=True
+        in_one_band.total_slopes(delays), in_two_bands.total_slopes(delays), added, strict=True
     ):
         np.testing.assert_allclose(whole, parts, rtol=1e-12)
         np.testing.assert_allclose(sum(sum_of_both), parts, rtol=1e-12)

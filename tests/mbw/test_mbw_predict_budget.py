@@ -144,11 +144,11 @@ def test_gain_and_lag_of_a_drive_and_the_band_of_the_test_are_remarked(tmp_path)
         "result do not hold: multiply its controller in budget.toml by 0.37, add delay = 0.0012 "
         "to its loop in budget.toml, and for a state space give --input-delay drive=0.0012."
     )
-    found = json.loads(out.read_text())
+    answer = json.loads(out.read_text())
     band = "The test covered 5 to 40 Hz: outside that band no interval bounds the modes that the"
-    assert found["remarks"] == [lag]
-    assert [text.startswith(band) for text in found["budget"]["remarks"]] == [True]
-    assert found["bands"]["remark"] == ""
+    assert answer["remarks"] == [lag]
+    assert [text.startswith(band) for text in answer["budget"]["remarks"]] == [True]
+    assert answer["bands"]["remark"] == ""
     assert lag in result.stderr
     assert "bands: the test covered" not in result.stderr
     page = (tmp_path / "out" / "plant.html").read_text("utf-8")

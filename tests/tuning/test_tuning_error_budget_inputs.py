@@ -270,10 +270,10 @@ def test_controllers_that_are_discrete_without_a_period_or_wide_are_refused(tmp_
 
 @pytest.mark.parametrize("key", ["InputDelay", "input_delay", "OutputDelay", "IODelay", "ioDelay"])
 def test_a_controller_with_a_delay_beside_its_matrices_is_refused(tmp_path, key):
-    known = {"num": [1.0], "den": [1.0, 2.0]}
-    scipy.io.savemat(tmp_path / "zero.mat", {**known, key: 0.0})
+    transfer = {"num": [1.0], "den": [1.0, 2.0]}
+    scipy.io.savemat(tmp_path / "zero.mat", {**transfer, key: 0.0})
     assert read_controller(tmp_path / "zero.mat").response(np.zeros(1)) == pytest.approx(0.5)
-    scipy.io.savemat(tmp_path / "late.mat", {**known, key: 3e-4})
+    scipy.io.savemat(tmp_path / "late.mat", {**transfer, key: 3e-4})
     words = f"{key} is not zero, but .* state delay .s. of the loop, or put Pade's fraction"
     with pytest.raises(InputError, match=words):
         read_controller(tmp_path / "late.mat")
@@ -285,7 +285,7 @@ def test_a_controller_with_a_delay_beside_its_matrices_is_refused(tmp_path, key)
 
 def test_a_controller_keeps_the_poles_that_its_zeros_cancel():
     numerator, denominator = np.polymul([8e5, 16e6], [1, -5.0]), np.polymul([1, 600.0], [1, -5.0])
-    found = controller_from_system(control.tf(numerator, denominator))
-    assert np.sort(found.poles.real) == pytest.approx([-600.0, 5.0])
+    controller = controller_from_system(control.tf(numerator, denominator))
+    assert np.sort(controller.poles.real) == pytest.approx([-600.0, 5.0])
     s = 2j * np.pi * np.array([0.3, 20.0])
-    assert found.response(s) == pytest.approx(8e5 * (s + 20) / (s + 600))
+    assert controller.response(s) == pytest.approx(8e5 * (s + 20) / (s + 600))

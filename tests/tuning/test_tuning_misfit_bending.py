@@ -20,9 +20,9 @@ def test_a_mode_without_motion_in_one_direction_of_a_sensor_has_an_exact_gradien
     model = Model(base.machine, (*base.parts, part))
     varies = parametrise(model, session.campaign.tolerance)
     x = np.zeros(varies.size)
-    own = [varies.names.index(p.name) for p in part.parameters if p.name in varies.names]
-    x[own] = np.random.default_rng(1).uniform(0.05, 0.3, len(own))
-    still = [k for k in own if varies.names[k].endswith(f"{sensors[0]}_y")]
+    added = [varies.names.index(p.name) for p in part.parameters if p.name in varies.names]
+    x[added] = np.random.default_rng(1).uniform(0.05, 0.3, len(added))
+    still = [k for k in added if varies.names[k].endswith(f"{sensors[0]}_y")]
     assert still
     x[still] = 0.0
     problem = Misfit(model, thin_lines(session.campaign, 16), varies, model_error_floor=0.05)
@@ -31,4 +31,4 @@ def test_a_mode_without_motion_in_one_direction_of_a_sensor_has_an_exact_gradien
     ends = [problem.value(x + sign * step * way) for sign in (1, -1)]
     assert gradient @ way == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-4)
     assert np.isfinite(value)
-    assert (np.diag(normal.dense())[own] > 0).all()
+    assert (np.diag(normal.dense())[added] > 0).all()

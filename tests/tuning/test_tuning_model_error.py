@@ -127,12 +127,12 @@ def test_first_stages_of_a_large_campaign_count_fewer_lines(model, true_theta, m
 
     monkeypatch.setattr("tuning.fitting.error_floor_fit.fit", record_strides)
     varies = parametrise(model, campaign.tolerance)
-    found = fit_at_error_floor(
+    fitted = fit_at_error_floor(
         model, campaign, varies, schedule=FloorSchedule(stride=16, first_stride_factor=2)
     )
     assert strides[0] == [*(2 * stage.stride for stage in STAGES[:3]), 16]
     assert all(later == [16] for later in strides[1:])
-    np.testing.assert_allclose(found.fit.theta, true_theta, rtol=0.03)
+    np.testing.assert_allclose(fitted.fit.theta, true_theta, rtol=0.03)
 
 
 def test_the_floor_never_falls_below_a_force_sensors_error():

@@ -25,9 +25,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.campaign.bounded_least_squares import bounded_solution, normal_matrix
+from truth.campaign.bounded_least_squares import normal_matrix
 from truth.campaign.draw import Tolerance
-from truth.campaign.frf_sensitivities import Jacobian, jacobian, jacobian_again, stacked, unstacked
+from truth.campaign.frf_sensitivities import Jacobian, jacobian, jacobian_again
+from truth.campaign.linear_refit import LinearRefit
 from truth.campaign.measure import (
     PULSE_SECONDS,
     frf_deviation,
@@ -70,7 +71,7 @@ class Remainder:
 
 
 @dataclass(frozen=True, eq=False)
-class Refit:
+class Refit(LinearRefit):
     """A linearised refit of one machine and test, ready for any effect.
 
     Args:
@@ -78,12 +79,6 @@ class Refit:
         protocol: how it is tested.
         takes: its files of one level; every channel is in one of them.
         known: its accelerance at the refit's lines.
-        deviation: sd of each value; (n_line, n_out, n_in).
-        used: channels that count; (n_out,).
-        shared: J of all but the sensors, over sd, real parts above imaginary; (2 n_value, n).
-        own: the same of each sensor, its three rows alone; (n_sensor, 2 n_own, 9 to 15).
-        normal: J^T J with the prior.
-        bounded: which parameters are tolerances; (n_parameter,).
         tolerance: standard deviations of the priors.
         without: what is left without effects, over which the ratio is.
     """
@@ -92,12 +87,6 @@ class Refit:
     protocol: Protocol
     takes: tuple[Take, ...]
     known: Known
-    deviation: Real
-    used: Mask
-    shared: Real
-    own: Real
-    normal: Real
-    bounded: Mask
     tolerance: Tolerance
     without: Remainder
 
@@ -166,13 +155,13 @@ class Refit:
         deviation = np.sqrt(self.deviation**2 + (allowance * np.abs(goal)) ** 2)
         about, caution = self.moved(moved, deviation), _CAUTION
         off = _off(goal, about._base(), allowance)
-        left, cost = about._by_tolerances(off)
+        left, cost = about.leave_by_tolerances(off)
         for _ in range(tries):
-            step = about._solution(off, caution)[0][~self.bounded]
+            step = about.solve(off, caution)[0][~self.bounded]
             ahead = moved + np.clip(step, -_FARTHEST, _FARTHEST)
             known = Known(self._varied(ahead), self.known.freq_hz)
             there = _off(goal, self._accelerance(known), allowance)
-            less, better = about._by_tolerances(there)
+            less, better = about.leave_by_tolerances(there)
             if better >= cost:
                 caution *= _WARIER
                 continue
@@ -180,7 +169,7 @@ class Refit:
             if gain < _LITTLE:
                 break
             about, off = about._with_joints(known), there
-            left, cost = about._by_tolerances(off)
+            left, cost = about.leave_by_tolerances(off)
         return moved, left
 
     def moved(self, logarithms: Real, deviation: Real) -> "Refit":
@@ -269,60 +258,6 @@ class Refit:
                 values[:, rows, column] = mean[:, rows]
         return values - base
 
-    def fitted(self, change: Complex) -> Complex:
-        """What stiffness, damping and tolerances can follow of a change of the FRFs."""
-        return self._solution(change)[1]
-
-    def _solution(self, change: Complex, caution: float = 0.0) -> tuple[Real, Complex]:
-        """The parameters that follow a change, and what they follow of it.
-
-        Args:
-            change: of the FRFs; like deviation.
-            caution: part of the diagonal of stiffness and damping that is added to it.
-        """
-        right = self.adjoint(self.weighted(change))
-        more = np.where(self.bounded, 0.0, caution * (np.diag(self.normal) + 1))
-        solution = bounded_solution(self.normal + np.diag(more), right, self.bounded)
-        return solution, self._followed(solution, change.shape)
-
-    def _by_tolerances(self, change: Complex) -> tuple[Complex, float]:
-        """What tolerances alone leave of a change, and its cost with their prior."""
-        own = np.ix_(self.bounded, self.bounded)
-        weighted = self.weighted(change)
-        right = self.adjoint(weighted)[self.bounded]
-        found = bounded_solution(self.normal[own], right, self.bounded[self.bounded])
-        solution = np.zeros(len(self.bounded))
-        solution[self.bounded] = found
-        cost = weighted @ weighted - 2 * right @ found + found @ self.normal[own] @ found
-        return change - self._followed(solution, change.shape), float(cost)
-
-    def weighted(self, change: Complex) -> Real:
-        """Return a change of the FRFs over its standard deviation, real parts above imaginary."""
-        return stacked(change / self.deviation * self.used[:, None])
-
-    def _followed(self, solution: Real, shape: tuple[int, ...]) -> Complex:
-        """How the FRFs follow parameters, to first order."""
-        split = self.shared.shape[1]
-        found = unstacked(self.shared @ solution[:split], shape)
-        sensors = solution[split:].reshape(len(self.own), -1)
-        for number, (columns, own) in enumerate(zip(self.own, sensors, strict=True)):
-            rows = slice(3 * number, 3 * number + 3)
-            found[:, rows] += unstacked(columns @ own, found[:, rows].shape)
-        return found * np.where(np.isfinite(self.deviation), self.deviation, 0.0)
-
-    def whitened_motion(self, solution: Real) -> Real:
-        """Return J times parameters, like ``weighted``."""
-        return self.weighted(self._followed(solution, self.deviation.shape))
-
-    def adjoint(self, weighted: Real) -> Real:
-        """Return J^T times a whitened change; (n_parameter,)."""
-        whole = unstacked(weighted, self.deviation.shape)
-        own = [
-            columns.T @ stacked(whole[:, 3 * number : 3 * number + 3])
-            for number, columns in enumerate(self.own)
-        ]
-        return np.concatenate([self.shared.T @ weighted, *own])
-
 
 def refit_of(
     machine: Machine,
@@ -392,18 +327,18 @@ def _linearised(
     bounded = np.append(slopes.bounded, np.full(own.shape[0] * own.shape[2], True))
     normal = normal_matrix(shared, own, deviation.shape) + np.diag(bounded.astype(float))
     return Refit(
-        machine,
-        protocol,
-        takes,
-        known,
-        deviation,
-        used,
-        shared,
-        own,
-        normal,
-        bounded,
-        tolerance,
-        without,
+        deviation=deviation,
+        used=used,
+        shared=shared,
+        own=own,
+        normal=normal,
+        bounded=bounded,
+        machine=machine,
+        protocol=protocol,
+        takes=takes,
+        known=known,
+        tolerance=tolerance,
+        without=without,
     )
 
 

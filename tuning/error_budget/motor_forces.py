@@ -32,10 +32,10 @@ def motor_force(path: Path, key: str, machine: Machine, port: Input, unit: str) 
             f"{path}: {key} is stated in {unit}, but {port} acts at no single slide or hinge: "
             "state it in units of its control, such as 1/sqrt(Hz)"
         )
-    known = "N m" if axles[0].turns else "N"
-    if unit != known:
+    needed = "N m" if axles[0].turns else "N"
+    if unit != needed:
         raise InputError(
-            f"{path}: {key} is stated in {unit}, but {port} acts at {axles[0].joint} in {known}: "
-            f"write {known}/sqrt(Hz), or 1/sqrt(Hz) for units of its control"
+            f"{path}: {key} is stated in {unit}, but {port} acts at {axles[0].joint} in {needed}: "
+            f"write {needed}/sqrt(Hz), or 1/sqrt(Hz) for units of its control"
         )
     return float(gain.joint[acts_at[0]])

@@ -26,48 +26,22 @@ d r = g dH, with g = 1, or g = |H_measured| / H_model for the logarithm:
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, reduce
 
 import numpy as np
 
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Linearised, Model
-from tuning.misfit.accumulation import (
-    FreeForceReduction,
-    SensorColumns,
-    WeightedJacobian,
-)
+from tuning.misfit.accumulation import FreeForceReduction, WeightedJacobian
 from tuning.misfit.batch import batch_tests
-from tuning.misfit.body_projection import BodyProjection, body_projections
+from tuning.misfit.batch_derivatives import BatchSums, compute_jacobian, compute_residual, sum_batch
 from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
 from tuning.misfit.part_groups import probe_blocks
 from tuning.misfit.partition import CoordinatePartition, partition_coordinates
 from tuning.misfit.probing import ProbedEquations, probe_by_columns, probe_by_forces
-from tuning.misfit.reduction import BodyWeightRoot, apply_body_weights, body_weight_roots
 from tuning.misfit.weights import WeightedBatch, weight_at_bodies, weight_batch
 from tuning.parametrisation.parametrisation import Parametrisation
-
-
-@dataclass(frozen=True, eq=False)
-class _BatchSums:
-    """Residuals and weights of a linearised batch, summed over the tests of each input.
-
-    The factors c of the readings multiply them, so that derivatives are those before the factors.
-
-    Args:
-        lines: model at theta.
-        values: sum w |r|^2; (n_freq,).
-        curvature: sum w |g c|^2, 1/2 where bodies are weighted; (n_freq, n_out, n_in).
-        weighted_residual: sum w conj(g c) r, complex; (n_freq, n_out, n_in).
-        body_roots: square roots of the weights of bodies, if residuals count there.
-    """
-
-    lines: Linearised
-    values: Real
-    curvature: Real
-    weighted_residual: Complex
-    body_roots: tuple[BodyWeightRoot, ...]
 
 
 class Misfit:
@@ -152,7 +126,7 @@ class Misfit:
         theta = self.parametrisation.theta(x)
         total, gradient = self.prior(x), np.zeros(len(theta))
         for term, lines in self._linearise(theta):
-            values, weighted, _ = self._residual(term, lines)
+            values, weighted, _ = compute_residual(term, lines, logarithmic=self._logarithmic)
             total += float(values.sum())
             gradient += lines.gradient(
                 2 * term.batch.sum_by_input(weighted), self.parametrisation.free
@@ -164,7 +138,10 @@ class Misfit:
     def value(self, x: Real) -> float:
         """Return J [nats]."""
         theta = self.parametrisation.theta(x)
-        data = (self._residual(term, lines)[0].sum() for term, lines in self._linearise(theta))
+        data = (
+            compute_residual(term, lines, logarithmic=self._logarithmic)[0].sum()
+            for term, lines in self._linearise(theta)
+        )
         return self.prior(x) + float(sum(data))
 
     def squared_residuals(self, x: Real) -> Real:
@@ -344,29 +321,16 @@ class Misfit:
         gradient: Real = np.where(self.parametrisation.has_prior, x, 0.0)
         return gradient
 
-    def _residual(self, term: WeightedBatch, lines: Linearised) -> tuple[Real, Complex, Real]:
-        """Return sum w |r|^2 of each line, w conj(g) r and w |g|^2.
+    def _sum_batch(self, term: WeightedBatch, lines: Linearised) -> BatchSums:
+        """Sum residuals and weights of a batch."""
+        return sum_batch(term, lines, logarithmic=self._logarithmic)
 
-        Shapes are (n_freq,), (n_freq, n_out, n_test) and (n_freq, n_out, n_test).
-        """
-        batch, weight = term.batch, term.weight
-        model = batch.select_inputs(lines.values)
-        if not self._logarithmic:
-            residual = model - batch.values
-            weighted = (
-                weight * residual
-                if term.body_weights is None
-                else apply_body_weights(term.body_weights, residual)
-            )
-            return _line_sums(residual, weighted), weighted, weight
-        model = np.where(weight > 0, model, 1.0)
-        product = model * np.where(weight > 0, batch.values, 1.0).conj()
-        residual = (
-            np.log(np.abs(model)) - term.log_size + 1j * np.arctan2(product.imag, product.real)
-        )
-        power = weight * np.abs(batch.values) ** 2
-        weighted = power * residual / model.conj()
-        return _line_sums(residual, power * residual), weighted, power / np.abs(model) ** 2
+    def _jacobian(
+        self, sums: BatchSums, x: Real, *, all_channels: bool = False
+    ) -> WeightedJacobian:
+        """Return the weighted derivatives of one batch."""
+        rates = self.parametrisation.rates(x)
+        return compute_jacobian(sums, self._partition, rates, all_channels=all_channels)
 
     def _batch_quadratics(
         self, term: WeightedBatch, lines: Linearised, x: Real, groups: Integers
@@ -387,95 +351,6 @@ class Misfit:
             quadratics.append((float(sums.values[groups == group].sum()), gradient[:-1], arrow))
         return quadratics
 
-    def _sum_batch(self, term: WeightedBatch, lines: Linearised) -> _BatchSums:
-        """Sum residuals and weights of a batch over the tests of each input."""
-        sum_by_input = term.batch.sum_by_input
-        values, weighted, curvature = self._residual(term, lines)
-        curvature, weighted = sum_by_input(curvature.astype(complex)).real, sum_by_input(weighted)
-        factor = None if lines.output_factor is None else lines.output_factor.T
-        if factor is not None:  # derivatives are those of H before the factors of the readings
-            weighted = weighted * factor.conj()[:, :, None]
-            curvature = curvature * np.abs(factor[:, :, None]) ** 2
-        sums = _BatchSums(lines, values, curvature, weighted, ())
-        if term.body_weights is not None:
-            n_in = sums.weighted_residual.shape[2]
-            body_roots = body_weight_roots(term.body_weights, term.batch.columns, n_in, factor)
-            half = np.zeros(sums.weighted_residual.shape)
-            for body in body_roots:
-                half[:, body.rows] = 0.5
-            sums = replace(sums, curvature=half, body_roots=body_roots)
-        return sums
-
-    def _jacobian(
-        self, sums: _BatchSums, x: Real, *, all_channels: bool = False
-    ) -> WeightedJacobian:
-        """Return the weighted derivatives of one batch.
-
-        Args:
-            sums: residuals and weights.
-            x: coordinates; (n_x,).
-            all_channels: whether channels stay apart instead of being projected onto their body's
-                motion.
-        """
-        partition, rates = self._partition, self.parametrisation.rates(x)
-        root = np.sqrt(2 * sums.curvature)
-        target = 2 * np.divide(
-            sums.weighted_residual,
-            root,
-            out=np.zeros(root.shape, complex),
-            where=sums.curvature > 0,
-        )
-        for body in sums.body_roots:
-            target[:, body.rows] = np.einsum("ftij,fjt->fit", body.inverse, target[:, body.rows])
-        forward = sums.lines.sensitivities(partition.shared_parameters, rates)
-        sensor_slopes = sums.lines.sensitivities(partition.sensor_parameters)
-        columns = list(partition.sensor_columns(sensor_slopes, rates))
-        projections = body_projections(
-            sums.lines.ports.readout,
-            root,
-            target,
-            sums.body_roots,
-            together=[rows for rows, _, _ in columns],
-            all_channels=all_channels or forward.has_readout_terms,
-        )
-        sensors = (
-            _project_sensor(rows, values, root, target, projections) for rows, values, _ in columns
-        )
-        return WeightedJacobian(partition, forward, projections, tuple(sensors))
-
-
-def _project_sensor(
-    rows: Integers,
-    values: Complex,
-    root: Real,
-    target: Complex,
-    projections: tuple[BodyProjection, ...],
-) -> SensorColumns:
-    """Project a sensor's derivatives (n_freq, n_row, n_in, n_own) like the channels of its body."""
-    is_read = bool(len(rows))  # a sensor may have no channel here
-    index = next(
-        k for k, projection in enumerate(projections) if not is_read or rows[0] in projection.rows
-    )
-    projection = projections[index]
-    slopes = _real_and_imaginary(values)
-    matrix = projection.matrix[..., np.searchsorted(projection.rows, rows)][:, :, None]
-    weight = root[:, rows].transpose(0, 2, 1)[:, :, None, :, None]
-    return SensorColumns(
-        index,
-        matrix @ slopes,
-        weight * slopes,
-        _real_and_imaginary(target[:, rows, :, None])[..., 0],
-    )
-
-
-def _real_and_imaginary(values: Complex) -> Real:
-    """Stack real and imaginary parts: (n_freq, n_row, n_in, n) to (n_freq, n_in, 2, n_row, n)."""
-    n_freq, n_row, n_in, count = values.shape
-    parts = np.empty((n_freq, n_in, 2, n_row, count))
-    by_input = values.swapaxes(1, 2)
-    parts[:, :, 0], parts[:, :, 1] = by_input.real, by_input.imag
-    return parts
-
 
 def _add(first: QuadraticModel, second: QuadraticModel) -> QuadraticModel:
     """Return the sum of two quadratic models."""
@@ -485,9 +360,3 @@ def _add(first: QuadraticModel, second: QuadraticModel) -> QuadraticModel:
 def _subtract(first: QuadraticModel, second: QuadraticModel) -> QuadraticModel:
     """Return the difference of two quadratic models."""
     return first[0] - second[0], first[1] - second[1], first[2] - second[2]
-
-
-def _line_sums(first: Complex, second: Complex) -> Real:
-    """Return Re sum conj(first) second over each line; (n_freq,)."""
-    sums: Real = np.einsum("fit,fit->f", first.conj(), second).real
-    return sums
