@@ -2,12 +2,13 @@ r"""Causes that predict held-out lines: the number of causes by cross-validation
 
 A set of causes may absorb errors of a real machine that it does not cause. Such a fit is hardly
 better on lines that it did not see. The set must therefore gain there, under the likelihood of all
-fits (``tuning.assessment.model_error``), what the posterior asks of it on the lines of the fit,
+fits (``tuning.assessment.model_error``), more than its parameters do by chance,
 
     c_before - c_after > (k / 2) ln N / N,
 
 c being the mean -ln L per value at the floor of held-out residuals, k the number of parameters of
-the causes, and N the number of independent values (``diagnosis.inference.posterior``).
+all its causes, proven faults too, and N the number of independent values
+(``diagnosis.inference.posterior``).
 
 Otherwise sets of as many causes are not admitted, and the most probable set of fewer causes is
 checked (cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap that is
