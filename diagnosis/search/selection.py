@@ -43,11 +43,11 @@ def select_causes(
     small_faults = tuple(map(key_of, base.checks.small))
     search, path = Search(base.null, base.null, small_faults=small_faults), base.null
     visited: set[frozenset[Key]] = set()
-    was_vain = is_vain = False
+    stalled_before = is_stalled = False
     while (
         len(path.causes) < settings.max_causes
         and frozenset(path.keys) not in visited
-        and not (was_vain and is_vain)
+        and not (stalled_before and is_stalled)
     ):
         visited.add(frozenset(path.keys))
         say(f"score tests of all hypotheses for cause {len(path.causes) + 1}")
@@ -61,7 +61,7 @@ def select_causes(
         if best is None or not _is_promising(search, best, path, settings):
             break
         before, (search, path) = path, reconsider_causes(base, search, best, settings)
-        was_vain, is_vain = is_vain, not is_more_probable(search, path, before)
+        stalled_before, is_stalled = is_stalled, not is_more_probable(search, path, before)
         if is_acceptable(search, path, settings):
             search = replace(search, selected=path)
         if not is_gap_visible(path.gap):

@@ -50,7 +50,7 @@ class LinearRefit:
         solution = bounded_solution(self.normal + np.diag(more), right, self.bounded)
         return solution, self.follow(solution, change.shape)
 
-    def leave_by_tolerances(self, change: Complex) -> tuple[Complex, float]:
+    def fit_tolerances(self, change: Complex) -> tuple[Complex, float]:
         """Return what tolerances alone leave of a change, and its cost with their prior."""
         own = np.ix_(self.bounded, self.bounded)
         weighted = self.weighted(change)

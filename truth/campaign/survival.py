@@ -155,13 +155,13 @@ class Refit(LinearRefit):
         deviation = np.sqrt(self.deviation**2 + (allowance * np.abs(goal)) ** 2)
         about, caution = self.moved(moved, deviation), _CAUTION
         off = _off(goal, about._base(), allowance)
-        left, cost = about.leave_by_tolerances(off)
+        left, cost = about.fit_tolerances(off)
         for _ in range(tries):
             step = about.solve(off, caution)[0][~self.bounded]
             ahead = moved + np.clip(step, -_FARTHEST, _FARTHEST)
             known = Known(self._varied(ahead), self.known.freq_hz)
             there = _off(goal, self._accelerance(known), allowance)
-            less, better = about.leave_by_tolerances(there)
+            less, better = about.fit_tolerances(there)
             if better >= cost:
                 caution *= _WARIER
                 continue
@@ -169,7 +169,7 @@ class Refit(LinearRefit):
             if gain < _LITTLE:
                 break
             about, off = about._with_joints(known), there
-            left, cost = about.leave_by_tolerances(off)
+            left, cost = about.fit_tolerances(off)
         return moved, left
 
     def moved(self, logarithms: Real, deviation: Real) -> "Refit":
