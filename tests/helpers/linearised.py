@@ -5,14 +5,17 @@ import numpy as np
 
 def stack_jacobian(test):
     """Return J of all parameters over the noise of the fitted lines, with the prior beneath it."""
-    refit, split = test.refit, test.refit.shared.shape[1]
-    each = refit.own.shape[2]
-    shape = (2, *refit.deviation.shape)
-    full = np.zeros((2 * refit.deviation.size, split + each * len(refit.own)))
-    full[:, :split] = refit.shared
-    for number, columns in enumerate(refit.own):
-        block = np.zeros((*shape, each))
-        own = block[:, :, 3 * number : 3 * number + 3]
-        block[:, :, 3 * number : 3 * number + 3] = columns.reshape(own.shape)
-        full[:, split + each * number : split + each * (number + 1)] = block.reshape(-1, each)
+    refit = test.refit
+    full = write_out(refit.slopes, refit.deviation.shape)
     return np.vstack([np.sqrt(test.scale) * full, np.diag(refit.bounded / np.sqrt(2))])
+
+
+def write_out(slopes, shape):
+    """Return J of all parameters: a sensor's columns are zero but in its three rows."""
+    columns = [slopes.springs, slopes.tolerances]
+    for number, own in enumerate(slopes.own):
+        block = np.zeros((2, *shape, own.shape[1]))
+        rows = block[:, :, 3 * number : 3 * number + 3]
+        block[:, :, 3 * number : 3 * number + 3] = own.reshape(rows.shape)
+        columns.append(block.reshape(-1, own.shape[1]))
+    return np.hstack(columns)

@@ -114,9 +114,8 @@ def test_the_refit_knows_the_slopes_by_each_of_them(real):
     values = frfs(real)
     s = 2j * np.pi * FREQ[:, None, None]
     for column, slope in ((-2, 0.02 * values), (-1, -2e-5 * s * values)):
-        assert slopes.bounded[column]
         np.testing.assert_allclose(
-            slopes.shared[:, column], stacked(slope), atol=1e-10 * np.abs(slope).max()
+            slopes.tolerances[:, column], stacked(slope), atol=1e-10 * np.abs(slope).max()
         )
 
 
@@ -124,7 +123,7 @@ def test_without_their_tolerances_the_refit_has_no_columns_for_them(real):
     weight = np.ones((len(FREQ), len(frfs(real)[0]), 3))
     with_them, without = (jacobian(real, FREQ, each, weight) for each in (ONLY, NO_TOLERANCE))
     assert (with_them.own.shape[2], without.own.shape[2]) == (15, 9)
-    assert with_them.shared.shape[1] == without.shared.shape[1] + 2
+    assert with_them.tolerances.shape[1] == without.tolerances.shape[1] + 2
 
 
 def test_an_answer_states_the_whole_delay(two_bodies, real):

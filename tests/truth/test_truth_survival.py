@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from truth.campaign.bounded_least_squares import BOUND
+from tests.helpers.linearised import write_out
+from truth.campaign.bounded_least_squares import BOUND, normal_matrix
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.draw import Tolerance, draw_hammers, stream
-from truth.campaign.frf_sensitivities import Jacobian, jacobian_again
+from truth.campaign.frf_sensitivities import jacobian, jacobian_again
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, occasions, takes
 from truth.campaign.survival import refit_of
@@ -50,34 +51,37 @@ def changed_stage(machine, index, **change):
     return replace(machine, station=replace(machine.station, stages=tuple(stages)))
 
 
-def columns(refit):
+def columns(values, refit):
     shape = refit.deviation.shape
-    real, imag = refit.shared.T.reshape(-1, 2, *shape).swapaxes(0, 1)
+    real, imag = values.T.reshape(-1, 2, *shape).swapaxes(0, 1)
     return real + 1j * imag
 
 
 def test_slopes_are_differences_of_the_whole_frf(machine, refit):
-    # In the order of a stage's parameters: k and c of six joints, mass, inertia, com, position.
-    found, each = columns(refit), 12 + 1 + 6 + 6
+    # In the order of a stage's parameters: k and c of six joints; mass, inertia, com, position.
+    springs, tolerances = (
+        columns(values, refit) for values in (refit.slopes.springs, refit.slopes.tolerances)
+    )
     for index, stage in enumerate(machine.station.stages):
-        first = each * index
-        for number in (0, 4):
+        for number, name in ((0, "stiffness"), (4, "damping")):
             joint = stage.joints[number]
             ends = []
             for way in (-1e-4, 1e-4):
                 joints = list(stage.joints)
-                joints[number] = replace(joint, stiffness=joint.stiffness * np.exp(way))
+                joints[number] = replace(joint, **{name: getattr(joint, name) * np.exp(way)})
                 ends.append(changed_stage(machine, index, joints=tuple(joints)))
             expected = slope(*ends, machine, refit, 1e-4)
             np.testing.assert_allclose(
-                found[first + 2 * number], expected, atol=1e-6 * abs(expected).max()
+                springs[12 * index + 2 * number + (name == "damping")],
+                expected,
+                atol=1e-6 * abs(expected).max(),
             )
         for step, place, change in (
-            (1e-3, 12, lambda way, s=stage: {"mass": s.mass * (1 + way * TOLERANCE.mass)}),
-            (1e-2, 19, lambda way, s=stage: {"com": s.com + way * TOLERANCE.com * np.eye(3)[0]}),
+            (1e-3, 0, lambda way, s=stage: {"mass": s.mass * (1 + way * TOLERANCE.mass)}),
+            (1e-2, 7, lambda way, s=stage: {"com": s.com + way * TOLERANCE.com * np.eye(3)[0]}),
             (
                 1e-2,
-                22,
+                10,
                 lambda way, s=stage: {
                     "joints": tuple(
                         replace(
@@ -92,12 +96,12 @@ def test_slopes_are_differences_of_the_whole_frf(machine, refit):
             ends = [changed_stage(machine, index, **change(way)) for way in (-step, step)]
             expected = slope(*ends, machine, refit, step)
             np.testing.assert_allclose(
-                found[first + place], expected, atol=1e-5 * abs(expected).max()
+                tolerances[13 * index + place], expected, atol=1e-5 * abs(expected).max()
             )
 
 
 def test_a_hammer_slope_is_the_difference_of_another_hit(machine, refit):
-    found, first = columns(refit), 2 * 25
+    found, first = columns(refit.slopes.tolerances, refit), 2 * 13
     hammer, step = machine.hammers[0], 1e-3
     for place, change in (
         (first, {"direction": np.cross(TOLERANCE.hammer_angle * np.eye(3)[0], hammer.direction)}),
@@ -117,33 +121,52 @@ def test_a_rigid_direction_has_the_right_slopes(two_bodies):
     rigid = replace(two_bodies, stages=(lower, replace(upper, joints=upper.joints[:4])))
     machine = Machine(rigid, draw_hammers(rigid, 1, TOLERANCE, 3))
     refit = refit_of(machine, PROTOCOL, takes(PROTOCOL, rigid, 1), TOLERANCE)
-    found, place = columns(refit), 25 + 8 + 1 + 6  # com of the upper stage along x
+    place = 13 + 1 + 6  # com of the upper stage along x
     shifts = (-1e-2 * TOLERANCE.com * np.eye(3)[0], 1e-2 * TOLERANCE.com * np.eye(3)[0])
     ends = [
         changed_stage(machine, 1, com=machine.station.stages[1].com + shift) for shift in shifts
     ]
     expected = slope(*ends, machine, refit, 1e-2)
-    np.testing.assert_allclose(found[place], expected, atol=1e-5 * abs(expected).max())
+    found = columns(refit.slopes.tolerances, refit)[place]
+    np.testing.assert_allclose(found, expected, atol=1e-5 * abs(expected).max())
+
+
+def test_the_normal_matrix_is_that_of_the_jacobian_written_out(refit):
+    shape = refit.deviation.shape
+    full = write_out(refit.slopes, shape)
+    expected = full.T @ full
+    found = normal_matrix(refit.slopes, shape)
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * expected.max())
+    others = replace(refit.slopes, springs=np.asfortranarray(refit.slopes.springs[:, ::-1]))
+    again = normal_matrix(others, shape, found)
+    expected = normal_matrix(others, shape)
+    np.testing.assert_allclose(again, expected, rtol=1e-12, atol=1e-14 * expected.max())
+
+
+def test_slopes_over_other_deviations_are_those_made_with_them(machine, refit):
+    before, weight = (
+        refit.used[:, None]
+        / np.hypot(refit.deviation, size * np.abs(refit.known.on(Occasion())[1]))
+        for size in (0.0, 0.1)
+    )
+    found = refit.slopes.weighted_anew(before, weight)
+    expected = jacobian(machine, refit.known.freq_hz, TOLERANCE, weight)
+    for name in ("springs", "tolerances", "own"):
+        size = np.abs(getattr(expected, name)).max()
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(expected, name), rtol=1e-10, atol=1e-13 * size
+        )
 
 
 def test_the_fit_is_the_bounded_least_squares_one(refit):
     # All columns side by side, priors as rows below, solved by another algorithm.
     shape = refit.deviation.shape
     random = stream(1, "change")
-    change = sum(
-        size * column * refit.deviation
-        for size, column in zip(
-            random.normal(0, 4, refit.shared.shape[1]), columns(refit), strict=True
-        )
-    )
-    dense = np.zeros((2, *shape, len(refit.normal)))
-    split = refit.shared.shape[1]
-    dense[..., :split] = refit.shared.reshape(2, *shape, split)
-    for number, own in enumerate(refit.own):
-        rows, first = slice(3 * number, 3 * number + 3), split + 9 * number
-        part = dense[:, :, rows, :, first : first + 9]
-        part[...] = own.reshape(part.shape)
-    matrix = np.vstack([dense.reshape(-1, len(refit.normal)), np.diag(refit.bounded.astype(float))])
+    shared = np.hstack([refit.slopes.springs, refit.slopes.tolerances])
+    sizes = random.normal(0, 4, shared.shape[1])
+    change = np.tensordot(sizes, columns(shared, refit), 1) * refit.deviation
+    dense = write_out(refit.slopes, shape)
+    matrix = np.vstack([dense, np.diag(refit.bounded.astype(float))])
     weighted = change / refit.deviation
     aim = np.concatenate(
         [weighted.real.ravel(), weighted.imag.ravel(), np.zeros(len(refit.normal))]
@@ -177,17 +200,16 @@ def test_further_steps_follow_what_stiffness_and_damping_can_follow_far(machine,
     assert first > 5  # one step from the truth does not come there
     assert after < 1e-3
     back = refit.moved(np.zeros((~refit.bounded).sum()), refit.deviation)
-    np.testing.assert_allclose(back.shared, refit.shared)
+    np.testing.assert_allclose(back.slopes.springs, refit.slopes.springs)
 
 
 def test_slopes_made_anew_are_those_of_the_other_machine(machine, refit):
     logarithms = np.linspace(-0.5, 0.5, int((~refit.bounded).sum()))
     other = refit.moved(logarithms, refit.deviation)
-    before = Jacobian(refit.shared, refit.bounded[: refit.shared.shape[1]], refit.own)
     weight = refit.used[:, None] / refit.deviation
-    found = jacobian_again(other.machine, refit.known.freq_hz, weight, before)
-    np.testing.assert_allclose(found.shared[:, ~before.bounded], other.shared[:, ~before.bounded])
-    np.testing.assert_array_equal(found.shared[:, before.bounded], refit.shared[:, before.bounded])
+    found = jacobian_again(other.machine, refit.known.freq_hz, weight, refit.slopes)
+    np.testing.assert_allclose(found.springs, other.slopes.springs)
+    assert found.tolerances is refit.slopes.tolerances
 
 
 def test_a_weaker_damper_hides_a_short_delay(machine, refit):

@@ -4,6 +4,7 @@ import numpy as np
 import scipy.linalg
 from scipy.linalg import blas
 
+from truth.campaign.frf_sensitivities import Jacobian
 from truth.machine.station import Mask, Real
 
 BOUND = 2.5  # standard deviations within which a tolerance is kept
@@ -12,26 +13,46 @@ _ROUNDING = 1e-13  # of the terms of a slope
 _RELATIVE_RIDGE = 1e-13  # of the diagonal: for a joint that no sensor sees
 
 
-def normal_matrix(shared: Real, own: Real, shape: tuple[int, ...]) -> Real:
-    """Return J^T J of all parameters; a sensor's columns meet the shared ones, no other sensor's.
+def normal_matrix(slopes: Jacobian, shape: tuple[int, ...], before: Real | None = None) -> Real:
+    """Return J^T J of all parameters: springs, tolerances, and then each sensor's own.
+
+    A sensor's columns meet those of springs and tolerances, no other sensor's.
 
     Args:
-        shared: J of all parameters but the sensors', real parts above imaginary; (2 n_value, n).
-        own: J of each sensor on its three rows alone; (n_sensor, 2 n_own, n_each).
+        slopes: J.
         shape: of the FRFs, (n_line, n_out, n_in).
+        before: the matrix of equal slopes by all tolerances, whose part stays; None to form it.
     """
-    split, each = shared.shape[1], own.shape[2]
-    normal = np.zeros((split + len(own) * each,) * 2)
-    half = blas.dsyrk(1.0, shared, trans=1, lower=False)  # in Fortran's order: no copy
-    normal[:split, :split] = np.triu(half) + np.triu(half, 1).T
-    whole = shared.reshape(2, *shape, split)
-    for number, columns in enumerate(own):
-        rows = slice(3 * number, 3 * number + 3)
-        here = slice(split + each * number, split + each * (number + 1))
-        normal[here, here] = columns.T @ columns
-        crossed = whole[:, :, rows].reshape(-1, split).T @ columns
-        normal[:split, here], normal[here, :split] = crossed, crossed.T
+    first = slopes.springs.shape[1]
+    split, each = first + slopes.tolerances.shape[1], slopes.own.shape[2]
+    normal = np.zeros((split + len(slopes.own) * each,) * 2) if before is None else before.copy()
+    normal[:first, :first] = _gram(slopes.springs)
+    normal[:first, first:split] = slopes.springs.T @ slopes.tolerances
+    normal[:first, split:] = _crossed(slopes.springs, slopes.own, shape)
+    if before is None:
+        normal[first:split, first:split] = _gram(slopes.tolerances)
+        normal[first:split, split:] = _crossed(slopes.tolerances, slopes.own, shape)
+        normal[split:, first:split] = normal[first:split, split:].T
+        for number, columns in enumerate(slopes.own):
+            here = slice(split + each * number, split + each * (number + 1))
+            normal[here, here] = columns.T @ columns
+    normal[first:, :first] = normal[:first, first:].T
     return normal
+
+
+def _gram(columns: Real) -> Real:
+    """Return J^T J of columns in Fortran's order, which are not copied."""
+    half = blas.dsyrk(1.0, columns, trans=1, lower=False)
+    return np.asarray(np.triu(half) + np.triu(half, 1).T)
+
+
+def _crossed(columns: Real, own: Real, shape: tuple[int, ...]) -> Real:
+    """Return J^T J of columns and those of each sensor, which has three rows; (n, n_all_own)."""
+    whole, products = columns.T.reshape(-1, 2, *shape), []
+    for number, sensor in enumerate(own):
+        rows = whole[:, :, :, 3 * number : 3 * number + 3]
+        products.append(rows.reshape(len(whole), -1) @ sensor)
+    return np.hstack(products)
 
 
 def bounded_solution(normal: Real, right: Real, bounded: Mask) -> Real:
@@ -90,9 +111,12 @@ def _active_set(inner: Real, push: Real, limit: Real, solution: Real) -> Real:
 
 def _inward_slope(inner: Real, push: Real, solution: Real, held: Real) -> Real:
     """Return how fast the cost falls where held coordinates leave their bound; 0 below rounding."""
-    slope = (inner @ solution - push) * held
-    error = _ROUNDING * (np.abs(inner) @ np.abs(solution) + np.abs(push))
-    return np.where(slope > error, slope, 0.0)
+    slopes, places = np.zeros(len(push)), np.flatnonzero(held)
+    rows = inner[places]
+    slope = (rows @ solution - push[places]) * held[places]
+    error = _ROUNDING * (np.abs(rows) @ np.abs(solution) + np.abs(push[places]))
+    slopes[places] = np.where(slope > error, slope, 0.0)
+    return slopes
 
 
 def _held_solution(inner: Real, push: Real, limit: Real, held: Real) -> Real:
@@ -107,7 +131,9 @@ def _held_solution(inner: Real, push: Real, limit: Real, held: Real) -> Real:
     free = held == 0
     solution = np.zeros(len(push))
     solution[~free] = held[~free] * limit[~free]
-    factor = scipy.linalg.cho_factor(inner[np.ix_(free, free)])
+    # The transpose of the symmetric matrix is in Fortran's order, so that it is factored in place.
+    matrix = inner[np.ix_(free, free)].T
+    factor = scipy.linalg.cho_factor(matrix, overwrite_a=True, check_finite=False)
     rest = push[free] - inner[np.ix_(free, ~free)] @ solution[~free]
-    solution[free] = scipy.linalg.cho_solve(factor, rest)
+    solution[free] = scipy.linalg.cho_solve(factor, rest, check_finite=False)
     return solution

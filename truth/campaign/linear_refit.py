@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truth.campaign.bounded_least_squares import bounded_solution
-from truth.campaign.frf_sensitivities import stacked, unstacked
+from truth.campaign.frf_sensitivities import Jacobian, stacked, unstacked
 from truth.machine.station import Complex, Mask, Real
 
 
@@ -21,18 +21,24 @@ class LinearRefit:
     Args:
         deviation: sd of each value; (n_line, n_out, n_in).
         used: channels that count; (n_out,).
-        shared: J of all but the sensors, over sd, real parts above imaginary; (2 n_value, n).
-        own: the same of each sensor, its three rows alone; (n_sensor, 2 n_own, 9 to 15).
+        slopes: J over sd. Parameters are springs, tolerances, and then each sensor's own.
         normal: J^T J with the prior.
-        bounded: which parameters are tolerances; (n_parameter,).
     """
 
     deviation: Real
     used: Mask
-    shared: Real
-    own: Real
+    slopes: Jacobian
     normal: Real
-    bounded: Mask
+
+    @property
+    def bounded(self) -> Mask:
+        """Which parameters are tolerances; (n_parameter,)."""
+        return np.arange(len(self.normal)) >= self.n_springs
+
+    @property
+    def n_springs(self) -> int:
+        """Number of stiffness and damping parameters, which come first."""
+        return int(self.slopes.springs.shape[1])
 
     def fitted(self, change: Complex) -> Complex:
         """Return what stiffness, damping and tolerances can follow of a change of the FRFs."""
@@ -52,13 +58,12 @@ class LinearRefit:
 
     def fit_tolerances(self, change: Complex) -> tuple[Complex, float]:
         """Return what tolerances alone leave of a change, and its cost with their prior."""
-        own = np.ix_(self.bounded, self.bounded)
-        weighted = self.weighted(change)
-        right = self.adjoint(weighted)[self.bounded]
-        found = bounded_solution(self.normal[own], right, self.bounded[self.bounded])
-        solution = np.zeros(len(self.bounded))
-        solution[self.bounded] = found
-        cost = weighted @ weighted - 2 * right @ found + found @ self.normal[own] @ found
+        first = self.n_springs
+        weighted, own = self.weighted(change), self.normal[first:, first:]
+        right = self._adjoint_of_tolerances(weighted)
+        found = bounded_solution(own, right, self.bounded[first:])
+        solution = np.append(np.zeros(first), found)
+        cost = weighted @ weighted - 2 * right @ found + found @ own @ found
         return change - self.follow(solution, change.shape), float(cost)
 
     def weighted(self, change: Complex) -> Real:
@@ -67,10 +72,13 @@ class LinearRefit:
 
     def follow(self, solution: Real, shape: tuple[int, ...]) -> Complex:
         """Return how the FRFs follow parameters, to first order; of a shape like deviation."""
-        split = self.shared.shape[1]
-        found = unstacked(self.shared @ solution[:split], shape)
-        sensors = solution[split:].reshape(len(self.own), -1)
-        for number, (columns, own) in enumerate(zip(self.own, sensors, strict=True)):
+        first, split = self.n_springs, self.n_springs + self.slopes.tolerances.shape[1]
+        values = self.slopes.tolerances @ solution[first:split]
+        if solution[:first].any():
+            values += self.slopes.springs @ solution[:first]
+        found = unstacked(values, shape)
+        sensors = solution[split:].reshape(len(self.slopes.own), -1)
+        for number, (columns, own) in enumerate(zip(self.slopes.own, sensors, strict=True)):
             rows = slice(3 * number, 3 * number + 3)
             found[:, rows] += unstacked(columns @ own, found[:, rows].shape)
         return found * np.where(np.isfinite(self.deviation), self.deviation, 0.0)
@@ -81,9 +89,15 @@ class LinearRefit:
 
     def adjoint(self, weighted: Real) -> Real:
         """Return J^T times a whitened change; (n_parameter,)."""
+        return np.concatenate(
+            [self.slopes.springs.T @ weighted, self._adjoint_of_tolerances(weighted)]
+        )
+
+    def _adjoint_of_tolerances(self, weighted: Real) -> Real:
+        """Return the part of J^T times a whitened change that belongs to tolerances."""
         whole = unstacked(weighted, self.deviation.shape)
         own = [
             columns.T @ stacked(whole[:, 3 * number : 3 * number + 3])
-            for number, columns in enumerate(self.own)
+            for number, columns in enumerate(self.slopes.own)
         ]
-        return np.concatenate([self.shared.T @ weighted, *own])
+        return np.concatenate([self.slopes.tolerances.T @ weighted, *own])

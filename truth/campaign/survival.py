@@ -27,7 +27,7 @@ import numpy as np
 
 from truth.campaign.bounded_least_squares import normal_matrix
 from truth.campaign.draw import Tolerance
-from truth.campaign.frf_sensitivities import Jacobian, jacobian, jacobian_again
+from truth.campaign.frf_sensitivities import jacobian, jacobian_again
 from truth.campaign.linear_refit import LinearRefit
 from truth.campaign.measure import (
     PULSE_SECONDS,
@@ -41,7 +41,7 @@ from truth.errors import NoPlaceError
 from truth.machine.machine_on_test import Known, Machine
 from truth.machine.nonlinear import Pulses
 from truth.machine.rig import Occasion
-from truth.machine.station import Complex, Joint, Mask, Real
+from truth.machine.station import Complex, Joint, Real
 
 # Relative errors that further steps may leave, one after the other, and how many are tried: as the
 # noise weighs lines, peaks that have moved lead astray.
@@ -110,7 +110,7 @@ class Refit(LinearRefit):
             least: no further steps are taken where less is left.
         """
         goal = self._base() + self.change(machine)
-        moved, left = np.zeros(int((~self.bounded).sum())), self.ratio(machine)
+        moved, left = np.zeros(self.n_springs), self.ratio(machine)
         for allowance, tries in _ALLOWANCES:
             moved, now = self._descended(goal, moved, allowance, tries)
             left = min(left, self._left(now))
@@ -131,7 +131,7 @@ class Refit(LinearRefit):
             Norm over the lines of what is left, over that of the FRF; (n_out, n_in).
         """
         goal = self._base() + self.change(machine)
-        moved, left = np.zeros(int((~self.bounded).sum())), goal - self._base()
+        moved, left = np.zeros(self.n_springs), goal - self._base()
         for step, tries in ((_LOGARITHMIC, _STEPS), (allowance, _STEPS)):
             moved, left = self._descended(goal, moved, step, tries)
         power = (np.abs(left) ** 2).sum(axis=0) / (np.abs(goal) ** 2).sum(axis=0)
@@ -157,7 +157,7 @@ class Refit(LinearRefit):
         off = _off(goal, about._base(), allowance)
         left, cost = about.fit_tolerances(off)
         for _ in range(tries):
-            step = about.solve(off, caution)[0][~self.bounded]
+            step = about.solve(off, caution)[0][: self.n_springs]
             ahead = moved + np.clip(step, -_FARTHEST, _FARTHEST)
             known = Known(self._varied(ahead), self.known.freq_hz)
             there = _off(goal, self._accelerance(known), allowance)
@@ -180,28 +180,23 @@ class Refit(LinearRefit):
             deviation: of each value, with what the refit may leave anyway.
         """
         machine = self._varied(logarithms)
-        known = Known(machine, self.known.freq_hz)
-        return _linearised(
-            machine,
-            known,
-            deviation,
-            self.used,
-            protocol=self.protocol,
-            takes=self.takes,
-            tolerance=self.tolerance,
-            without=self.without,
+        known = Known(machine, self.known.freq_hz) if logarithms.any() else self.known
+        weight = self.used[:, None] / deviation
+        if known is self.known:
+            slopes = self.slopes.weighted_anew(self.used[:, None] / self.deviation, weight)
+        else:
+            slopes = jacobian(machine, known.freq_hz, self.tolerance, weight)
+        normal = normal_matrix(slopes, deviation.shape) + np.diag(self.bounded.astype(float))
+        return replace(
+            self, machine=machine, known=known, deviation=deviation, slopes=slopes, normal=normal
         )
 
     def _with_joints(self, known: Known) -> "Refit":
         """About other stiffness and damping, whose slopes alone are made anew."""
-        before = Jacobian(self.shared, self.bounded[: self.shared.shape[1]], self.own)
         weight = self.used[:, None] / self.deviation
-        slopes = jacobian_again(known.machine, known.freq_hz, weight, before)
-        normal = normal_matrix(slopes.shared, self.own, self.deviation.shape)
-        normal += np.diag(self.bounded.astype(float))
-        return replace(
-            self, machine=known.machine, known=known, shared=slopes.shared, normal=normal
-        )
+        slopes = jacobian_again(known.machine, known.freq_hz, weight, self.slopes)
+        normal = normal_matrix(slopes, self.deviation.shape, self.normal)
+        return replace(self, machine=known.machine, known=known, slopes=slopes, normal=normal)
 
     def _varied(self, logarithms: Real) -> Machine:
         factors = iter(np.exp(logarithms).tolist())
@@ -291,16 +286,20 @@ def refit_of(
         power = background**2 * (np.abs(base) ** 2).sum(axis=0) / (noise**2).sum(axis=0)
         counted = used[:, None] & np.isfinite(noise).all(axis=0)
         excess = float(np.sqrt(1 + power[counted].mean()))
-    return _linearised(
-        plain,
-        known,
-        deviation,
-        used,
+    slopes = jacobian(plain, lines, tolerance, used[:, None] / deviation)
+    refit = Refit(
+        deviation=deviation,
+        used=used,
+        slopes=slopes,
+        normal=normal_matrix(slopes, deviation.shape),
+        machine=plain,
         protocol=protocol,
         takes=takes,
+        known=known,
         tolerance=tolerance,
         without=Remainder(noise, excess),
     )
+    return replace(refit, normal=refit.normal + np.diag(refit.bounded.astype(float)))
 
 
 def _off(goal: Complex, now: Complex, allowance: float) -> Complex:
@@ -309,37 +308,6 @@ def _off(goal: Complex, now: Complex, allowance: float) -> Complex:
     Of small errors that is the same, of large ones it leads back.
     """
     return now * np.log(goal / now) if allowance >= _LOGARITHMIC else goal - now
-
-
-def _linearised(
-    machine: Machine,
-    known: Known,
-    deviation: Real,
-    used: Mask,
-    *,
-    protocol: Protocol,
-    takes: tuple[Take, ...],
-    tolerance: Tolerance,
-    without: Remainder,
-) -> Refit:
-    slopes = jacobian(machine, known.freq_hz, tolerance, used[:, None] / deviation)
-    shared, own = slopes.shared, slopes.own
-    bounded = np.append(slopes.bounded, np.full(own.shape[0] * own.shape[2], True))
-    normal = normal_matrix(shared, own, deviation.shape) + np.diag(bounded.astype(float))
-    return Refit(
-        deviation=deviation,
-        used=used,
-        shared=shared,
-        own=own,
-        normal=normal,
-        bounded=bounded,
-        machine=machine,
-        protocol=protocol,
-        takes=takes,
-        known=known,
-        tolerance=tolerance,
-        without=without,
-    )
 
 
 def _chosen(protocol: Protocol, count: int) -> Real:

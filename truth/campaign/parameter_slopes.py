@@ -1,0 +1,204 @@
+r"""Slopes of a machine's matrices by each parameter of a refit but those of the sensors.
+
+Stiffness and damping by their logarithms, tolerances by one standard deviation each. The slopes of
+M, C, K and G, of the sensors' rows L and of the hammers' columns P are exact, or central
+differences of matrices where a place moves.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from truth.campaign.draw import Tolerance
+from truth.machine.couplings import coupled_matrices, tendon_rows
+from truth.machine.dynamics import (
+    Equations,
+    hammer_columns,
+    joint_matrices,
+    joint_rows,
+    motion_row,
+)
+from truth.machine.machine_on_test import Machine
+from truth.machine.station import Real, Stage, Station
+
+_STEP = 1e-3  # of a tolerance's standard deviation, for differences of matrices
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """Springs and dampers of joints and tendons, each along one row of the coordinates.
+
+    Args:
+        rows: what each is stretched by the coordinates; (n_spring, n).
+        stiffness: (n_spring,).
+        damping: (n_spring,).
+    """
+
+    rows: Real
+    stiffness: Real
+    damping: Real
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Slopes of matrices by one parameter; what does not move is None.
+
+    Args:
+        equations: of M, C, K and G.
+        sensors: of L: which rows, and their slopes; (n_row, n).
+        hammers: of P; (n, n_hammer).
+    """
+
+    equations: Equations | None = None
+    sensors: tuple[slice, Real] | None = None
+    hammers: Real | None = None
+
+
+def list_springs(station: Station) -> Springs:
+    """Return the springs and dampers of all joints, stage by stage, and then of the tendons."""
+    size = 6 * len(station.stages)
+    rows = [np.zeros((0, size))]
+    rows += [joint_rows(station, index)[0] for index in range(len(station.stages))]
+    if station.tendons:
+        rows.append(tendon_rows(station))
+    joints = [joint for stage in station.stages for joint in stage.joints]
+    sizes = [(joint.stiffness, joint.damping) for joint in joints]
+    sizes += [(tendon.stiffness, tendon.damping) for tendon in station.tendons]
+    stiffness, damping = np.array(sizes).reshape(-1, 2).T
+    return Springs(np.vstack(rows), stiffness, damping)
+
+
+def slopes_by_tolerances(machine: Machine, tolerance: Tolerance) -> Iterator[Slopes]:
+    """Go through the slopes by the tolerances of bodies, places of joints, and hits.
+
+    Args:
+        machine: the true one, without effects.
+        tolerance: standard deviations.
+    """
+    for index in range(len(machine.station.stages)):
+        yield from _weights(machine.station, index, tolerance)
+        yield from _places(machine, index, tolerance)
+    for number in range(len(machine.hammers)):
+        yield from _hits(machine, number, tolerance)
+
+
+def _weights(station: Station, index: int, tolerance: Tolerance) -> Iterator[Slopes]:
+    """By mass and by each of the six numbers of the inertia."""
+    stage, size = station.stages[index], 6 * len(station.stages)
+    mass = np.zeros((size, size))
+    place = slice(6 * index, 6 * index + 3)
+    mass[place, place] = tolerance.mass * stage.mass * np.eye(3)
+    heavier = replace(stage, mass=stage.mass * (1 + tolerance.mass))
+    weight = None
+    if station.gravity.any():  # linear in the mass
+        stages = (*station.stages[:index], heavier, *station.stages[index + 1 :])
+        whole = coupled_matrices(replace(station, stages=stages)).stiffness
+        weight = whole - coupled_matrices(station).stiffness
+    yield _matrices(station, mass, weight)
+    for row, column in zip(*np.triu_indices(3), strict=True):
+        mass = np.zeros((size, size))
+        one, other = 6 * index + 3 + row, 6 * index + 3 + column
+        mass[one, other] = mass[other, one] = tolerance.inertia * stage.inertia[row, column]
+        yield _matrices(station, mass)
+
+
+def _matrices(station: Station, mass: Real, stiffness: Real | None = None) -> Slopes:
+    size = 6 * len(station.stages)
+    still = np.zeros((size, size))
+    rigid = np.zeros((sum(6 - len(stage.joints) for stage in station.stages), size))
+    return Slopes(Equations(mass, still, still if stiffness is None else stiffness, rigid))
+
+
+def _places(machine: Machine, index: int, tolerance: Tolerance) -> Iterator[Slopes]:
+    """By a stage's centre of mass and by the place that its joints share."""
+    station, stage = machine.station, machine.station.stages[index]
+    children = [i for i, one in enumerate(station.stages) if one.parent == index]
+    first = 3 * sum(len(one.sensors) for one in station.stages[:index])
+    own_rows = slice(first, first + 3 * len(stage.sensors))
+    for axis in np.eye(3):
+        shift = tolerance.com * axis
+        ends = _ends(station, index, partial(_with_com, stage, shift))
+        columns = [hammer_columns(end, machine.hammers) for end in ends]
+        yield Slopes(
+            _slope_of_joints(ends, (index, *children)),
+            (own_rows, _sensor_slopes(station, index, shift)),
+            (columns[0] - columns[1]) / (2 * _STEP),
+        )
+        if stage.joints:
+            by = tolerance.joint_position * axis
+            yield Slopes(
+                _slope_of_joints(_ends(station, index, partial(_moved, stage, by)), (index,))
+            )
+
+
+def _sensor_slopes(station: Station, index: int, shift: Real) -> Real:
+    """By a shift of a stage's centre of mass: the lever of each of its sensors; (n_row, n)."""
+    sensors = station.stages[index].sensors
+    rows = np.zeros((3 * len(sensors), 6 * len(station.stages)))
+    for number, sensor in enumerate(sensors):
+        levers = -np.cross(shift, sensor.axes)
+        rows[3 * number : 3 * number + 3, 6 * index + 3 : 6 * index + 6] = sensor.mixing @ levers
+    return rows
+
+
+def _with_com(stage: Stage, shift: Real, way: float) -> Stage:
+    return replace(stage, com=stage.com + way * shift)
+
+
+def _moved(stage: Stage, shift: Real, way: float) -> Stage:
+    joints = tuple(replace(one, position=one.position + way * shift) for one in stage.joints)
+    return replace(stage, joints=joints)
+
+
+def _ends(station: Station, index: int, moved: Callable[[float], Stage]) -> tuple[Station, Station]:
+    """The station with a stage a step to either side."""
+    found = []
+    for way in (_STEP, -_STEP):
+        stages = list(station.stages)
+        stages[index] = moved(way)
+        found.append(replace(station, stages=tuple(stages)))
+    return found[0], found[1]
+
+
+def _slope_of_joints(ends: tuple[Station, Station], indices: tuple[int, ...]) -> Equations:
+    """Central difference of M, C, K and G, of which the joints of a few stages alone move."""
+    sizes = [6 - len(stage.joints) for stage in ends[0].stages]
+    size = 6 * len(sizes)
+    mass, damping, stiffness = np.zeros((3, size, size))
+    rigid = np.zeros((sum(sizes), size))
+    coupled = [coupled_matrices(station) for station in ends]
+    mass += coupled[0].mass - coupled[1].mass
+    damping += coupled[0].damping - coupled[1].damping
+    stiffness += coupled[0].stiffness - coupled[1].stiffness
+    for index in indices:
+        one, other = (joint_matrices(station, index) for station in ends)
+        damping += one[0] - other[0]
+        stiffness += one[1] - other[1]
+        first = sum(sizes[:index])
+        rigid[first : first + sizes[index]] = one[2] - other[2]
+    over = 1 / (2 * _STEP)
+    return Equations(mass * over, damping * over, stiffness * over, rigid * over)
+
+
+def _hits(machine: Machine, number: int, tolerance: Tolerance) -> Iterator[Slopes]:
+    """By the direction and the place of one hammer."""
+    hammer = machine.hammers[number]
+    if hammer.along:  # a motor acts as the model says
+        return
+    for axis in np.eye(3):
+        turn = tolerance.hammer_angle * np.cross(axis, hammer.direction)
+        for direction, position in (
+            (turn, hammer.position),
+            (hammer.direction, tolerance.hammer_position * axis),
+        ):
+            column = motion_row(machine.station, hammer.stage, position, direction)
+            if position is not hammer.position:  # a column is affine in the place
+                column = column - motion_row(
+                    machine.station, hammer.stage, np.zeros(3), hammer.direction
+                )
+                column[6 * hammer.stage : 6 * hammer.stage + 3] = 0.0
+            columns = np.zeros((len(column), len(machine.hammers)))
+            columns[:, number] = column
+            yield Slopes(hammers=columns)
