@@ -83,7 +83,7 @@ class Dof:
     @property
     def positive(self) -> Self:
         """Degree of freedom along the positive axis, whatever the sign of this one."""
-        return type(self).of(self.point, self.axis)
+        return self if self.sign > 0 else type(self).of(self.point, self.axis)
 
     def __str__(self) -> str:
         """Return the label ``point:direction``."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from identification.words import Complex, Output, Real
 from mbmodel.assembly import frequency_dependent_core
+from mbmodel.frf.point_channels import group_by_point
 from mbmodel.parts import Change
 
 
@@ -24,15 +25,13 @@ def output_factor(
     """
     if not changes:
         return None
-    channels: dict[str, list[tuple[int, int]]] = {}
-    for row, dof in enumerate(outputs):
-        channels.setdefault(dof.point, []).append((row, dof.axis))
+    channels = group_by_point(outputs)
     coefficients = np.zeros((len(outputs), 3))
     shaped: Complex = np.zeros((len(outputs), len(laplace)), np.complex128)
     for change in changes:
         if change.point not in channels:
             continue
-        rows, axes = np.array(channels[change.point]).T
+        rows, axes = channels[change.point].rows, channels[change.point].axes
         if change.shape is None:
             coefficients[rows] += change.left[axes] @ (change.core @ change.right[0]).T
         else:

@@ -15,11 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
-from mbmodel.frf.channel_factors import output_selection
 from mbmodel.frf.force_entries import FORCE_TARGETS, ForceEntries
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.motion_sources import MotionSources
-from mbmodel.frf.ports import direction_selection
+from mbmodel.frf.point_channels import NO_CHANNELS, PointChannels, group_by_point
 from mbmodel.frf.slope_matrix import SlopeMatrix, as_slice
 from mbmodel.frf.slope_stacks import (
     TermsByTarget,
@@ -183,23 +182,22 @@ class ForwardSensitivities:
         """
         changes, mask = self._slopes[part], self._chosen[part]
         ideal, request = self.solution.ideal_values, self.solution.request
-        selected = output_selection(request.outputs, changes[0].point)
-        outputs = np.flatnonzero(selected.any(axis=1))
+        channels = self._channels.get(changes[0].point, NO_CHANNELS)
+        outputs = channels.rows
         shape = (len(ideal), ideal.shape[2], len(outputs), int(mask.sum()))
         derivatives = np.zeros(shape, complex)  # (n_freq, n_in, n_row, n_parameter)
         for change in changes:
             core = change.core[mask]
             active = as_slice(np.flatnonzero(core.any(axis=(1, 2, 3))))
             if change.slot == "output":
-                factors = selected[outputs] @ change.left @ core[active] @ change.right[0]
+                factors = channels.selection @ change.left @ core[active] @ change.right[0]
                 relative = np.einsum(
                     "fk,pkr->frp", request.laplace[:, None] ** np.arange(3), factors
                 )
                 readings = ideal[:, outputs].swapaxes(1, 2)
                 derivatives[..., active] += readings[..., None] * relative[:, None]
                 continue
-            directions = direction_selection(request.outputs, change.point)[outputs]
-            left = directions @ change.left @ core[active, 0]
+            left = channels.directions @ change.left @ core[active, 0]
             body_rows = np.flatnonzero(change.right.any(axis=1))
             motion = real_times(change.right[body_rows].T, self._sources.absolute[body_rows])
             products = motion.transpose(2, 1, 0) @ left.transpose(2, 1, 0).reshape(
@@ -207,6 +205,11 @@ class ForwardSensitivities:
             )
             derivatives[..., active] += products.reshape(*shape[:3], len(left))
         return outputs, derivatives.swapaxes(1, 2)
+
+    @cached_property
+    def _channels(self) -> dict[str, PointChannels]:
+        """Outputs at each point."""
+        return group_by_point(self.solution.request.outputs)
 
     def _adjoints(self, span: slice) -> Complex:
         """Return adjoint solutions y of every output; (nv, n_out, n_line)."""

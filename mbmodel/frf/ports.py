@@ -15,6 +15,7 @@ from identification.words import (
     Signal,
     UsageError,
 )
+from mbmodel.frf.point_channels import NO_CHANNELS, group_by_point
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.signal_rows import (
     find_axle,
@@ -223,10 +224,13 @@ def apply_point_changes(
     if not changes:
         return ports
     readout, force = ports.readout.copy(), ports.force.copy()
+    of_outputs, of_inputs = group_by_point(outputs), group_by_point(inputs)
     for change in changes:
         added = change.left @ change.core[0] @ change.right.T
         if change.slot == "sensor":
-            readout += direction_selection(outputs, change.point) @ added
+            channels = of_outputs.get(change.point, NO_CHANNELS)
+            readout[channels.rows] += channels.directions @ added
         else:
-            force += (direction_selection(inputs, change.point) @ added).T
+            channels = of_inputs.get(change.point, NO_CHANNELS)
+            force[:, channels.rows] += (channels.directions @ added).T
     return replace(ports, readout=readout, force=force)

@@ -15,6 +15,7 @@ axes, as R does.
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -47,6 +48,11 @@ class _Point:
     axes: Real
     frame: Real
 
+    @cached_property
+    def drawn_rows(self) -> Real:
+        """Rows of the point as drawn; (6, 6)."""
+        return self.rows(np.zeros(3), np.eye(3))
+
     def rows(self, offset: Real, turn: Real) -> Real:
         """Return rows of tx ty tz rx ry rz of the displaced and turned point; (..., 6, 6)."""
         axes = np.swapaxes(turn @ self.axes, -1, -2)
@@ -57,10 +63,8 @@ class _Point:
 
     def offset_slopes(self, turn: Real) -> Real:
         """Return derivatives of the rows by the offset; (3, 6, 6)."""
-        axes = (turn @ self.axes).T
         slopes = np.zeros((3, 6, 6))
-        for k, unit in enumerate(np.eye(3)):
-            slopes[k, :3, 3:] = axes @ cross_matrix(unit).T
+        slopes[:, :3, 3:] = (turn @ self.axes).T @ _UNIT_CROSS.swapaxes(1, 2)
         return slopes
 
     def rotation_slopes(self, offset: Real, rotation: Real) -> Real:
@@ -68,6 +72,7 @@ class _Point:
         return self.rows(offset, rotation_slopes(rotation))
 
 
+_UNIT_CROSS = np.stack([cross_matrix(unit) for unit in np.eye(3)])  # (3, 3, 3)
 # Pairs of axes of the symmetric transverse sensitivity, in the order of the parameters.
 _CROSS_AXES = ((0, 1), (0, 2), (1, 2))
 
@@ -126,7 +131,7 @@ class SensorPart:
         gains, rotation, offset, cross, delays = self._separate(theta)
         core = np.zeros((3, 6, 6))
         core[0] = self._mix(gains, cross) @ self.point.rows(offset, rotation_matrix(rotation))
-        core[0] -= self.point.rows(np.zeros(3), np.eye(3))
+        core[0] -= self.point.drawn_rows
         if not delays.any():
             return (self._change(core),)
         delay_core = np.zeros((3, 6, 1))
@@ -157,8 +162,8 @@ class SensorPart:
     def _separate(self, values: NDArray[T]) -> tuple[NDArray[T], ...]:
         """Split theta into gains, rotation vector, offset, transverse sensitivities, delays."""
         n = len(self._channel_rows)
-        ends = n, n + 3, n + 6, n + 9
-        return tuple(np.split(values, ends))
+        ends = 0, n, n + 3, n + 6, n + 9, len(values)
+        return tuple(values[first:last] for first, last in pairwise(ends))
 
     def _mix(self, gains: Real, cross: Real) -> Real:
         """Return diag(g) + S of the point's six rows; (6, 6)."""
@@ -239,7 +244,7 @@ class HammerPart:
         del context
         core = np.zeros((3, 6, 6))
         core[0] = self.point.rows(theta[3:], rotation_matrix(theta[:3]))
-        core[0] -= self.point.rows(np.zeros(3), np.eye(3))
+        core[0] -= self.point.drawn_rows
         return (self._change(core),)
 
     def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from identification.words import Campaign, Complex, FrfEstimate, Real
-from tuning.misfit.weights import FORCE_ERROR_FLOOR, point_power_of
+from tuning.misfit.weights import FORCE_ERROR_FLOOR, point_power_of, squared_size
 
 _LARGEST_ERROR = 3.0  # relative: a model that is off by more tells nothing
 _LOG_STEP = 1e-3  # of the floor, to which its logarithm is found
@@ -90,6 +90,6 @@ def _residual_rows(model: Complex, estimate: FrfEstimate) -> tuple[Real, Real, R
     """Return |r|^2, var and |H_point|^2 of the values of one test that count; (n_value,) each."""
     values = estimate.frf.values
     power = point_power_of(values, estimate.frf.outputs)
-    counts = estimate.measured & (np.abs(values) > 0).any(axis=0) & (power > 0)
-    residual = np.abs(model - values) ** 2
+    counts = estimate.measured & (values != 0).any(axis=0) & (power > 0)
+    residual = squared_size(model - values)
     return residual[counts], np.asarray(estimate.variance)[counts], power[counts]

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import smooth_variance
-from identification.words import Campaign, Complex, Real
+from identification.words import Campaign, Complex
 from tuning.assessment.model_error import profile_floor
-from tuning.misfit.weights import point_power_of
+from tuning.misfit.weights import point_power_of, squared_size
 
 
 @dataclass(frozen=True)
@@ -54,22 +54,22 @@ def residual_statistics(
         campaign: measurements.
     """
     outputs = {dof: row for row, dof in enumerate(campaign.outputs)}
-    shape = (len(campaign.freq_hz), len(outputs), len(campaign.tests))
+    shape = (len(outputs), len(campaign.tests), len(campaign.freq_hz))
     residual, variance, power = np.zeros(shape, complex), np.ones(shape), np.zeros(shape)
     for column, (model, test) in enumerate(zip(predicted, campaign.tests, strict=True)):
         estimate = test.estimate
         dofs = estimate.frf.outputs
         rows = [outputs[dof.positive] for dof in dofs]
-        values = estimate.frf.values[:, :, 0]
-        counts = estimate.measured[:, 0] & (np.abs(values) > 0).any(axis=0)
-        residual[:, rows, column] = np.where(counts, model[:, :, 0] - values, 0.0)
-        variance[:, rows, column] = smooth_variance(estimate)[:, :, 0]
-        point_power = point_power_of(estimate.frf.values, dofs)[:, :, 0]
-        power[:, rows, column] = np.where(counts, point_power, 0.0)
+        values = estimate.frf.values[:, :, 0].T
+        counts = (estimate.measured[:, 0] & (values != 0).any(axis=1))[:, None]
+        residual[rows, column] = np.where(counts, model[:, :, 0].T - values, 0.0)
+        variance[rows, column] = smooth_variance(estimate)[:, :, 0].T
+        point_power = point_power_of(estimate.frf.values, dofs)[:, :, 0].T
+        power[rows, column] = np.where(counts, point_power, 0.0)
     counted = power > 0
     if not counted.any():
         return None
-    squares = np.abs(residual) ** 2
+    squares = squared_size(residual)
     error = profile_floor(squares[counted], variance[counted], power[counted])
     total = np.where(counted, variance + error.floor**2 * power, 1.0)
     unit = np.where(counted, residual / np.sqrt(total), 0.0)
@@ -88,14 +88,14 @@ def independent_share(unit: Complex) -> float:
     """Return the product of participation ratios along each axis, relative to white noise.
 
     Args:
-        unit: residual of unit variance, zero where it does not count; (n_freq, n_out, n_test).
+        unit: residual of unit variance, zero where it does not count; an axis each for channels,
+            tests and lines, in any order.
     """
-    share = 1.0
-    for axis in range(unit.ndim):
+    share, trace = 1.0, float(squared_size(unit).sum())
+    for axis in range(unit.ndim if trace > 0 else 0):
         rows = np.moveaxis(unit, axis, 0).reshape(unit.shape[axis], -1)
-        gram: Real = np.abs(rows @ rows.conj().T) ** 2
-        trace = float((np.abs(rows) ** 2).sum())
+        gram = squared_size(rows @ rows.conj().T)
         count, columns = rows.shape
         white = count * columns / (count + columns)
-        share *= trace**2 / float(gram.sum()) / white if trace > 0 else 1.0
+        share *= trace**2 / float(gram.sum()) / white
     return share

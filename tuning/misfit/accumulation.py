@@ -125,7 +125,8 @@ class WeightedJacobian:
         self.forward.prepare()
         _ = self._stacked_sensors
         with ThreadPoolExecutor(threads) as pool:
-            for span, parts in zip(spans, pool.map(self._sum_shared, spans), strict=True):
+            chunks = pool.map if threads > 1 else map
+            for span, parts in zip(spans, chunks(self._sum_shared, spans), strict=True):
                 _add_parts(totals, int(groups[span.start]), parts)
         of_blocks: dict[int, tuple[Real, ...]] = {}
         for span in split_lines(groups, len(groups)):

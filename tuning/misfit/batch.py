@@ -1,6 +1,6 @@
 """Batches: tests of one condition, which one evaluation of the model predicts together."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,28 +82,42 @@ def batch_tests(model: Model, campaign: Campaign, *, direct: bool = False) -> tu
         campaign: tests.
         direct: whether the model solves the equations of motion directly instead of by its modes.
     """
+    return tuple(
+        _batch(model, campaign, numbers, direct) for numbers in _group_tests(model, campaign)
+    )
+
+
+def _group_tests(model: Model, campaign: Campaign) -> list[tuple[int, ...]]:
+    """Return the numbers of the tests of each group that one evaluation answers."""
     groups: dict[tuple[str, float, tuple[float, ...]], list[int]] = {}
     for number, test in enumerate(campaign.tests):
         acting = model.acting_fractions(test.condition)
         key = test.condition.variant, test.estimate.window_tau, acting
         groups.setdefault(key, []).append(number)
-    return tuple(_batch(model, campaign, tuple(numbers), direct) for numbers in groups.values())
+    return [tuple(numbers) for numbers in groups.values()]
+
+
+def _evaluator(model: Model, tests: Sequence[Test], direct: bool) -> Evaluator:
+    """Return the evaluator of the union of some tests' outputs and inputs."""
+    estimate, first = tests[0].estimate, tests[0].condition
+    request = FrfRequest(
+        estimate.frf.freq_hz,
+        distinct_dofs(dof for test in tests for dof in test.estimate.frf.outputs),
+        distinct_dofs(test.condition.reference for test in tests),
+        estimate.frf.quantity,
+        window_tau=estimate.window_tau,
+    )
+    condition = first if first.variant or any(model.acting_fractions(first)) else None
+    return Evaluator(
+        model, request, condition=condition, direct=direct, agreement=_MODAL_FORM_ERROR
+    )
 
 
 def _batch(model: Model, campaign: Campaign, numbers: tuple[int, ...], direct: bool) -> Batch:
     """Build the batch of some tests."""
     tests = [campaign.tests[number] for number in numbers]
-    outputs = distinct_dofs(dof for test in tests for dof in test.estimate.frf.outputs)
-    inputs = distinct_dofs(test.condition.reference for test in tests)
-    request = FrfRequest(
-        campaign.freq_hz,
-        outputs,
-        inputs,
-        tests[0].estimate.frf.quantity,
-        window_tau=tests[0].estimate.window_tau,
-    )
-    first = tests[0].condition
-    condition = first if first.variant or any(model.acting_fractions(first)) else None
+    evaluator = _evaluator(model, tests, direct)
+    outputs, inputs = evaluator.request.outputs, evaluator.request.inputs
     shape = (len(outputs), len(tests), len(campaign.freq_hz))
     values, variance = np.zeros(shape, complex), np.zeros(shape)
     measured = np.zeros(shape[:2], bool)
@@ -114,9 +128,7 @@ def _batch(model: Model, campaign: Campaign, numbers: tuple[int, ...], direct: b
         variance[rows, column] = smooth_variance(test.estimate)[:, :, 0].T
         measured[rows, column] = test.estimate.measured[:, 0]
     return Batch(
-        evaluator=Evaluator(
-            model, request, condition=condition, direct=direct, agreement=_MODAL_FORM_ERROR
-        ),
+        evaluator=evaluator,
         tests=numbers,
         columns=np.array([inputs.index(t.condition.reference.positive) for t in tests], np.intp),
         values=values.transpose(2, 0, 1),
@@ -156,10 +168,12 @@ def evaluate_tests(
         theta: parameters [SI]; (n_parameter,).
     """
     by_test: dict[int, Complex] = {}
-    for batch in batch_tests(model, campaign):
-        selected = batch.select_inputs(evaluate(batch.evaluator.at(theta)))
-        request = batch.evaluator.request
-        for column, number in enumerate(batch.tests):
-            rows, signs = _rows_and_signs(campaign.tests[number], request.outputs)
-            by_test[number] = (selected[:, rows, column] * signs)[:, :, None]
+    for numbers in _group_tests(model, campaign):
+        tests = [campaign.tests[number] for number in numbers]
+        evaluator = _evaluator(model, tests, direct=False)
+        request, evaluated = evaluator.request, evaluate(evaluator.at(theta))
+        for number, test in zip(numbers, tests, strict=True):
+            rows, signs = _rows_and_signs(test, request.outputs)
+            column = request.inputs.index(test.condition.reference.positive)
+            by_test[number] = (evaluated[:, rows, column] * signs)[:, :, None]
     return tuple(by_test[number] for number in range(len(campaign.tests)))

@@ -10,7 +10,7 @@ from tuning.misfit.accumulation import SensorColumns, WeightedJacobian
 from tuning.misfit.body_projection import BodyProjection, body_projections
 from tuning.misfit.partition import CoordinatePartition
 from tuning.misfit.reduction import BodyWeightRoot, apply_body_weights, body_weight_roots
-from tuning.misfit.weights import WeightedBatch
+from tuning.misfit.weights import WeightedBatch, squared_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +117,12 @@ def compute_residual(
         return _line_sums(residual, weighted), weighted, weight
     model = np.where(weight > 0, model, 1.0)
     product = model * np.where(weight > 0, batch.values, 1.0).conj()
-    residual = np.log(np.abs(model)) - term.log_size + 1j * np.arctan2(product.imag, product.real)
-    power = weight * np.abs(batch.values) ** 2
+    square = squared_size(model)
+    log_ratio = 0.5 * np.log(square) - (0.0 if term.log_size is None else term.log_size)
+    residual = log_ratio + 1j * np.arctan2(product.imag, product.real)
+    power = weight * squared_size(batch.values)
     weighted = power * residual / model.conj()
-    return _line_sums(residual, power * residual), weighted, power / np.abs(model) ** 2
+    return _line_sums(residual, power * residual), weighted, power / square
 
 
 def _project_sensor(
@@ -158,5 +160,6 @@ def _real_and_imaginary(values: Complex) -> Real:
 
 def _line_sums(first: Complex, second: Complex) -> Real:
     """Return Re sum conj(first) second over each line; (n_freq,)."""
-    sums: Real = np.einsum("fit,fit->f", first.conj(), second).real
+    products = first.real * second.real + first.imag * second.imag
+    sums: Real = products.sum(axis=(1, 2))
     return sums

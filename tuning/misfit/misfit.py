@@ -180,11 +180,12 @@ class Misfit:
         """
         shared, count = 0.0, 0
         for weight, difference in self._differences(x):
-            residual = np.sqrt(weight) * difference
+            residual = (np.sqrt(weight) * difference).transpose(1, 2, 0)  # memory: along frequency
+            counts = weight.transpose(1, 2, 0) > 0
             for lag in lags:
                 first = np.flatnonzero(fitted[:-lag] != fitted[lag:])
-                shared += float(np.vdot(residual[first], residual[first + lag]).real)
-                count += int(((weight[first] > 0) & (weight[first + lag] > 0)).sum())
+                shared += float(np.vdot(residual[..., first], residual[..., first + lag]).real)
+                count += int((counts[..., first] & counts[..., first + lag]).sum())
         return shared / count if count else None
 
     def quadratic_model(self, x: Real) -> QuadraticModel:
@@ -201,14 +202,10 @@ class Misfit:
         Raises:
             ValueError: the campaign has no tests.
         """
-        theta = self.parametrisation.theta(x)
         sums: list[QuadraticModel] = []
-        for term, lines in self._linearise(theta):
-            groups = np.zeros(len(lines.values), int) if folds is None else folds
-            of_groups = self._batch_quadratics(term, lines, x, groups)
-            sums = (
-                [_add(*pair) for pair in zip(sums, of_groups, strict=True)] if sums else of_groups
-            )
+        for parts in self._weighted_jacobians(x):
+            of_folds = self._batch_quadratics(*parts, folds)
+            sums = [_add(*pair) for pair in zip(sums, of_folds, strict=True)] if sums else of_folds
         if not sums:
             raise ValueError("the campaign has no tests, and thus no normal equations")
         value, gradient, normal = reduce(_add, sums)
@@ -224,11 +221,11 @@ class Misfit:
             x: coordinates; (n_x,).
             probes: parametrisation of the same model, with nothing that varies here.
         """
-        theta = self.parametrisation.theta(x)
-        _, gradient, normal = self.quadratic_model(x)
-        size = probes.size
+        jacobians, size = list(self._weighted_jacobians(x)), probes.size
+        quadratics = (self._batch_quadratics(*parts, None)[0] for parts in jacobians)
+        _, gradient, normal = reduce(_add, quadratics)
         probed = ProbedEquations(
-            gradient,
+            gradient + self._prior_gradient(x),
             normal,
             np.zeros((self.parametrisation.size, size)),
             np.zeros((size, size)),
@@ -237,16 +234,16 @@ class Misfit:
         partition = partition_coordinates(self.model, probes, separate_channels=False)
         numbers, rates = np.flatnonzero(partition.shared_parameters), probes.rates(np.zeros(size))
         parts = probe_blocks(self.model, probes)
-        for term, lines in self._linearise(theta):
-            sums = self._sum_batch(term, lines)
+        for sums, of_bodies in jacobians:
             whole = sums.lines.sensitivities(partition.shared_parameters, rates)
             by_forces = whole.is_force_alone
-            jacobian = self._jacobian(sums, x, all_channels=not by_forces.all())
+            are_forces = bool(by_forces.all())
+            jacobian = of_bodies if are_forces else self._jacobian(sums, x, all_channels=True)
             for by_force in (True, False):
                 blocks = [part for part in parts if by_forces[part].all() == by_force]
                 if not blocks:
                     continue
-                chosen = np.zeros(len(theta), bool)
+                chosen = np.zeros(len(partition.shared_parameters), bool)
                 chosen[numbers[np.concatenate(blocks)]] = True
                 is_whole = len(blocks) == len(parts)
                 forward = whole if is_whole else sums.lines.sensitivities(chosen, rates)
@@ -269,10 +266,8 @@ class Misfit:
             powers: variance of each force, relative to its response on the median line; (n_force,).
             reduction: sums to which to add.
         """
-        theta = self.parametrisation.theta(x)
-        for term, lines in self._linearise(theta):
-            sums = self._sum_batch(term, lines)
-            self._jacobian(sums, x).add_force_reduction(forces, powers, reduction)
+        for _, jacobian in self._weighted_jacobians(x):
+            jacobian.add_force_reduction(forces, powers, reduction)
 
     def force_gains(self, x: Real, forces: Real, powers: Real) -> Real:
         """Return the gains of forces of free spectra, one at a time, if nothing else varies.
@@ -285,11 +280,9 @@ class Misfit:
         Returns:
             (n_power, n_force) [nats].
         """
-        theta = self.parametrisation.theta(x)
         gains = np.zeros((len(powers), forces.shape[1]))
-        for term, lines in self._linearise(theta):
-            sums = self._sum_batch(term, lines)
-            gains += self._jacobian(sums, x).force_gains(forces, powers)
+        for _, jacobian in self._weighted_jacobians(x):
+            gains += jacobian.force_gains(forces, powers)
         return gains
 
     def _differences(self, x: Real) -> Iterator[tuple[Real, Complex]]:
@@ -332,13 +325,18 @@ class Misfit:
         rates = self.parametrisation.rates(x)
         return compute_jacobian(sums, self._partition, rates, all_channels=all_channels)
 
+    def _weighted_jacobians(self, x: Real) -> Iterator[tuple[BatchSums, WeightedJacobian]]:
+        """Yield residuals, weights and weighted derivatives of each batch."""
+        for term, lines in self._linearise(self.parametrisation.theta(x)):
+            sums = self._sum_batch(term, lines)
+            yield sums, self._jacobian(sums, x)
+
     def _batch_quadratics(
-        self, term: WeightedBatch, lines: Linearised, x: Real, groups: Integers
+        self, sums: BatchSums, jacobian: WeightedJacobian, folds: Integers | None
     ) -> list[QuadraticModel]:
-        """Return the quadratic model of one batch's data for each group of lines."""
+        """Return the quadratic model of one batch's data for each fold of lines; one for None."""
         partition, parametrisation = self._partition, self.parametrisation
-        sums = self._sum_batch(term, lines)
-        jacobian = self._jacobian(sums, x)
+        groups = np.zeros(len(sums.values), int) if folds is None else folds
         quadratics: list[QuadraticModel] = []
         for group, group_sums in enumerate(jacobian.sums(groups, self._threads)):
             shared, slope, cross, blocks, block_slopes = group_sums

@@ -21,13 +21,14 @@ class WeightedBatch:
 
     Args:
         batch: measured values.
-        log_size: log |H_measured|, zero where that is zero; (n_freq, n_out, n_test).
+        log_size: log |H_measured|, zero where that is zero, for residuals that are logarithms,
+            else None; (n_freq, n_out, n_test).
         weight: w of each value, zero where it does not count; (n_freq, n_out, n_test).
         body_weights: M of each body if residuals count at the centres of mass, else None.
     """
 
     batch: Batch
-    log_size: Real
+    log_size: Real | None
     weight: Real
     body_weights: tuple[BodyWeight, ...] | None = None
 
@@ -44,6 +45,8 @@ def weight_batch(
 ) -> WeightedBatch:
     """Weight the values of a batch by their variance and the model-error floor.
 
+    All arrays run along frequency in memory, as those of a batch do.
+
     Args:
         batch: measured values.
         model_error_floor: a, relative to the motion of each point.
@@ -51,17 +54,21 @@ def weight_batch(
             not move have no weight then.
         counted: whether each line counts; (n_freq,).
     """
-    size = np.abs(batch.values)
+    variance, square = (
+        array.transpose(1, 2, 0) for array in (batch.variance, squared_size(batch.values))
+    )
     is_static = batch.evaluator.request.factor == 0  # 0 Hz, where the model's accelerance is zero
-    is_live = (size > 0).any(axis=0)  # a silent channel is dead: its FRF is not exactly zero
-    counts = batch.measured & is_live & ~is_static[:, None, None]
+    is_live = (square > 0).any(axis=2)  # a silent channel is dead: its FRF is not exactly zero
+    counts = (batch.measured & is_live)[:, :, None] & (counted & ~is_static)
+    log_size = None
     if logarithmic:
-        counts = counts & (size**2 > _MIN_POWER_RATIO * batch.variance) & _is_moving(batch)
-    point_power = point_power_of(batch.values, batch.evaluator.request.outputs)
-    total_variance = batch.variance + max(model_error_floor, FORCE_ERROR_FLOOR) ** 2 * point_power
-    counts = counts & (total_variance > 0) & counted[:, None, None]
-    weight = np.where(counts, 1.0 / np.where(counts, total_variance, 1.0), 0.0)
-    return WeightedBatch(batch, np.log(np.where(size > 0, size, 1.0)), weight)
+        counts &= (square > _MIN_POWER_RATIO * variance) & _is_moving(batch)[:, :, None]
+        log_size = 0.5 * np.log(np.where(square > 0, square, 1.0)).transpose(2, 0, 1)
+    point_power = point_power_of(batch.values, batch.evaluator.request.outputs).transpose(1, 2, 0)
+    total_variance = variance + max(model_error_floor, FORCE_ERROR_FLOOR) ** 2 * point_power
+    counts &= total_variance > 0
+    weight = np.divide(1.0, total_variance, out=np.zeros(counts.shape), where=counts)
+    return WeightedBatch(batch, log_size, weight.transpose(2, 0, 1))
 
 
 def weight_at_bodies(term: WeightedBatch, layout: Layout) -> WeightedBatch:
@@ -98,8 +105,20 @@ def point_power_of(values: Complex, outputs: Sequence[Output]) -> Real:
     Args:
         values: FRFs; (n_freq, n_out, n_test).
         outputs: labels of the channels; n_out.
+
+    Returns:
+        In memory along frequency; (n_freq, n_out, n_test).
     """
-    places = [(dof.point, dof.is_rotation) for dof in outputs]
-    at_point = np.array([[here == there for there in places] for here in places], float)
-    power: Real = at_point @ np.abs(values) ** 2
-    return power
+    numbers: dict[tuple[str, bool], int] = {}
+    point_of = [numbers.setdefault((dof.point, dof.is_rotation), len(numbers)) for dof in outputs]
+    at_point = (np.arange(len(numbers))[:, None] == point_of).astype(float)
+    square = squared_size(values.transpose(1, 2, 0))
+    power = (at_point @ square.reshape(len(square), -1))[point_of]
+    along_frequency: Real = power.reshape(square.shape).transpose(2, 0, 1)
+    return along_frequency
+
+
+def squared_size(values: Complex) -> Real:
+    """Return |z|^2 of complex values, without the square root of their size."""
+    square: Real = values.real**2 + values.imag**2
+    return square
