@@ -152,6 +152,8 @@ def add_product(total: Real, left: Real, core: Real, right: Real) -> None:
         core: (3, r, t).
         right: (n, t).
     """
-    rows, columns = np.flatnonzero(left.any(axis=1)), np.flatnonzero(right.any(axis=1))
-    for power in np.flatnonzero(core.any(axis=(1, 2))):
-        total[power][np.ix_(rows, columns)] += left[rows] @ core[power] @ right[columns].T
+    rows = np.flatnonzero(left.any(axis=1))
+    columns = rows if left is right else np.flatnonzero(right.any(axis=1))
+    for power in np.flatnonzero(core.any(axis=(1, 2))).tolist():
+        added = left[rows] @ core[power] @ right[columns].T
+        total[power, rows[:, None], columns] += added

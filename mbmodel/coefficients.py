@@ -49,7 +49,8 @@ def kinematics_and_coefficients(
         jacobian = jacobian + sum(c.left @ c.core[0] @ c.right.T for c in path)
         total = nominal_coefficients(machine, jacobian)
     for change in body:
-        left, right = jacobian.T @ change.left, jacobian.T @ change.right
+        left = jacobian.T @ change.left
+        right = left if change.right is change.left else jacobian.T @ change.right
         add_product(total, left, change.core, right)
         if machine.gravity.any() and change.core[2].any():
             added = change.left @ change.core[2] @ change.right.T

@@ -39,7 +39,8 @@ def gradient(solution: FrfSolution, slopes: Slopes, cotangent: Complex) -> Real:
     Returns:
         dJ / dtheta in SI; (n_parameter,).
     """
-    weights = np.ascontiguousarray(cotangent.conj().transpose(1, 2, 0))
+    by_output = cotangent.transpose(1, 2, 0)
+    weights = np.conjugate(by_output, out=np.empty(by_output.shape, complex))
     if solution.output_factor is not None:  # then all that follows is about H before the factor
         weights = weights * solution.output_factor[:, None]
     adjoint = solution.solver.solve(weights, transposed=True, through=solution.readout.T)

@@ -191,7 +191,8 @@ class Evaluator:
         lines = self._critical_lines(form)
         direct = solver.solve_directly(drive, lines) * factor[lines]
         error = np.abs(motion[..., lines] - direct)
-        peak = np.abs(motion.view(np.float64)).max(axis=(1, 2), keepdims=True)
+        parts = motion.view(np.float64).reshape(len(motion), -1)
+        peak = np.maximum(parts.max(axis=1), -parts.min(axis=1))[:, None, None]
         return bool((error <= self._agreement * peak).all())
 
     def _critical_lines(self, form: ModalForm) -> np.ndarray:

@@ -56,8 +56,8 @@ class ModalForm:
         """The form of the transpose Z', whose columns are the rows of Z."""
         return replace(self, columns=self.rows.T, rows=self.columns.T)
 
-    def kernels(self, laplace: Complex) -> tuple[Complex, Complex]:
-        """Return P and N at each s; (h, n_freq) each.
+    def kernels(self, laplace: Complex) -> Complex:
+        """Return P and then N at each s; (2 h, n_freq).
 
         For a form in velocities they are divided by s, and zero at s = 0.
 
@@ -72,12 +72,16 @@ class ModalForm:
             inverse = 2.0 * moving / np.where(moving, divisor, 1.0)
         else:
             inverse = 2.0 / divisor
-        return shifted * inverse, -self.poles.imag[:, None] * inverse
+        half = len(self.poles)
+        kernels = np.empty((2 * half, len(laplace)), np.complex128)
+        np.multiply(shifted, inverse, out=kernels[:half])
+        np.multiply(-self.poles.imag[:, None], inverse, out=kernels[half:])
+        return kernels
 
     def receptance(
         self,
         force: Real | Complex,
-        kernels: tuple[Complex, Complex],
+        kernels: Complex,
         through: Real | None = None,
     ) -> Complex:
         """Return Z(s)^-1 f at every line; zero at s = 0 if the form is in velocities.
@@ -85,7 +89,7 @@ class ModalForm:
         Args:
             force: generalised forces; (nv, m, 1) real if constant over lines, or (nv, m, n_freq)
                 complex.
-            kernels: from ``kernels``.
+            kernels: from ``kernels``, times a factor of each line.
             through: if given, the generalised forces are this matrix times ``force``; (nv, n).
 
         Returns:
@@ -94,10 +98,10 @@ class ModalForm:
         half = len(self.poles)
         rows = self.rows if through is None else self.rows @ through
         drive = real_times(rows, force)
-        n_freq = kernels[0].shape[-1]
+        n_freq = kernels.shape[-1]
         if not np.iscomplexobj(drive) and len(self.columns) <= 2 * n_freq:
             return self._constant_force_receptance(drive[..., 0].real, kernels)
-        even, odd = (kernel[:, None, :] for kernel in kernels)
+        even, odd = kernels[:half, None, :], kernels[half:, None, :]
         real, imag = drive[:half], drive[half:]
         # Of a constant force, this needs 2 h numbers per line, and residues 2 h nv in all.
         state = np.empty((*drive.shape[:2], n_freq), complex)
@@ -113,12 +117,12 @@ class ModalForm:
         columns = np.hstack([self.columns[:, :half], -self.columns[:, half:]])
         return real_times(columns, state)
 
-    def _constant_force_receptance(self, drive: Real, kernels: tuple[Complex, Complex]) -> Complex:
+    def _constant_force_receptance(self, drive: Real, kernels: Complex) -> Complex:
         """Return Z(s)^-1 f of a force that is constant over lines: residues times the kernels.
 
         Args:
             drive: rows times the force; (2 h, m).
-            kernels: P and N.
+            kernels: P and then N; (2 h, n_freq).
         """
         half = len(self.poles)
         real_column, imag_column = self.columns[:, None, :half], self.columns[:, None, half:]
@@ -128,8 +132,8 @@ class ModalForm:
             axis=2,
         )
         size, m = residues.shape[:2]
-        motion = real_times(residues.reshape(size * m, 2 * half), np.concatenate(kernels))
-        return motion.reshape(size, m, kernels[0].shape[-1])
+        motion = real_times(residues.reshape(size * m, 2 * half), kernels)
+        return motion.reshape(size, m, kernels.shape[-1])
 
 
 def real_times(matrix: Real, array: Real | Complex) -> Complex:

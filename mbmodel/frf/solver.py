@@ -32,8 +32,8 @@ class Solver:
         return Solver(self.matrices, self.laplace[span], self.form)
 
     @cached_property
-    def _kernels(self) -> tuple[Complex, Complex] | None:
-        """P and N of the modal form at every line."""
+    def _kernels(self) -> Complex | None:
+        """P and then N of the modal form at every line; (2 h, n_freq)."""
         return None if self.form is None else self.form.kernels(self.laplace)
 
     def solve(
@@ -63,8 +63,8 @@ class Solver:
             lines = np.arange(len(self.laplace))
             return self.solve_directly(force, lines, transposed=transposed) * scale
         form = self.form.transposed if transposed else self.form
-        even, odd = self._kernels
-        motion = form.receptance(force, (even * scale, odd * scale), through)
+        kernels = self._kernels if factor is None else self._kernels * factor
+        motion = form.receptance(force, kernels, through)
         if form.in_velocity and self._zero_lines.size:
             force = force if through is None else real_times(through, force)
             static = self.solve_directly(force, self._zero_lines, transposed=transposed)

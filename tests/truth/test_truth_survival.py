@@ -190,6 +190,17 @@ def test_what_tuning_can_follow_leaves_nothing(machine, refit):
     assert refit.ratio(softer) < 1e-3 * refit_free(refit, change)
 
 
+def test_the_change_of_another_effect_is_computed_anew(machine, refit):
+    scene = Scene(machine.station, occasions(PROTOCOL, refit.takes))
+    effect = CATALOGUE["feedback_delay"](stream(1, "x"), scene, None)
+    ones, others = (replace(machine, effects=(effect.sized(size),)) for size in (1e-4, 2e-4))
+    first, again = refit.change(ones), refit.change(replace(machine, effects=ones.effects))
+    assert again is first
+    second = refit.change(others)
+    assert np.linalg.norm(second) > 1.5 * np.linalg.norm(first)
+    np.testing.assert_array_equal(refit.change(ones), first)
+
+
 def test_further_steps_follow_what_stiffness_and_damping_can_follow_far(machine, refit):
     joints = [
         replace(joint, stiffness=joint.stiffness * 1.05, damping=joint.damping * 0.9)

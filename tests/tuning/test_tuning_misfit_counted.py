@@ -27,6 +27,24 @@ def test_squares_of_all_values_sum_to_the_cost_of_the_data(whole, mixed, paramet
         ).squared_residuals(x)
 
 
+def test_misfits_of_one_campaign_share_its_values_and_keep_their_own_weights(
+    whole, mixed, parametrisation
+):
+    x, lines = somewhere(parametrisation), len(mixed.freq_hz)
+    cases = [(0.0, None), (0.1, None), (0.0, np.arange(lines) % 2 == 0), (0.1, None)]
+
+    def cost(campaign, floor, counted):
+        misfit = Misfit(whole, campaign, parametrisation, model_error_floor=floor, counted=counted)
+        return misfit, misfit.value(x)
+
+    shared = [cost(mixed, *case) for case in cases]
+    # A copy of the campaign keeps nothing of those before.
+    assert [value for _, value in shared] == [cost(replace(mixed), *case)[1] for case in cases]
+    assert len({value for _, value in shared}) == 3
+    first, *others = (misfit.batches[0].batch.values for misfit, _ in shared)
+    assert all(np.shares_memory(values, first) for values in others)
+
+
 def without(test, row):
     """The test without a channel."""
     estimate = test.estimate

@@ -21,7 +21,8 @@ FRFs themselves approve (Levenberg-Marquardt). Steps that nobody checks end anyw
 weaker hides a short delay to a hundredth of what they leave.
 """
 
-from dataclasses import dataclass, replace
+import operator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -89,6 +90,7 @@ class Refit(LinearRefit):
     known: Known
     tolerance: Tolerance
     without: Remainder
+    _last_change: list[tuple[Machine, Complex]] = field(default_factory=list)
 
     @property
     def noise_share(self) -> Real:
@@ -188,7 +190,13 @@ class Refit(LinearRefit):
             slopes = jacobian(machine, known.freq_hz, self.tolerance, weight)
         normal = normal_matrix(slopes, deviation.shape) + np.diag(self.bounded.astype(float))
         return replace(
-            self, machine=machine, known=known, deviation=deviation, slopes=slopes, normal=normal
+            self,
+            machine=machine,
+            known=known,
+            deviation=deviation,
+            slopes=slopes,
+            normal=normal,
+            _last_change=[],
         )
 
     def _with_joints(self, known: Known) -> "Refit":
@@ -196,7 +204,14 @@ class Refit(LinearRefit):
         weight = self.used[:, None] / self.deviation
         slopes = jacobian_again(known.machine, known.freq_hz, weight, self.slopes)
         normal = normal_matrix(slopes, self.deviation.shape, self.normal)
-        return replace(self, machine=known.machine, known=known, slopes=slopes, normal=normal)
+        return replace(
+            self,
+            machine=known.machine,
+            known=known,
+            slopes=slopes,
+            normal=normal,
+            _last_change=[],
+        )
 
     def _varied(self, logarithms: Real) -> Machine:
         factors = iter(np.exp(logarithms).tolist())
@@ -227,7 +242,18 @@ class Refit(LinearRefit):
         return float(np.sqrt(power[counted].mean())) / self.without.excess
 
     def change(self, machine: Machine) -> Complex:
-        """What the effects change in the FRFs, as the hammer test would find; like deviation."""
+        """What the effects change in the FRFs, as the hammer test would find; like deviation.
+
+        The last change is kept: a size that was found is the start of further steps.
+        """
+        for kept, change in self._last_change:
+            if _are_same(kept, machine):
+                return change
+        change = self._computed_change(machine)
+        self._last_change[:] = [(machine, change)]
+        return change
+
+    def _computed_change(self, machine: Machine) -> Complex:
         known, whole = Known(machine, self.known.freq_hz), Known(machine, self.protocol.freq_hz)
         base = self._base()
         values = np.array(base)
@@ -300,6 +326,14 @@ def refit_of(
         without=Remainder(noise, excess),
     )
     return replace(refit, normal=refit.normal + np.diag(refit.bounded.astype(float)))
+
+
+def _are_same(one: Machine, other: Machine) -> bool:
+    """Whether both have the very same parts."""
+    parts, others = (
+        (machine.station, machine.hammers, *machine.effects) for machine in (one, other)
+    )
+    return len(parts) == len(others) and all(map(operator.is_, parts, others))
 
 
 def _off(goal: Complex, now: Complex, allowance: float) -> Complex:

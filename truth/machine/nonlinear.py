@@ -147,7 +147,7 @@ class _Implicit:
             for number, law in enumerate(self.laws):
                 new[number], state[number] = law.force(stretch[number], self.state[number])
             ahead = new - rest
-            off = float(np.abs(ahead).max())
+            off = float(np.maximum.reduce(np.abs(ahead), axis=None))
             if off > _SETTLED * self.size:
                 self.size = max(self.size, float(np.abs(new).max()))
             if off <= _SETTLED * self.size:

@@ -1,7 +1,8 @@
 """Batches: tests of one condition, which one evaluation of the model predicts together."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -34,6 +35,8 @@ class Batch:
         values: measured FRFs, with the signs of the evaluator's labels; (n_freq, n_out, n_test).
         variance: their variance, smoothed along frequency; (n_freq, n_out, n_test).
         measured: whether each channel was measured; (n_out, n_test).
+        kept_weights: weights of the values by model-error floor and lines that count, which many
+            fits of one campaign share.
     """
 
     evaluator: Evaluator
@@ -42,6 +45,7 @@ class Batch:
     values: Complex
     variance: Real
     measured: Mask
+    kept_weights: dict[tuple[float, bytes], Real] = field(default_factory=dict)
 
     def select_inputs(self, values: Complex) -> Complex:
         """Return the values of each test's input.
@@ -72,6 +76,10 @@ class Batch:
         for test, column in enumerate(self.columns):
             total[:, column] += cotangent[:, :, test].T
         return np.moveaxis(total, 2, 0)
+
+
+# Batches of every campaign in use, by the numbers of their tests: many fits count equal lines.
+_BATCHES: WeakKeyDictionary[Campaign, dict[tuple[int, ...], Batch]] = WeakKeyDictionary()
 
 
 def batch_tests(model: Model, campaign: Campaign, *, direct: bool = False) -> tuple[Batch, ...]:
@@ -114,11 +122,19 @@ def _evaluator(model: Model, tests: Sequence[Test], direct: bool) -> Evaluator:
 
 
 def _batch(model: Model, campaign: Campaign, numbers: tuple[int, ...], direct: bool) -> Batch:
-    """Build the batch of some tests."""
+    """Build the batch of some tests; its measured values are those of earlier batches."""
     tests = [campaign.tests[number] for number in numbers]
     evaluator = _evaluator(model, tests, direct)
+    batches = _BATCHES.setdefault(campaign, {})
+    if numbers not in batches:
+        batches[numbers] = _read_batch(evaluator, tests, numbers)
+    return replace(batches[numbers], evaluator=evaluator)
+
+
+def _read_batch(evaluator: Evaluator, tests: Sequence[Test], numbers: tuple[int, ...]) -> Batch:
+    """Return the measured values of some tests, one beside the other."""
     outputs, inputs = evaluator.request.outputs, evaluator.request.inputs
-    shape = (len(outputs), len(tests), len(campaign.freq_hz))
+    shape = (len(outputs), len(tests), len(evaluator.request.freq_hz))
     values, variance = np.zeros(shape, complex), np.zeros(shape)
     measured = np.zeros(shape[:2], bool)
     for column, test in enumerate(tests):

@@ -43,6 +43,8 @@ from tuning.misfit.probing import ProbedEquations, probe_by_columns, probe_by_fo
 from tuning.misfit.weights import WeightedBatch, weight_at_bodies, weight_batch
 from tuning.parametrisation.parametrisation import Parametrisation
 
+_VALUES_TOGETHER = 2**16  # of differences: what a cache holds
+
 
 class Misfit:
     """J of a campaign as a function of x.
@@ -179,13 +181,16 @@ class Misfit:
             ValueError: the misfit uses logarithms, or weights at the centres of mass.
         """
         shared, count = 0.0, 0
-        for weight, difference in self._differences(x):
-            residual = (np.sqrt(weight) * difference).transpose(1, 2, 0)  # memory: along frequency
-            counts = weight.transpose(1, 2, 0) > 0
-            for lag in lags:
-                first = np.flatnonzero(fitted[:-lag] != fitted[lag:])
-                shared += float(np.vdot(residual[..., first], residual[..., first + lag]).real)
-                count += int((counts[..., first] & counts[..., first + lag]).sum())
+        firsts = [np.flatnonzero(fitted[:-lag] != fitted[lag:]) for lag in lags]
+        for weight, difference in self._differences(x, _VALUES_TOGETHER):
+            along_frequency = weight.transpose(1, 2, 0)
+            is_read = (along_frequency > 0).any(axis=2)
+            read_weight = along_frequency[is_read]
+            residual = np.sqrt(read_weight) * difference.transpose(1, 2, 0)[is_read]
+            counts = read_weight > 0
+            for lag, first in zip(lags, firsts, strict=True):
+                shared += float(np.vdot(residual[:, first], residual[:, first + lag]).real)
+                count += int((counts[:, first] & counts[:, first + lag]).sum())
         return shared / count if count else None
 
     def quadratic_model(self, x: Real) -> QuadraticModel:
@@ -285,8 +290,15 @@ class Misfit:
             gains += jacobian.force_gains(forces, powers)
         return gains
 
-    def _differences(self, x: Real) -> Iterator[tuple[Real, Complex]]:
-        """Yield weights and differences of each batch; (n_freq, n_out, n_test)."""
+    def _differences(
+        self, x: Real, max_values: int | None = None
+    ) -> Iterator[tuple[Real, Complex]]:
+        """Yield weights and differences of the channels of each batch; (n_freq, n_out, n_test).
+
+        Args:
+            x: coordinates; (n_x,).
+            max_values: number of values from which channels are split; None for all together.
+        """
         if self._logarithmic or any(term.body_weights is not None for term in self._terms):
             raise ValueError(
                 "squared residuals exist for differences at the channels only: "
@@ -294,8 +306,14 @@ class Misfit:
             )
         theta = self.parametrisation.theta(x)
         for term, lines in self._linearise(theta):
-            batch = term.batch
-            yield term.weight, batch.select_inputs(lines.values) - batch.values
+            batch, n_out = term.batch, term.weight.shape[1]
+            step = n_out
+            if max_values is not None:
+                step = max(1, n_out * max_values // max(1, term.weight.size))
+            for first in range(0, n_out, step):
+                rows = slice(first, first + step)
+                model = batch.select_inputs(lines.values[:, rows])
+                yield term.weight[:, rows], model - batch.values[:, rows]
 
     def _linearise(self, theta: Real) -> Iterator[tuple[WeightedBatch, Linearised]]:
         """Return the batches with the model linearised at theta.

@@ -54,6 +54,9 @@ def weight_batch(
             not move have no weight then.
         counted: whether each line counts; (n_freq,).
     """
+    key = model_error_floor, counted.tobytes()
+    if not logarithmic and key in batch.kept_weights:
+        return WeightedBatch(batch, None, batch.kept_weights[key])
     variance, square = (
         array.transpose(1, 2, 0) for array in (batch.variance, squared_size(batch.values))
     )
@@ -68,6 +71,8 @@ def weight_batch(
     total_variance = variance + max(model_error_floor, FORCE_ERROR_FLOOR) ** 2 * point_power
     counts &= total_variance > 0
     weight = np.divide(1.0, total_variance, out=np.zeros(counts.shape), where=counts)
+    if not logarithmic:
+        batch.kept_weights[key] = weight.transpose(2, 0, 1)
     return WeightedBatch(batch, log_size, weight.transpose(2, 0, 1))
 
 
