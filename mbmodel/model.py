@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.words import Condition, Mask, Real, UsageError
+from identification.words import Condition, Integers, Mask, Real, UsageError
 from mbmodel.assembly import Assembly, Matrices, add_product, frequency_dependent_term
 from mbmodel.coefficients import kinematics_and_coefficients, nominal_coefficients
 from mbmodel.control_loops.loop_part import LoopPart, loop_parts
@@ -127,6 +127,11 @@ class Model:
         return tuple(slice(*both) for both in pairwise(ends))
 
     @cached_property
+    def _part_numbers(self) -> Integers:
+        """Number of the Part of each parameter; (n_parameter,)."""
+        return np.repeat(np.arange(len(self.parts)), [len(part.parameters) for part in self.parts])
+
+    @cached_property
     def _conditional(self) -> tuple[ConditionalPart, ...]:
         """Parts that act in some tests only."""
         return tuple(part for part in self.parts if isinstance(part, ConditionalPart))
@@ -237,15 +242,10 @@ class Model:
         posed = self.at_rest(theta)
         context = PartContext(posed.machine, condition)
         wanted = np.ones(len(theta), bool) if chosen is None else chosen
-        slopes = [
-            part.slopes(values, context) if mask.any() else ()
-            for part, values, mask in zip(
-                posed.parts,
-                self.split_parameters(theta),
-                self.split_parameters(wanted),
-                strict=True,
-            )
-        ]
+        of_parts = self.split_parameters(theta)
+        slopes: list[tuple[Change, ...]] = [()] * len(of_parts)
+        for number in np.unique(self._part_numbers[wanted]).tolist():
+            slopes[number] = posed.parts[number].slopes(of_parts[number], context)
         if self.machine.statics is None:
             return slopes
         added = self._kept_equilibria.slopes(theta, condition, wanted)

@@ -27,9 +27,11 @@ def collect_terms(
     terms: dict[Target, list[tuple[Integers, SlopeTerm]]] = {"force": [], "load": []}
     start = 0
     for number, (mask, changes) in enumerate(zip(chosen, slopes, strict=True)):
-        indices = np.arange(start, start + int(mask.sum()))
-        start += len(indices)
-        for change in changes if len(indices) else ():
+        first, start = start, start + int(np.count_nonzero(mask))
+        if not changes or first == start:
+            continue
+        indices = np.arange(first, start)
+        for change in changes:
             core = change.core[mask] * rates[indices][:, None, None, None]
             for term in slope_terms(solution, number, change, core):
                 terms.setdefault(term.target, []).append((indices, term))

@@ -69,17 +69,19 @@ def residual_statistics(
     counted = power > 0
     if not counted.any():
         return None
-    squares = squared_size(residual)
-    error = profile_floor(squares[counted], variance[counted], power[counted])
-    total = np.where(counted, variance + error.floor**2 * power, 1.0)
-    unit = np.where(counted, residual / np.sqrt(total), 0.0)
-    noise = np.maximum(variance[counted], np.finfo(float).tiny)
+    of_counted = residual[counted], variance[counted], power[counted]
+    counted_residual, counted_variance, counted_power = of_counted
+    squares = squared_size(counted_residual)
+    error = profile_floor(squares, counted_variance, counted_power)
+    total = counted_variance + error.floor**2 * counted_power
+    unit = np.zeros(shape, complex)
+    unit[counted] = counted_residual / np.sqrt(total)
     return ResidualStatistics(
         floor=error.floor,
         cost=error.cost / error.values,
         values=error.values,
-        chi_square=float(np.mean(squares[counted] / noise)),
-        noise_share=float(np.mean(variance[counted] / total[counted])),
+        chi_square=float(np.mean(squares / np.maximum(counted_variance, np.finfo(float).tiny))),
+        noise_share=float(np.mean(counted_variance / total)),
         effective_values=max(1.0, min(1.0, independent_share(unit)) * error.values),
     )
 
@@ -94,8 +96,9 @@ def independent_share(unit: Complex) -> float:
     share, trace = 1.0, float(squared_size(unit).sum())
     for axis in range(unit.ndim if trace > 0 else 0):
         rows = np.moveaxis(unit, axis, 0).reshape(unit.shape[axis], -1)
-        gram = squared_size(rows @ rows.conj().T)
         count, columns = rows.shape
+        filled = rows[:, rows.any(axis=0)]
+        gram = squared_size(filled @ filled.conj().T)
         white = count * columns / (count + columns)
         share *= trace**2 / float(gram.sum()) / white
     return share
