@@ -25,6 +25,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
+from scipy.fft import next_fast_len
 
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Complex, Integers, Real
@@ -76,6 +77,7 @@ class JointTransient:
         inputs: Real,
         freq_hz: Real,
         loops: Sequence[FrequencyDependentTerm] = (),
+        steps_per_period: int = LEVEL_SETTINGS.steps_per_period,
     ) -> "JointTransient":
         """Return the machine of M, C and K with its control loops.
 
@@ -85,6 +87,7 @@ class JointTransient:
             inputs: generalised force of each input; (nv, n_in).
             freq_hz: lines of the FRFs, which set step and length; (n_freq,).
             loops: control loops that are closed, with Pade's fractions of their delays.
+            steps_per_period: least number of steps in a period of the highest line.
         """
         # A machine on no springs drifts: far below the lowest line that does not matter.
         slowest = 2 * np.pi * LEVEL_SETTINGS.drift_share * freq_hz[freq_hz > 0].min()
@@ -97,7 +100,7 @@ class JointTransient:
         kept = poles.imag >= 0
         pairs = np.where(poles.imag > 0, 2.0, 1.0)
         spacing = float(np.diff(freq_hz).min()) if len(freq_hz) > 1 else float(freq_hz[0])
-        doublings = np.ceil(np.log2(LEVEL_SETTINGS.steps_per_period * freq_hz[-1] / spacing))
+        samples = next_fast_len(int(np.ceil(steps_per_period * freq_hz[-1] / spacing)), real=True)
         slowest_decay = max(
             float(-poles.real.max()),
             LEVEL_SETTINGS.end_decay * spacing / LEVEL_SETTINGS.max_records,
@@ -108,7 +111,7 @@ class JointTransient:
             (direction @ shapes[:size] * pairs)[kept],
             entry[kept, 0],
             entry[kept, 1:],
-            spacing * 2**doublings,
+            spacing * samples,
             records / spacing,
         )
 
@@ -119,6 +122,24 @@ class JointTransient:
         upper, lower = 1 / (laplace - self.poles), 1 / (laplace - self.poles.conj())
         stretch: Complex = (upper @ residues + lower @ residues.conj()) / 2
         return stretch
+
+    def find_moving_modes(self, least: int = 0) -> Integers:
+        """Return the modes that move the joint, those that move it most first.
+
+        A mode moves it by its residue over its decay rate: the height of its resonance.
+
+        Args:
+            least: number of modes that are returned at least.
+        """
+        residues = np.column_stack([self.joint_entry, self.input_entry]) * self.readout[:, None]
+        peaks = (
+            np.abs(residues)
+            / np.maximum(-self.poles.real, LEVEL_SETTINGS.end_decay / self.duration_s)[:, None]
+        )
+        share = (peaks / np.maximum(peaks.max(axis=0), np.finfo(float).tiny)).max(axis=1)
+        count = max(int((share > LEVEL_SETTINGS.negligible_mode_share).sum()), least)
+        order: Integers = np.argsort(-share, kind="stable")[:count]
+        return order
 
     @cached_property
     def hold_weights(self) -> tuple[Complex, Complex]:

@@ -49,6 +49,20 @@ class LawFamily:
     follows_stiffness: bool = False
     softest_is_linear: bool = False
 
+    @property
+    def count(self) -> int:
+        """Number of parameters besides the joint's stiffness."""
+        return len(self.parameters) - int(self.follows_stiffness)
+
+    def complete(self, values: Real, stiffness: float) -> Real:
+        """Return all parameters; (n_parameter,).
+
+        Args:
+            values: those besides the joint's stiffness; (count,).
+            stiffness: of the joint.
+        """
+        return np.append(values, stiffness) if self.follows_stiffness else values
+
     def parameters_at(self, prefix: str, start: tuple[float, ...]) -> tuple[Parameter, ...]:
         """Return the parameters of a Part whose nominal values are a start.
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import rfft
 
 from diagnosis.levels.hammer_pulse import compute_pulse_force, compute_pulse_spectrum
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.restoring_laws import RestoringLaw, stack_laws
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.rounding import NEGLIGIBLE_SHARE
-from identification.words import Complex, Real
+from identification.words import Complex, Integers, Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +49,10 @@ def _compute_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -> Complex:
     law = stack_laws([case.law for case in cases], len(cases[0].hits.peak))
     forces = _transform_forces(_integrate_forces(cases, law), freq_hz, first.rate_hz)
     kappa = []
+    machines = {id(case.transient): case.transient for case in cases}
+    receptances = {key: machine.receptances(freq_hz).T for key, machine in machines.items()}
     for case, force in zip(cases, np.split(forces, len(cases)), strict=True):
-        receptance, hits = case.transient.receptances(freq_hz).T, case.hits
+        receptance, hits = receptances[id(case.transient)], case.hits
         hammer = hits.peak[:, None] * compute_pulse_spectrum(freq_hz, hits.duration_s)
         stretch = receptance[1 + hits.column] * hammer - receptance[0] * force
         kappa.append(force / np.where(stretch != 0, stretch, np.inf))
@@ -66,14 +69,18 @@ def compute_peak_stretch(transient: JointTransient, hits: SimulatedHits) -> Real
 def _integrate_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
     """Return the joint's force at every sample; (n_sample + 1, n_case n_hit).
 
-    Modes are scaled to their share of the stretch, and kept without the joint's force of their own
+    Modes that hardly move the joint are left out. The others are scaled to their share of the
+    stretch, and kept without the joint's force of their own
     instant, so that a step takes two products: with z the modes with it, z = free - b f gives
 
         free_1 = D free_0 - (D b + b_before) f_0 + hammer.
     """
     rate = cases[0].transient.rate_hz
     count = round(cases[0].transient.duration_s * rate)
-    steps = [_StepWeights.of(case) for case in cases]
+    modes = [case.transient.find_moving_modes() for case in cases]
+    most = max(map(len, modes))
+    modes = [case.transient.find_moving_modes(most) for case in cases]
+    steps = [_StepWeights.of(case, kept) for case, kept in zip(cases, modes, strict=True)]
     decay, joint_before, joint_after, hammer_before, hammer_after = (
         np.concatenate(weights, axis=1) for weights in zip(*steps, strict=True)
     )
@@ -122,20 +129,20 @@ class _StepWeights(NamedTuple):
     hammer_after: Complex
 
     @classmethod
-    def of(cls, case: LawUnderHits) -> "_StepWeights":
-        """Return the weights of a case."""
+    def of(cls, case: LawUnderHits, kept: Integers) -> "_StepWeights":
+        """Return the weights of a case for the modes that are kept."""
         transient, hits = case.transient, case.hits
         step = 1 / transient.rate_hz
-        before, after = transient.hold_weights
-        readout = transient.readout[:, None]
-        entry = readout * transient.input_entry[:, hits.column] * hits.peak
-        joint = transient.readout * transient.joint_entry
+        before, after = (weights[kept] for weights in transient.hold_weights)
+        readout = transient.readout[kept]
+        entry = readout[:, None] * transient.input_entry[kept][:, hits.column] * hits.peak
+        joint = readout * transient.joint_entry[kept]
 
         def repeat(column: Complex) -> Complex:
             return np.tile(column[:, None], len(hits.peak))
 
         return cls(
-            repeat(np.exp(transient.poles * step)),
+            repeat(np.exp(transient.poles[kept] * step)),
             repeat(before * joint),
             repeat(after * joint),
             before[:, None] * entry,
@@ -153,7 +160,7 @@ def _transform_forces(forces: Real, freq_hz: Real, rate_hz: float) -> Complex:
     places = freq_hz * len(steps) / rate_hz
     nearest = np.rint(places).astype(int)
     if np.allclose(places, nearest, atol=NEGLIGIBLE_SHARE):
-        sums = np.fft.rfft(steps, axis=0)[nearest]
+        sums = rfft(np.ascontiguousarray(steps.T))[:, nearest].T
     else:  # lines that are no multiples of their smallest distance
         times = np.arange(len(steps)) / rate_hz
         sums = np.array([np.exp(-s * times) @ steps for s in laplace])

@@ -1,10 +1,11 @@
 """Refits of restoring laws: where they begin, and the machine about which they are simulated.
 
 1. The joint direction is refitted with a stiffness and damping of its own at each level.
-2. Each law begins at the parameters whose simulated stiffness changes from level to level most
-   like that (means over lines and references, weighted by the stretch).
-3. The law is refitted. A refit moves the linear machine about which the law was simulated, so the
-   law is built again about each refit, until the objective moves no more.
+2. Each law is fitted with the rest of that machine held (``law_starts``). A law that is far behind
+   the best one goes no further.
+3. The law is refitted with everything that varies. A refit moves the linear machine about which the
+   law was simulated, so the law is built again about each refit, until the objective moves no more
+   or was refitted once with no visible gap left.
 """
 
 from collections.abc import Sequence
@@ -16,16 +17,9 @@ from diagnosis.effects.points import find_middle_frequency
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.levels.free_levels import free_each_level, list_levels
-from diagnosis.levels.hammer_pulse import compute_pulse_spectrum
-from diagnosis.levels.law_family import FAMILIES, LawFamily
 from diagnosis.levels.law_hypothesis import build_law_hypothesis
-from diagnosis.levels.law_simulation import (
-    LawUnderHits,
-    compute_equivalent_stiffness,
-    compute_peak_stretch,
-)
+from diagnosis.levels.law_starts import LawStart, fit_starts
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from diagnosis.levels.tested_joint import TestedJoint
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import (
     RefitTask,
@@ -39,22 +33,7 @@ from identification.words import Complex, Real
 from mbmodel import AddedPart
 from tuning import is_gap_visible
 
-
-@dataclass(frozen=True, eq=False)
-class _LawStart:
-    """A law, and where its refit begins.
-
-    Args:
-        joint: direction of the joint.
-        family: of the law.
-        theta: its parameters.
-        stiffness: of the joint's spring beside it.
-    """
-
-    joint: JointDirection
-    family: LawFamily
-    theta: tuple[float, ...]
-    stiffness: float
+_BESIDE = ("stiffness", "damping")  # parameters of a joint beside its law
 
 
 def refit_laws(
@@ -92,19 +71,23 @@ def refit_laws(
     if gain < LEVEL_SETTINGS.min_gain_share * (current.objective - best):
         return []
     nearby = replace(about, theta=_read_values(free[joint], about))
+    effects = list(dict.fromkeys(h.effect for h in hypotheses if h.spring == joint))
     laws = [
-        _FittedLaw(_find_start(nearby, free[joint], joint, effect), nearby, free[joint].floor)
-        for effect in dict.fromkeys(h.effect for h in hypotheses if h.spring == joint)
+        _FittedLaw(start, nearby, free[joint].floor)
+        for start in _find_starts(nearby, free[joint], joint, effects)
     ]
+    schedule = replace(settings.schedule, max_turns=LEVEL_SETTINGS.fits_per_turn)
     for turn in range(LEVEL_SETTINGS.max_turns):
         working = [law for law in laws if not law.is_settled]
+        if not working:
+            break
         if turn:
             best = min(law.objective for law in laws)
             working = [
                 law for law in working if law.objective < best + LEVEL_SETTINGS.max_behind_nats
             ]
         tasks = [_build_task(current, law) for law in working]
-        for law, refit in zip(working, run_refits(scene, tasks, settings.schedule), strict=True):
+        for law, refit in zip(working, run_refits(scene, tasks, schedule), strict=True):
             law.take(refit, about)
     return [law.refit for law in laws if law.refit is not None]
 
@@ -121,7 +104,7 @@ class _FittedLaw:
         is_settled: whether a further refit would change nothing.
     """
 
-    start: _LawStart
+    start: LawStart
     scene: Scene
     floor: float
     refit: Refit | None = None
@@ -134,7 +117,9 @@ class _FittedLaw:
 
     def take(self, refit: Refit, about: Scene) -> None:
         """Keep a refit if it is better, and begin the next one where it ended."""
-        self.is_settled = self.objective - refit.objective < LEVEL_SETTINGS.settled_nats
+        gain = self.objective - refit.objective
+        had_gap = self.refit is None or is_gap_visible(self.refit.gap)
+        self.is_settled = gain < LEVEL_SETTINGS.settled_nats or not had_gap
         if refit.objective < self.objective:
             self.refit = refit
         self.scene = replace(about, theta=_read_values(refit, about))
@@ -144,10 +129,11 @@ class _FittedLaw:
 def _build_task(current: Refit, fitted: _FittedLaw) -> RefitTask:
     """Return the next refit of a law."""
     start, scene = fitted.start, fitted.scene
-    spring = f"{start.joint.spring}.stiffness"
     names = [parameter.name for parameter in scene.model.parameters]
     theta = scene.theta.copy()
-    theta[names.index(spring)] = start.stiffness
+    for kind, value in zip(_BESIDE, start.beside, strict=True):
+        if f"{start.joint.spring}.{kind}" in names:
+            theta[names.index(f"{start.joint.spring}.{kind}")] = value
     scene = replace(scene, theta=theta)
     law = build_law_hypothesis(scene, start.joint, start.family, start.theta)
     session = add_hypothesis(current.session, law)
@@ -162,52 +148,39 @@ def _read_values(refit: Refit, scene: Scene) -> Real:
     return np.array([fitted[parameter.name] for parameter in scene.model.parameters])
 
 
-def _read_start(refit: Refit, start: _LawStart) -> _LawStart:
+def _read_start(refit: Refit, start: LawStart) -> LawStart:
     """Return a law that begins where its refit ended."""
     parameters = refit.session.model.parameters
     fitted = dict(zip((p.name for p in parameters), refit.fit.theta.tolist(), strict=True))
     prefix = f"{start.joint.spring}.{start.family.effect}"
     theta = tuple(fitted[f"{prefix}.{name}"] for name, _ in start.family.parameters)
-    return replace(start, theta=theta, stiffness=fitted[f"{start.joint.spring}.stiffness"])
+    beside = [
+        fitted.get(f"{start.joint.spring}.{kind}", value)
+        for kind, value in zip(_BESIDE, start.beside, strict=True)
+    ]
+    return replace(start, theta=theta, beside=np.array(beside))
 
 
-def _find_start(scene: Scene, free: Refit, joint: JointDirection, effect: str) -> _LawStart:
-    """Return the law of an effect whose stiffness changes most like what is free at each level.
+def _find_starts(
+    scene: Scene, free: Refit, joint: JointDirection, effects: Sequence[str]
+) -> list[LawStart]:
+    """Return a start of each effect that may explain the FRFs as well as the best one.
 
     Args:
         scene: linear machine at the lowest level.
         free: refit with free levels.
         joint: direction of the joint.
-        effect: the effect.
+        effects: the effects.
     """
-    levels = list_levels(scene.session.campaign)
-    changes = _read_changes(free, joint, len(levels))
-    lowest = float(scene.find_stiffness((joint.spring,))[0])
-    tested = TestedJoint.of_scene(scene, joint)
-    best: tuple[float, _LawStart] | None = None
-    for family in FAMILIES[effect]:
-        reference = 0.0 if family.softest_is_linear else float(changes.real.max())
-        added = reference * np.outer(tested.direction, tested.direction)
-        linear = replace(tested.matrices, stiffness=tested.matrices.stiffness + added)
-        machine = replace(tested, matrices=linear)
-        transient = machine.transient()
-        peaks = compute_peak_stretch(transient, tested.hits)
-        middle = float(np.max(peaks[np.abs(tested.hits.peak) <= levels[len(levels) // 2]]))
-        weights = _weigh_stretch(machine, transient.receptances(machine.freq_hz))
-        starts = family.starts(lowest + reference, middle)
-        laws = [LawUnderHits(transient, family.law(np.array(s)), machine.hits) for s in starts]
-        kappas = compute_equivalent_stiffness(laws, machine.freq_hz)
-        for theta, kappa in zip(starts, kappas, strict=True):
-            means = family.stuck(np.array(theta)) + _average_levels(
-                kappa, weights, tested.hits.peak, levels, machine.freq_hz
-            )
-            off = float(np.sum(np.abs(means - means[0] - changes) ** 2))
-            if best is None or off < best[0]:
-                beside = max(lowest - float(means[0].real), LEVEL_SETTINGS.min_own_share * lowest)
-                best = off, _LawStart(joint, family, theta, beside)
-    if best is None:
-        raise ValueError(f"{effect} has no law")
-    return best[1]
+    changes = _read_changes(free, joint, len(list_levels(scene.session.campaign)))
+    stiffness = float(scene.find_stiffness((joint.spring,))[0])
+    damping = float(scene.find_damping((joint.spring,))[0])
+    middle = find_middle_frequency(Scene(free.session, free.fit.theta))
+    stiffest = stiffness + float(changes.real.max())
+    least_damping = damping + float(changes.imag.min()) / middle
+    starts = fit_starts(scene, joint, effects, stiffest, least_damping)
+    best = min(start.cost for start in starts)
+    return [s for s in starts if s.cost < best + LEVEL_SETTINGS.max_start_behind_nats]
 
 
 def _read_changes(free: Refit, joint: JointDirection, count: int) -> Complex:
@@ -228,23 +201,3 @@ def _read_changes(free: Refit, joint: JointDirection, count: int) -> Complex:
         )
         changes[number] = change.core[0, 0, 0] + 1j * middle * change.core[1, 0, 0]
     return changes
-
-
-def _weigh_stretch(joint: TestedJoint, receptances: Complex) -> Real:
-    """Return the squared stretch of the linear machine on each line; (n_test, n_freq)."""
-    force = compute_pulse_spectrum(joint.freq_hz, joint.hits.duration_s)
-    weights: Real = np.abs(receptances.T[1 + joint.hits.column] * force) ** 2
-    return weights * joint.hits.peak[:, None] ** 2
-
-
-def _average_levels(
-    kappa: Complex, weights: Real, peak: Real, levels: Sequence[float], freq_hz: Real
-) -> Complex:
-    """Return the mean stiffness of each level, its imaginary part per frequency; (n_level,)."""
-    middle = np.sqrt(freq_hz.min() * freq_hz[-1])
-    scaled = kappa.real + 1j * kappa.imag * middle / freq_hz
-    means = []
-    for level in levels:
-        rows = np.isclose(np.abs(peak), level)
-        means.append((scaled[rows] * weights[rows]).sum() / weights[rows].sum())
-    return np.array(means)

@@ -12,6 +12,7 @@ the linear machine contains.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -106,12 +107,17 @@ class GapLaw:
 
     def solve(self, free: Real, compliance: Real, state: Real) -> tuple[Real, Real]:
         """Solve q = q_free - a g(q), which is linear on each of three spans."""
-        rest = np.maximum(np.minimum(self.centre, self.gap), -self.gap)
         # Within the gap q - c = (q_free - c + a k rest) / (1 - a k); outside the clip is constant.
-        from_centre = free - self.centre + compliance * self.stiffness * rest
-        within = from_centre / (1 - compliance * self.stiffness)
-        missing = np.maximum(np.minimum(within, self.gap), -self.gap) + rest
+        softened = compliance * self.stiffness
+        within = (free + (softened * self._at_rest - self.centre)) / (1 - softened)
+        missing = np.maximum(np.minimum(within, self.gap), -self.gap) + self._at_rest
         return -self.stiffness * missing, state
+
+    @cached_property
+    def _at_rest(self) -> Real:
+        """clip(c, -b, b) [m or rad]."""
+        rest: Real = np.maximum(np.minimum(self.centre, self.gap), -np.asarray(self.gap))
+        return rest
 
 
 def stack_laws(laws: Sequence[RestoringLaw], count: int) -> RestoringLaw:

@@ -11,6 +11,8 @@ class LevelSettings:
         steps_per_period: time steps per period of the highest line; the force, straight between
             them, is then within 0.2 % of its own.
         series_bound: of ``|lambda h|``; below it the weights of a step are taken from their series.
+        negligible_mode_share: of the highest resonance of the joint's stretch: modes below it are
+            not simulated.
         look_steps: steps between two looks whether the joint still acts.
         quiet_share: of the largest step of the force; below it the joint acts no more.
         end_decay: logarithm of the decay of the slowest mode at the end of a simulated record.
@@ -25,19 +27,32 @@ class LevelSettings:
         peak_sigma: standard deviation of a test's peak, relative: the mean of some hits by hand.
         duration_sigma: standard deviation of the duration that the noise of FRFs tells, relative.
         level_unit: of the fitted stiffness, per unit of a level's stiffness and damping.
-        difference_step: relative, of the difference quotient by a law's parameters; within steps of
-            time, a sliding element is no smooth function of them.
+        difference_step: relative, of difference quotients by a law's parameters. Where a decaying
+            motion touches a stop or slides for the last time is rough in them on a scale of 1 %.
+        cell_size: of the logarithms of a law's parameters: within a cell the law is linear in them.
+        kept_cells: simulated cells in memory.
+        fits_per_turn: fits of a refit, each at the error that the one before left: the next turn
+            simulates the law about another machine anyway.
         max_turns: refits of a law, each about the machine that the one before found.
         settled_nats: per value: a turn that lowers the objective by less is the last one.
+        max_start_behind_nats: per value: a law that is farther behind the best one before the
+            machine is refitted about it is not refitted.
         max_behind_nats: per value: a law that is farther behind the best one is refitted once.
         min_gain_share: of what the best linear cause gains: free levels that gain less need no law.
         min_own_share: of the stiffness at the lowest level that a joint's own spring begins with.
+        start_stride: every so manyth line counts where starts are sought.
+        start_steps_per_period: of simulations where starts are sought, within 2 % of exact ones.
+        fitted_families: best families of an effect that are fitted alone, before one is refitted.
+        start_steps: Levenberg-Marquardt steps of these fits.
+        start_damping: their first damping.
+        largest_start_step: of a coordinate, the logarithm of a size: a factor of 2.
         element_shares: stiffness of a sliding element where fits begin, of that at rest.
         slip_shares: stretch at which it slides, of the largest linear one.
         cubic_signs: of k3; both are tried.
         stiffening_shares: relative stiffening at the largest linear stretch where fits begin.
         softening_shares: relative softening there.
-        gap_shares: gaps where fits begin, of the largest linear stretch.
+        gap_shares: gaps where fits begin, of the largest linear stretch; the basin of a gap that
+            the motion often crosses is narrow.
         gap_centres: centres of the gap where fits begin, of the gap to either side; the joint rests
             in its middle, or lifts off at 0.3, 2 or 7 times the gap.
         element_ends: ends of an element's stiffness, of the joint's.
@@ -50,6 +65,7 @@ class LevelSettings:
 
     steps_per_period: int = 40
     series_bound: float = 1e-2
+    negligible_mode_share: float = 1e-4
     look_steps: int = 512
     quiet_share: float = 1e-5
     end_decay: float = 7.0
@@ -62,18 +78,28 @@ class LevelSettings:
     peak_sigma: float = 0.05
     duration_sigma: float = 0.1
     level_unit: float = 0.1
-    difference_step: float = 3e-3
-    max_turns: int = 8
+    difference_step: float = 0.05
+    cell_size: float = 0.02
+    kept_cells: int = 16
+    fits_per_turn: int = 2
+    max_turns: int = 12
     settled_nats: float = 2e-3
+    max_start_behind_nats: float = 0.5
     max_behind_nats: float = 0.1
     min_gain_share: float = 0.5
     min_own_share: float = 0.05
-    element_shares: tuple[float, ...] = (0.15, 0.4, 0.8)
+    start_stride: int = 8
+    start_steps_per_period: int = 16
+    fitted_families: int = 3
+    start_steps: int = 8
+    start_damping: float = 1e-2
+    largest_start_step: float = 0.7
+    element_shares: tuple[float, ...] = (0.15, 0.5, 2.0, 8.0)
     slip_shares: tuple[float, ...] = (0.02, 0.06, 0.2, 0.6)
     cubic_signs: tuple[float, ...] = (1.0, -1.0)
     stiffening_shares: tuple[float, ...] = (0.01, 0.03, 0.1, 0.3, 1.0)
     softening_shares: tuple[float, ...] = (0.001, 0.003, 0.01)
-    gap_shares: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1, 0.3)
+    gap_shares: tuple[float, ...] = tuple(0.003 * 10 ** (k / 8) for k in range(17))
     gap_centres: tuple[float, ...] = (0.0, 1.3, -1.3, 3.0, -3.0, 8.0, -8.0)
     element_ends: tuple[float, float] = (1e-3, 30.0)
     slip_ends: tuple[float, float] = (1e-5, 30.0)

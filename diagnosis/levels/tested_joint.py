@@ -11,7 +11,7 @@ from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_stiffness
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from identification.words import Complex, Integers, Real
+from identification.words import Complex, Integers, Mask, Real
 from mbmodel.assembly import FrequencyDependentTerm, Matrices
 from mbmodel.frf.ports import apply_point_changes, find_ports
 
@@ -27,7 +27,9 @@ class TestedJoint:
         freq_hz: lines above 0 Hz; (n_freq,).
         hits: one for each test.
         stiffness: fitted stiffness of the spring.
+        damping: of its damper.
         loops: control loops that were closed during the test.
+        steps_per_period: of simulations, in a period of the highest line.
     """
 
     matrices: Matrices
@@ -36,7 +38,9 @@ class TestedJoint:
     freq_hz: Real
     hits: SimulatedHits
     stiffness: float
+    damping: float
     loops: tuple[FrequencyDependentTerm, ...] = ()
+    steps_per_period: int = LEVEL_SETTINGS.steps_per_period
 
     @classmethod
     def of_scene(cls, scene: Scene, joint: JointDirection) -> "TestedJoint":
@@ -64,21 +68,30 @@ class TestedJoint:
             campaign.freq_hz[campaign.freq_hz > 0],
             hits,
             float(scene.find_stiffness((joint.spring,))[0]),
+            float(scene.find_damping((joint.spring,))[0]),
             tuple(term for term in assembly.frequency_dependent if term.is_loop),
         )
 
-    def transient(self, stuck: float = 0.0) -> JointTransient:
-        """Return the linear machine with an element that sticks.
+    def transient(self, stiffness: float = 0.0, damping: float = 0.0) -> JointTransient:
+        """Return the linear machine with more stiffness and damping of the joint.
 
         Args:
-            stuck: its stiffness [N/m or N m/rad].
+            stiffness: of an element that sticks, for one [N/m or N m/rad].
+            damping: likewise [N s/m or N m s/rad].
         """
-        added = stuck * np.outer(self.direction, self.direction)
+        along = np.outer(self.direction, self.direction)
         matrices = Matrices(
-            self.matrices.mass, self.matrices.damping, self.matrices.stiffness + added
+            self.matrices.mass,
+            self.matrices.damping + damping * along,
+            self.matrices.stiffness + stiffness * along,
         )
         return JointTransient.of_matrices(
-            matrices, self.direction, self.inputs, self.freq_hz, self.loops
+            matrices,
+            self.direction,
+            self.inputs,
+            self.freq_hz,
+            self.loops,
+            self.steps_per_period,
         )
 
     def compute_stiffness(self, family: LawFamily, cases: Sequence[tuple[Real, float]]) -> Complex:
@@ -109,6 +122,34 @@ class TestedJoint:
         kappa = compute_equivalent_stiffness(laws, self.freq_hz)
         return np.array(stuck)[:, None, None] + kappa[:, place]
 
+    def add_laws(
+        self, laws: Sequence[tuple[LawFamily, Real, Real]], freq_hz: Real
+    ) -> list[Complex]:
+        """Return what laws add to the joint's complex stiffness; (n_test, n_freq) each.
+
+        Args:
+            laws: families of one effect, the parameters of each law, and stiffness and damping of
+                the joint beside it.
+            freq_hz: lines above 0 Hz.
+        """
+        different, place = self._list_different_hits()
+        added: list[Complex] = []
+        alike: dict[tuple[int, float], list[tuple[int, LawUnderHits]]] = {}
+        for number, (family, theta, beside) in enumerate(laws):
+            stiffness, damping = beside - (self.stiffness, self.damping)
+            stiffness += family.stuck(theta)
+            transient = self.transient(stiffness, damping)
+            case = LawUnderHits(transient, family.law(theta), different)
+            added.append(stiffness + 2j * np.pi * freq_hz * damping)
+            alike.setdefault((len(transient.poles), transient.duration_s), []).append(
+                (number, case)
+            )
+        for cases in alike.values():
+            kappas = compute_equivalent_stiffness([case for _, case in cases], freq_hz)
+            for (number, _), kappa in zip(cases, kappas, strict=True):
+                added[number] = added[number] + kappa[place]
+        return added
+
     def _list_different_hits(self) -> tuple[SimulatedHits, Integers]:
         """Return the hits that differ, and the number of that of each test; (n_test,)."""
         pairs = np.stack([self.hits.column, self.hits.peak])
@@ -121,12 +162,15 @@ class TestedJoint:
 class LawTable:
     """Stiffness that a law adds on every line of every test, and its derivatives.
 
-    The stiffness of a test is linear in the logarithm of its peak, which varies little.
+    It is linear in cells of the parameters, which are logarithms of sizes: within a cell by the
+    central differences about its middle. Smaller changes of a law are rough (where a decaying
+    motion touches a stop for the last time), and simulations are dear. The stiffness of a test is
+    linear in the logarithm of its peak, which varies little.
 
     Args:
         joint: linear machine and hits.
         family: of the law.
-        known: results at the last parameters.
+        known: results in the last cells.
     """
 
     joint: TestedJoint
@@ -143,14 +187,39 @@ class LawTable:
             kappa, and its derivatives by theta, then by the logarithm of each test's peak;
             (n_parameter + 1, n_test, n_freq).
         """
-        key = theta.tobytes()
+        place = self._coordinates(theta)
+        cell = np.rint(place / LEVEL_SETTINGS.cell_size) + 0.0  # no -0.0, whose bytes differ
+        middle, slopes = self._simulate_cell(cell)
+        inside = place - LEVEL_SETTINGS.cell_size * cell
+        kappa = middle + np.tensordot(inside, slopes[:-1], axes=1)
+        by_theta = np.append(np.where(self._is_size, theta, 1.0), 1.0)
+        return kappa, slopes / by_theta[:, None, None]
+
+    @property
+    def _is_size(self) -> Mask:
+        """Which parameters are positive sizes, as the duration is; (n_parameter,)."""
+        return np.array([*self.family.is_size, True])
+
+    def _coordinates(self, theta: Real) -> Real:
+        """Return logarithms of sizes, other parameters as they are; (n_parameter,)."""
+        sizes = np.where(self._is_size, theta, 1.0)
+        return np.where(self._is_size, np.log(sizes), theta)
+
+    def _simulate_cell(self, cell: Real) -> tuple[Complex, Complex]:
+        """Return kappa in the middle of a cell, and its derivatives by the coordinates."""
+        key = cell.tobytes()
         if key not in self.known:
-            steps = LEVEL_SETTINGS.difference_step * np.where(theta == 0, 1.0, np.abs(theta))
-            cases = [(theta, 1.0), *((moved, 1.0) for moved in theta + np.diag(steps))]
-            cases.append((theta, 1 + LEVEL_SETTINGS.difference_step))
-            middle, *moved = self.joint.compute_stiffness(self.family, cases)
-            divisors = np.append(steps, np.log1p(LEVEL_SETTINGS.difference_step))
-            slopes = (np.array(moved) - middle) / divisors[:, None, None]
-            self.known.clear()
-            self.known[key] = middle, slopes
+            place, size = LEVEL_SETTINGS.cell_size * cell, LEVEL_SETTINGS.difference_step
+            moves = size * np.eye(len(place))
+            after = [*((moved, 1.0) for moved in place + moves), (place, np.exp(size))]
+            before = [*((moved, 1.0) for moved in place - moves), (place, np.exp(-size))]
+            cases = [
+                (np.where(self._is_size, np.exp(at), at), peak)
+                for at, peak in [(place, 1.0), *after, *before]
+            ]
+            kappas = self.joint.compute_stiffness(self.family, cases)
+            slopes = (kappas[1 : len(after) + 1] - kappas[len(after) + 1 :]) / (2 * size)
+            if len(self.known) == LEVEL_SETTINGS.kept_cells:
+                self.known.pop(next(iter(self.known)))
+            self.known[key] = kappas[0], slopes
         return self.known[key]

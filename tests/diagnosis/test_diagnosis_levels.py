@@ -211,7 +211,7 @@ def test_slopes_of_a_law_are_difference_quotients(block, family):
     (change,) = part.changes(theta, context)
     stiff = linear - family.stuck(theta[:-2]) + change.shape(laplace)
     for k, slope in enumerate(part.slopes(theta, context)):
-        step = 3e-3 * (abs(theta[k]) or 1.0)
+        step = 0.03 * (abs(theta[k]) or 1.0)
         ends = []
         for sign in (1, -1):
             moved = theta.copy()

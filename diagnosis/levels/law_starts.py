@@ -1,0 +1,237 @@
+"""Where the refit of a law begins: its parameters fitted to the FRFs, the rest of the machine held.
+
+The joint direction was refitted with a stiffness and damping of its own at each level. About that
+machine, a law and the spring beside it are fitted alone. Whatever they are, the FRFs follow by an
+update of rank one (``joint_update``), so that a law costs its simulation and nothing else, and many
+starts go through time together.
+
+A law has several minima: a gap acts from its middle, or from either side of it. So each family
+begins at its best start, and the best families are fitted by Levenberg-Marquardt steps at the model
+error that their residuals show. Derivatives are difference quotients of the simulated stiffness.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.hypothesis import JointDirection, Scene
+from diagnosis.levels.free_levels import list_levels
+from diagnosis.levels.joint_update import JointUpdate
+from diagnosis.levels.law_family import FAMILIES, LawFamily
+from diagnosis.levels.law_simulation import compute_peak_stretch
+from diagnosis.levels.settings import LEVEL_SETTINGS
+from diagnosis.levels.tested_joint import TestedJoint
+from identification.words import Complex, Real
+from tuning import thin_lines
+from tuning.assessment.model_error import ModelError
+
+
+@dataclass(frozen=True, eq=False)
+class LawStart:
+    """A law, and where its refit begins.
+
+    Args:
+        joint: direction of the joint.
+        family: of the law.
+        theta: its parameters.
+        beside: stiffness and damping of the joint beside it; (2,).
+        cost: -ln L of the FRFs with it per value, but for a constant [nats].
+    """
+
+    joint: JointDirection
+    family: LawFamily
+    theta: tuple[float, ...]
+    beside: Real
+    cost: float
+
+
+def fit_starts(
+    scene: Scene,
+    joint: JointDirection,
+    effects: Sequence[str],
+    stiffest: float,
+    least_damping: float,
+) -> list[LawStart]:
+    """Return the best start of each effect.
+
+    Args:
+        scene: linear machine at the lowest level.
+        joint: direction of the joint.
+        effects: the effects.
+        stiffest: largest stiffness of the joint at any level.
+        least_damping: least damping at any level.
+    """
+    alone = _LawAlone.of_scene(scene, joint)
+    return [_fit_effect(alone, effect, stiffest, least_damping) for effect in effects]
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A law with its residuals.
+
+    Args:
+        family: of the law.
+        values: its parameters, without that of the joint's stiffness, then stiffness and damping of
+            the joint beside it; (n_value,).
+        residuals: of all values; (n_value,).
+        error: model error that they show.
+    """
+
+    family: LawFamily
+    values: Real
+    residuals: Complex
+    error: ModelError
+
+
+@dataclass(frozen=True, eq=False)
+class _LawAlone:
+    """A machine of which one joint's law varies, and nothing else.
+
+    Args:
+        joint: direction of the joint.
+        tested: machine and hits.
+        update: FRFs as the joint's stiffness changes.
+        middle_stretch: largest stretch of the linear machine under hits of the middle level.
+        largest_stretch: under any hit.
+    """
+
+    joint: JointDirection
+    tested: TestedJoint
+    update: JointUpdate
+    middle_stretch: float
+    largest_stretch: float
+
+    @classmethod
+    def of_scene(cls, scene: Scene, joint: JointDirection) -> "_LawAlone":
+        campaign = scene.session.campaign
+        thin = thin_lines(campaign, LEVEL_SETTINGS.start_stride * scene.stride_factor)
+        tested = replace(
+            TestedJoint.of_scene(scene, joint),
+            steps_per_period=LEVEL_SETTINGS.start_steps_per_period,
+        )
+        levels = list_levels(campaign)
+        peaks = compute_peak_stretch(tested.transient(), tested.hits)
+        is_low = np.abs(tested.hits.peak) <= levels[len(levels) // 2]
+        update = JointUpdate.of_scene(scene, joint, tested, thin)
+        return cls(joint, tested, update, float(peaks[is_low].max()), float(peaks.max()))
+
+    def list_starts(self, family: LawFamily, stiffest: float, least_damping: float) -> list[Real]:
+        """Return the values at which a family may begin."""
+        stiffness = self.tested.stiffness if family.softest_is_linear else stiffest
+        starts = []
+        for theta in family.starts(stiffness, self.middle_stretch):
+            parameters = np.array(theta[: family.count])
+            beside = stiffness - family.stuck(parameters)
+            values = np.array([*parameters, beside, least_damping])
+            starts.append(self.limit(family, values))
+        return starts
+
+    def evaluate(self, tried: Sequence[tuple[LawFamily, Real]]) -> list[_Point | None]:
+        """Return laws with their residuals; None for one that gives way."""
+        points: list[_Point | None] = []
+        for (family, values), kappa in zip(tried, self._add(tried), strict=True):
+            residuals = self.update.residuals(kappa)
+            if np.isfinite(residuals).all():
+                error = self.update.estimate_error(residuals)
+                points.append(_Point(family, values, residuals, error))
+            else:
+                points.append(None)
+        return points
+
+    def limit(self, family: LawFamily, values: Real) -> Real:
+        """Return values within the bounds of a family, and the joint beside it near the fit."""
+        bounds = family.bounds(self.tested.stiffness, self.largest_stretch)[: family.count]
+        share = LEVEL_SETTINGS.min_own_share
+        beside = np.array([self.tested.stiffness, self.tested.damping])
+        lower, upper = np.array([*bounds, *zip(share * beside, beside / share, strict=True)]).T
+        limited: Real = np.clip(values, lower, upper)
+        return limited
+
+    def _add(self, tried: Sequence[tuple[LawFamily, Real]]) -> list[Complex]:
+        laws = [
+            (family, family.complete(values[:-2], float(values[-2])), values[-2:])
+            for family, values in tried
+        ]
+        return self.tested.add_laws(laws, self.update.freq_hz)
+
+
+def _fit_effect(alone: _LawAlone, effect: str, stiffest: float, least_damping: float) -> LawStart:
+    """Return the best law of an effect, its best families fitted."""
+    best = []
+    for family in FAMILIES[effect]:
+        starts = [(family, v) for v in alone.list_starts(family, stiffest, least_damping)]
+        points = [p for p in alone.evaluate(starts) if p is not None]
+        best += sorted(points, key=lambda point: point.error.cost)[:1]
+    if not best:
+        raise ValueError(f"{effect} has no law that holds")
+    best.sort(key=lambda point: point.error.cost)
+    points = _fit_points(alone, best[: LEVEL_SETTINGS.fitted_families])
+    point = min(points, key=lambda point: point.error.cost)
+    theta = point.family.complete(point.values[:-2], float(point.values[-2]))
+    cost = point.error.cost / point.error.values
+    return LawStart(alone.joint, point.family, tuple(theta.tolist()), point.values[-2:], cost)
+
+
+def _fit_points(alone: _LawAlone, points: list[_Point]) -> list[_Point]:
+    """Return laws after Levenberg-Marquardt steps, all of them at once."""
+    dampings = [LEVEL_SETTINGS.start_damping] * len(points)
+    working = list(range(len(points)))
+    for _ in range(LEVEL_SETTINGS.start_steps):
+        if not working:
+            break
+        moves = [(points[k].family, values) for k in working for values in _list_moves(points[k])]
+        at = iter(alone.evaluate(moves))
+        tried: list[tuple[LawFamily, Real]] = []
+        for k in working:
+            slopes = np.array([_differ(points[k], next(at)) for _ in points[k].values])
+            weights = alone.update.weights(points[k].error)
+            step = _solve_step(slopes, points[k], weights, dampings[k])
+            tried.append((points[k].family, alone.limit(points[k].family, _move(points[k], step))))
+        settled = []
+        for k, end in zip(working, alone.evaluate(tried), strict=True):
+            gain = -np.inf if end is None else points[k].error.cost - end.error.cost
+            dampings[k] *= 0.1 if gain > 0 else 10.0
+            if end is not None and gain > 0:
+                points[k] = end
+            if 0 < gain < LEVEL_SETTINGS.settled_nats * points[k].error.values:
+                settled.append(k)
+        working = [k for k in working if k not in settled]
+    return points
+
+
+def _list_moves(point: _Point) -> list[Real]:
+    """Return the values of a law with one coordinate moved each."""
+    steps = LEVEL_SETTINGS.difference_step * np.eye(len(point.values))
+    return [_move(point, step) for step in steps]
+
+
+def _move(point: _Point, step: Real) -> Real:
+    """Return the values of a law after a step of its coordinates: logarithms of sizes."""
+    is_size = _list_sizes(point)
+    limited = np.clip(step, -LEVEL_SETTINGS.largest_start_step, LEVEL_SETTINGS.largest_start_step)
+    moved: Real = np.where(is_size, point.values * np.exp(limited), point.values + limited)
+    return moved
+
+
+def _list_sizes(point: _Point) -> Real:
+    """Return which values are positive sizes, as the joint's stiffness and damping are."""
+    return np.array([*point.family.is_size[: point.family.count], True, True])
+
+
+def _differ(point: _Point, moved: _Point | None) -> Complex:
+    """Return the derivative of the residuals by a coordinate; zero where the law gives way."""
+    if moved is None:
+        return np.zeros_like(point.residuals)
+    slope: Complex = (moved.residuals - point.residuals) / LEVEL_SETTINGS.difference_step
+    return slope
+
+
+def _solve_step(slopes: Complex, point: _Point, weights: Real, damping: float) -> Real:
+    """Return the damped Gauss-Newton step; slopes (n_coordinate, n_value)."""
+    normal = ((slopes.conj() * weights) @ slopes.T).real
+    gradient = ((slopes.conj() * weights) @ point.residuals).real
+    scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    unit = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
+    step: Real = -np.linalg.solve(unit, gradient / scale) / scale
+    return step

@@ -1,0 +1,111 @@
+"""Where refits of laws begin: the rank-one update of a joint, and laws fitted alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.hypothesis import JointDirection, Scene
+from diagnosis.levels import joint_transient, tested_joint
+from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
+from diagnosis.levels.joint_update import JointUpdate
+from diagnosis.levels.law_family import HARDENING
+from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_stiffness
+from diagnosis.levels.law_starts import fit_starts
+from diagnosis.levels.restoring_laws import CubicLaw
+from diagnosis.levels.settings import LEVEL_SETTINGS
+from mbmodel import Model
+from mbmodel.assembly import Matrices
+from tests.helpers.nonlinear_mass import (
+    DAMPING,
+    FREQ_HZ,
+    MASS_KG,
+    PULSE_S,
+    STIFFNESS,
+    level_campaign,
+    nonlinear_block,
+    session_of,
+)
+from tuning import predict
+
+JOINT = JointDirection("block", "tz", "block_tz")
+LEVELS = (20.0, 115.0, 270.0)
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory) -> Model:
+    return nonlinear_block(tmp_path_factory.mktemp("mass"))
+
+
+def scene_of(block, force=None):
+    session = session_of(block, level_campaign(block, force, LEVELS))
+    return Scene(session, session.model.drawn)
+
+
+def test_an_update_is_the_model_with_another_stiffness_and_damping(block):
+    scene = scene_of(block)
+    campaign, names = scene.session.campaign, [p.name for p in scene.model.parameters]
+    update = JointUpdate.of_scene(
+        scene, JOINT, tested_joint.TestedJoint.of_scene(scene, JOINT), campaign
+    )
+    theta = scene.theta.copy()
+    theta[names.index("block_tz.stiffness")] *= 0.6
+    theta[names.index("block_tz.damping")] *= 3.0
+    added = -0.4 * STIFFNESS + 2j * np.pi * FREQ_HZ * 2.0 * DAMPING
+    found = update.residuals(np.tile(added, (len(campaign.tests), 1)))
+    expected = [
+        (values - test.estimate.frf.values)[:, test.estimate.measured].ravel()
+        for values, test in zip(predict(scene.model, theta, campaign), campaign.tests, strict=True)
+    ]
+    scale = np.abs(np.concatenate(expected)).max()
+    assert len(found) == sum(map(len, expected))
+    np.testing.assert_allclose(
+        np.sort(np.abs(found)), np.sort(np.abs(np.concatenate(expected))), atol=1e-8 * scale
+    )
+
+
+def test_a_law_without_force_adds_the_joint_beside_it_alone(block):
+    tested = tested_joint.TestedJoint.of_scene(scene_of(block), JOINT)
+    weak, beside = np.array([1e-3, 2e6]), np.array([2e6, 400.0])
+    (added,) = tested.add_laws([(HARDENING[0], weak, beside)], FREQ_HZ)
+    expected = 2e6 - STIFFNESS + 2j * np.pi * FREQ_HZ * (400.0 - DAMPING)
+    np.testing.assert_allclose(added, np.tile(expected, (len(added), 1)), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("effect", "force", "parameter"),
+    [
+        ("hardening", lambda q: 1.5e15 * q**3, 1.5e15),
+        ("backlash", lambda q: -STIFFNESS * np.clip(q, -1.2e-7, 1.2e-7), 1.2e-7),
+    ],
+)
+def test_the_law_that_is_there_has_the_best_start(block, effect, force, parameter):
+    scene = scene_of(block, force)
+    starts = fit_starts(scene, JOINT, ("friction", "backlash", "hardening"), STIFFNESS, DAMPING)
+    best = min(starts, key=lambda start: start.cost)
+    assert best.family.effect == effect
+    assert best.theta[0] == pytest.approx(parameter, rel=0.15)
+    assert best.beside[0] == pytest.approx(STIFFNESS, rel=0.05)
+    others = [start.cost for start in starts if start is not best]
+    assert min(others) > best.cost + 0.1
+
+
+def test_modes_that_do_not_move_the_joint_are_not_simulated(monkeypatch):
+    far = 2 * np.pi * 90.0
+    matrices = Matrices(
+        np.diag([MASS_KG, 3.0, 5.0]),
+        np.diag([DAMPING, 20.0, 30.0]),
+        np.diag([STIFFNESS, 3.0 * far**2, 7.0 * far**2]),
+    )
+    inputs = np.array([[1.0], [1.0], [0.5]])
+    transient = JointTransient.of_matrices(matrices, np.array([1.0, 0.0, 0.0]), inputs, FREQ_HZ)
+    assert len(transient.poles) == 3
+    assert len(transient.find_moving_modes()) == 1
+    hits = SimulatedHits(np.array([0]), np.array([200.0]), PULSE_S)
+    cases = [LawUnderHits(transient, CubicLaw(2e15), hits)]
+    found = compute_equivalent_stiffness(cases, FREQ_HZ)
+    all_modes = replace(LEVEL_SETTINGS, negligible_mode_share=-1.0)
+    monkeypatch.setattr(joint_transient, "LEVEL_SETTINGS", all_modes)
+    assert len(transient.find_moving_modes()) == 3
+    expected = compute_equivalent_stiffness(cases, FREQ_HZ)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
