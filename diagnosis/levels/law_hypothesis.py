@@ -1,9 +1,9 @@
-"""Hypothesis of a law at a joint direction: one Part for each test, about one linear machine.
+"""Hypothesis of a law at a joint direction: a Part for each kind of hit, about one linear machine.
 
 A refit moves the machine about which the law was simulated, so that the Parts are built again about
 each refit until nothing changes (``refit_laws``). Few hits do not have exactly the stated peak, and
-FRFs tell their duration roughly: the peak of each test and the common duration are tolerances that
-are fitted with the law.
+FRFs tell their duration roughly: the peak of each kind of hit and the common duration are
+tolerances that are fitted with the law.
 """
 
 from collections.abc import Mapping
@@ -41,16 +41,19 @@ def build_law_hypothesis(
     if family.follows_stiffness:
         follow[first[-1].name] = f"{joint.spring}.stiffness"
     parts, believed = [], {shared[-1].name: LEVEL_SETTINGS.duration_sigma}
-    for number, test in enumerate(scene.session.campaign.tests):
+    place = tested.group_equal_hits()
+    tests = scene.session.campaign.tests
+    for number in sorted({int(np.argmax(place == group)) for group in place}):
         parameters = shared
         if number:
             parameters = tuple(replace(p, name=f"{p.name}@{number}") for p in shared)
             follow |= {p.name: q.name for p, q in zip(parameters, shared, strict=True)}
         peak = Parameter(f"{prefix}.hit_peak@{number}", 1.0, "of the stated one")
         believed[peak.name] = LEVEL_SETTINGS.peak_sigma
+        conditions = frozenset(tests[k].condition for k in np.flatnonzero(place == place[number]))
         location = f"joint:{joint.stage}"
         parts.append(
-            LawPart(location, (*parameters, peak), table, number, test.condition, joint.spring)
+            LawPart(location, (*parameters, peak), table, number, conditions, joint.spring)
         )
     stretch = float(compute_peak_stretch(tested.transient(), tested.hits).max())
     ends = family.bounds(tested.stiffness, stretch)

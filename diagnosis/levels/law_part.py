@@ -1,7 +1,8 @@
-"""Part of a restoring law in one test.
+"""Part of a restoring law in the tests with equal hits.
 
 The law acts on the lines of a test as the complex stiffness that it shows under a hit of that
-test's level (``joint_transient``). It is simulated about one linear machine.
+test's level (``joint_transient``). It is simulated about one linear machine. All set-ups of one
+level and hammer point have equal hits, and one Part, so that one evaluation answers them all.
 """
 
 from dataclasses import dataclass
@@ -16,14 +17,14 @@ from mbmodel import Addition, Change, Edit, Parameter, PartContext
 
 @dataclass(frozen=True, eq=False)
 class LawPart:
-    """A law in one test, as a complex stiffness of the joint direction.
+    """A law in tests with equal hits, as a complex stiffness of the joint direction.
 
     Args:
         location: joint.
         parameters: of the law, in the order of the family; relative duration and peak of the hits.
         table: of all tests.
-        number: of the test.
-        condition: of the test.
+        number: of the first of these tests.
+        conditions: of the tests.
         spring: joint of the direction.
     """
 
@@ -31,12 +32,12 @@ class LawPart:
     parameters: tuple[Parameter, ...]
     table: LawTable
     number: int
-    condition: Condition
+    conditions: frozenset[Condition]
     spring: str
 
     def acts(self, condition: Condition | None) -> float:
-        """Return whether a test is the Part's own."""
-        return float(condition == self.condition)
+        """Return whether a test is one of the Part's own."""
+        return float(condition in self.conditions)
 
     def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
         """Return the stiffness at theta."""

@@ -150,6 +150,10 @@ class TestedJoint:
                 added[number] = added[number] + kappa[place]
         return added
 
+    def group_equal_hits(self) -> Integers:
+        """Return the number of the group of each test; those of one group have equal hits."""
+        return self._list_different_hits()[1]
+
     def _list_different_hits(self) -> tuple[SimulatedHits, Integers]:
         """Return the hits that differ, and the number of that of each test; (n_test,)."""
         pairs = np.stack([self.hits.column, self.hits.peak])
@@ -171,11 +175,13 @@ class LawTable:
         joint: linear machine and hits.
         family: of the law.
         known: results in the last cells.
+        latest: the last parameters and their results: the Parts of all tests ask for them.
     """
 
     joint: TestedJoint
     family: LawFamily
     known: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
+    latest: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
 
     def at(self, theta: Real) -> tuple[Complex, Complex]:
         """Return kappa at the stated peaks (n_test, n_freq), and its derivatives.
@@ -187,13 +193,20 @@ class LawTable:
             kappa, and its derivatives by theta, then by the logarithm of each test's peak;
             (n_parameter + 1, n_test, n_freq).
         """
+        key = theta.tobytes()
+        kept = self.latest.get(key)
+        if kept is not None:
+            return kept
         place = self._coordinates(theta)
         cell = np.rint(place / LEVEL_SETTINGS.cell_size) + 0.0  # no -0.0, whose bytes differ
         middle, slopes = self._simulate_cell(cell)
         inside = place - LEVEL_SETTINGS.cell_size * cell
         kappa = middle + np.tensordot(inside, slopes[:-1], axes=1)
         by_theta = np.append(np.where(self._is_size, theta, 1.0), 1.0)
-        return kappa, slopes / by_theta[:, None, None]
+        result = kappa, slopes / by_theta[:, None, None]
+        self.latest.clear()
+        self.latest[key] = result
+        return result
 
     @property
     def _is_size(self) -> Mask:
@@ -208,18 +221,20 @@ class LawTable:
     def _simulate_cell(self, cell: Real) -> tuple[Complex, Complex]:
         """Return kappa in the middle of a cell, and its derivatives by the coordinates."""
         key = cell.tobytes()
-        if key not in self.known:
-            place, size = LEVEL_SETTINGS.cell_size * cell, LEVEL_SETTINGS.difference_step
-            moves = size * np.eye(len(place))
-            after = [*((moved, 1.0) for moved in place + moves), (place, np.exp(size))]
-            before = [*((moved, 1.0) for moved in place - moves), (place, np.exp(-size))]
-            cases = [
-                (np.where(self._is_size, np.exp(at), at), peak)
-                for at, peak in [(place, 1.0), *after, *before]
-            ]
-            kappas = self.joint.compute_stiffness(self.family, cases)
-            slopes = (kappas[1 : len(after) + 1] - kappas[len(after) + 1 :]) / (2 * size)
-            if len(self.known) == LEVEL_SETTINGS.kept_cells:
-                self.known.pop(next(iter(self.known)))
-            self.known[key] = kappas[0], slopes
-        return self.known[key]
+        kept = self.known.get(key)
+        if kept is not None:
+            return kept
+        place, size = LEVEL_SETTINGS.cell_size * cell, LEVEL_SETTINGS.difference_step
+        moves = size * np.eye(len(place))
+        after = [*((moved, 1.0) for moved in place + moves), (place, np.exp(size))]
+        before = [*((moved, 1.0) for moved in place - moves), (place, np.exp(-size))]
+        cases = [
+            (np.where(self._is_size, np.exp(at), at), peak)
+            for at, peak in [(place, 1.0), *after, *before]
+        ]
+        kappas = self.joint.compute_stiffness(self.family, cases)
+        slopes = (kappas[1 : len(after) + 1] - kappas[len(after) + 1 :]) / (2 * size)
+        for oldest in list(self.known)[: -LEVEL_SETTINGS.kept_cells]:
+            self.known.pop(oldest, None)
+        self.known[key] = kappas[0], slopes
+        return kappas[0], slopes

@@ -24,6 +24,7 @@ from diagnosis.levels.law_simulation import (
     compute_peak_stretch,
 )
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
+from diagnosis.refits.refitting import add_hypothesis
 from diagnosis.search.refit_round import _select_promising
 from diagnosis.search.score_test import Score
 from diagnosis.settings import SETTINGS
@@ -46,6 +47,7 @@ from tests.helpers.nonlinear_mass import (
     session_of,
     vertical_accelerance,
 )
+from tuning.misfit.batch import batch_tests
 
 COMPLIANCE = 3e-10  # of one step [m/N]
 JOINT = JointDirection("block", "tz", "block_tz")
@@ -205,7 +207,7 @@ def test_slopes_of_a_law_are_difference_quotients(block, family):
     hypothesis = build_law_hypothesis(scene, JOINT, family, start)
     part = hypothesis.parts[-1]
     theta = np.array([*start, 1.0, 1.0])
-    context = PartContext(block.machine, part.condition)
+    context = PartContext(block.machine, next(iter(part.conditions)))
     laplace = 2j * np.pi * FREQ_HZ[::3]
     linear = MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS + family.stuck(theta[:-2])
     (change,) = part.changes(theta, context)
@@ -264,6 +266,24 @@ def test_tests_with_the_same_hits_have_one_stiffness(block):
     expected = compute_equivalent_stiffness([case], tested.freq_hz)
     np.testing.assert_allclose(stiffness, expected, rtol=1e-9)
     np.testing.assert_array_equal(stiffness[:, :6], stiffness[:, 6:])
+
+
+def test_set_ups_of_one_level_have_one_part_and_one_evaluation(block):
+    campaign = level_campaign(block, None, (40.0, 200.0))
+    again = [
+        replace(test, condition=replace(test.condition, test=f"{test.condition.test} again"))
+        for test in campaign.tests
+    ]
+    campaign = replace(campaign, tests=(*campaign.tests, *again))
+    session = session_of(block, campaign)
+    scene = Scene(session, session.model.drawn)
+    law = build_law_hypothesis(scene, JOINT, HARDENING[0], (1e14, STIFFNESS))
+    assert len(law.parts) == 6  # three hammer points at two levels
+    for number, test in enumerate(campaign.tests):
+        acting = [part.acts(test.condition) for part in law.parts]
+        assert acting == [float(k == number % 6) for k in range(6)]
+    batches = batch_tests(add_hypothesis(session, law).model, campaign)
+    assert [batch.tests for batch in batches] == [(k, k + 6) for k in range(6)]
 
 
 def test_laws_of_one_joint_are_one_of_the_promising_hypotheses():
