@@ -17,13 +17,12 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.hypothesis import JointDirection, Scene
+from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.levels.tested_joint import TestedJoint
 from identification.words import Campaign, Complex, Integers, Real
 from tuning import predict
 from tuning.assessment.model_error import ModelError, profile_floor
 from tuning.misfit.weights import point_power_of
-
-_COMPARED_CHANGE = 0.1  # of the joint's stiffness, of the FRFs that the products follow from
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,7 @@ class JointUpdate:
         names = [parameter.name for parameter in scene.model.parameters]
         moved = scene.theta.copy()
         place = names.index(f"{joint.spring}.stiffness")
-        moved[place] *= 1 + _COMPARED_CHANGE
+        moved[place] *= 1 + LEVEL_SETTINGS.compared_change
         change = float(moved[place] - scene.theta[place])
         receptance = tested.transient().receptances(campaign.freq_hz)[:, 0]
         factor = (1 + change * receptance) / change

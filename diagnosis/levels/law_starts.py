@@ -191,7 +191,8 @@ def _fit_points(alone: _LawAlone, points: list[_Point]) -> list[_Point]:
         settled = []
         for k, end in zip(working, alone.evaluate(tried), strict=True):
             gain = -np.inf if end is None else points[k].error.cost - end.error.cost
-            dampings[k] *= 0.1 if gain > 0 else 10.0
+            factor = LEVEL_SETTINGS.damping_factor
+            dampings[k] *= 1 / factor if gain > 0 else factor
             if end is not None and gain > 0:
                 points[k] = end
             if 0 < gain < LEVEL_SETTINGS.settled_nats * points[k].error.values:

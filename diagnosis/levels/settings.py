@@ -45,6 +45,9 @@ class LevelSettings:
         fitted_families: best families of an effect that are fitted alone, before one is refitted.
         start_steps: Levenberg-Marquardt steps of these fits.
         start_damping: their first damping.
+        damping_factor: by which it falls after a step that lowers the cost, and rises after others.
+        compared_change: of the joint's stiffness, of the FRFs that the products of receptances
+            follow from.
         largest_start_step: of a coordinate, the logarithm of a size: a factor of 2.
         element_shares: stiffness of a sliding element where fits begin, of that at rest.
         slip_shares: stretch at which it slides, of the largest linear one.
@@ -93,6 +96,8 @@ class LevelSettings:
     fitted_families: int = 3
     start_steps: int = 8
     start_damping: float = 1e-2
+    damping_factor: float = 10.0
+    compared_change: float = 0.1
     largest_start_step: float = 0.7
     element_shares: tuple[float, ...] = (0.15, 0.5, 2.0, 8.0)
     slip_shares: tuple[float, ...] = (0.02, 0.06, 0.2, 0.6)
