@@ -100,18 +100,18 @@ class JointUpdate:
         return np.concatenate([test.power for test in self.tests])
 
     def residuals(self, added: Complex) -> Complex:
-        """Return H(kappa) - H of all values; (n_value,).
+        """Return H(kappa) - H of all values, not finite where kappa is not; (n_value,).
 
         Args:
             added: kappa in each test; (n_test, n_freq).
         """
-        factors = added / (1 + added * self.receptance)
-        return np.concatenate(
-            [
+        with np.errstate(over="ignore", invalid="ignore"):
+            factors = added / (1 + added * self.receptance)
+            residuals = [
                 test.base - test.product * factor[test.line]
                 for test, factor in zip(self.tests, factors, strict=True)
             ]
-        )
+        return np.concatenate(residuals)
 
     def weights(self, error: ModelError) -> Real:
         """Return 1 / (var + a^2 |H_point|^2) of all values; (n_value,)."""

@@ -64,6 +64,14 @@ def test_an_update_is_the_model_with_another_stiffness_and_damping(block):
     )
 
 
+def test_a_law_that_gives_way_has_residuals_that_are_not_finite(block):
+    scene = scene_of(block)
+    tested = tested_joint.TestedJoint.of_scene(scene, JOINT)
+    update = JointUpdate.of_scene(scene, JOINT, tested, scene.session.campaign)
+    added = np.full((len(scene.session.campaign.tests), len(FREQ_HZ)), np.inf + 0j)
+    assert not np.isfinite(update.residuals(added)).any()
+
+
 def test_a_law_without_force_adds_the_joint_beside_it_alone(block):
     tested = tested_joint.TestedJoint.of_scene(scene_of(block), JOINT)
     weak, beside = np.array([1e-3, 2e6]), np.array([2e6, 400.0])
