@@ -21,8 +21,7 @@ from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.levels.tested_joint import TestedJoint
 from identification.words import Campaign, Complex, Integers, Real
 from tuning import predict
-from tuning.assessment.model_error import ModelError, profile_floor
-from tuning.misfit.weights import point_power_of
+from tuning.assessment.model_error import ModelError, find_counted_values, profile_floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +74,7 @@ class JointUpdate:
         tests = []
         for drawn, changed, test in zip(base, stiffer, campaign.tests, strict=True):
             estimate = test.estimate
-            power = point_power_of(estimate.frf.values, estimate.frf.outputs)
-            live = estimate.measured & (np.abs(estimate.frf.values) > 0).any(axis=0)
-            counts = live & (power > 0)
+            counts, power = find_counted_values(estimate)
             tests.append(
                 UpdatedTest(
                     (drawn - estimate.frf.values)[counts],

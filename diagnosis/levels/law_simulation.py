@@ -33,15 +33,22 @@ class LawUnderHits:
 def compute_equivalent_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -> Complex:
     """Return kappa of laws of one kind under each hit [N/m or N m/rad]; (n_case, n_hit, n_freq).
 
-    All cases go through time together. A softening spring that gives way has no stiffness: its
-    values are not finite.
+    Cases with equal numbers of modes and equal records go through time together. A softening spring
+    that gives way has no stiffness: its values are not finite.
 
     Args:
-        cases: with equal numbers of modes and hits, and equal steps.
+        cases: with equal numbers of hits, and equal steps.
         freq_hz: lines, none at 0 Hz; (n_freq,).
     """
+    alike: dict[tuple[int, float], list[int]] = {}
+    for number, case in enumerate(cases):
+        shape = len(case.transient.poles), case.transient.duration_s
+        alike.setdefault(shape, []).append(number)
+    kappa = np.zeros((len(cases), len(cases[0].hits.peak), len(freq_hz)), complex)
     with np.errstate(over="ignore", invalid="ignore"):
-        return _compute_stiffness(cases, freq_hz)
+        for numbers in alike.values():
+            kappa[numbers] = _compute_stiffness([cases[k] for k in numbers], freq_hz)
+    return kappa
 
 
 def _compute_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -> Complex:
@@ -70,8 +77,8 @@ def _integrate_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
     """Return the joint's force at every sample; (n_sample + 1, n_case n_hit).
 
     Modes that hardly move the joint are left out. The others are scaled to their share of the
-    stretch, and kept without the joint's force of their own
-    instant, so that a step takes two products: with z the modes with it, z = free - b f gives
+    stretch, and kept without the joint's force of their own instant, so that a step takes two
+    products: with z the modes with it, z = free - b f gives
 
         free_1 = D free_0 - (D b + b_before) f_0 + hammer.
     """

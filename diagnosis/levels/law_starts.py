@@ -148,7 +148,8 @@ class _LawAlone:
         limited: Real = np.clip(values, lower, upper)
         return limited
 
-    def _add(self, tried: Sequence[tuple[LawFamily, Real]]) -> list[Complex]:
+    def _add(self, tried: Sequence[tuple[LawFamily, Real]]) -> Complex:
+        """Return the complex stiffness that laws add; (n_law, n_test, n_freq)."""
         laws = [
             (family, family.complete(values[:-2], float(values[-2])), values[-2:])
             for family, values in tried

@@ -20,7 +20,7 @@ from diagnosis.levels.free_levels import free_each_level, list_levels
 from diagnosis.levels.law_hypothesis import build_law_hypothesis
 from diagnosis.levels.law_starts import LawStart, fit_starts
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from diagnosis.refits.refit import Refit
+from diagnosis.refits.refit import Refit, map_values
 from diagnosis.refits.refitting import (
     RefitTask,
     add_cause,
@@ -79,13 +79,13 @@ def refit_laws(
     schedule = replace(settings.schedule, max_turns=LEVEL_SETTINGS.fits_per_turn)
     for turn in range(LEVEL_SETTINGS.max_turns):
         working = [law for law in laws if not law.is_settled]
-        if not working:
-            break
         if turn:
             best = min(law.objective for law in laws)
             working = [
                 law for law in working if law.objective < best + LEVEL_SETTINGS.max_behind_nats
             ]
+        if not working:
+            break
         tasks = [_build_task(current, law) for law in working]
         for law, refit in zip(working, run_refits(scene, tasks, schedule), strict=True):
             law.take(refit, about)
@@ -143,15 +143,13 @@ def _build_task(current: Refit, fitted: _FittedLaw) -> RefitTask:
 
 def _read_values(refit: Refit, scene: Scene) -> Real:
     """Return what a refit fitted of a scene's own parameters; (n_parameter,)."""
-    parameters = refit.session.model.parameters
-    fitted = dict(zip((p.name for p in parameters), refit.fit.theta.tolist(), strict=True))
+    fitted = map_values(refit.fit.parametrisation, refit.fit.theta)
     return np.array([fitted[parameter.name] for parameter in scene.model.parameters])
 
 
 def _read_start(refit: Refit, start: LawStart) -> LawStart:
     """Return a law that begins where its refit ended."""
-    parameters = refit.session.model.parameters
-    fitted = dict(zip((p.name for p in parameters), refit.fit.theta.tolist(), strict=True))
+    fitted = map_values(refit.fit.parametrisation, refit.fit.theta)
     prefix = f"{start.joint.spring}.{start.family.effect}"
     theta = tuple(fitted[f"{prefix}.{name}"] for name, _ in start.family.parameters)
     beside = [
@@ -191,8 +189,7 @@ def _read_changes(free: Refit, joint: JointDirection, count: int) -> Complex:
         for part in free.session.model.parts
         if isinstance(part, AddedPart)
     }
-    parameters = free.session.model.parameters
-    fitted = dict(zip((p.name for p in parameters), free.fit.theta.tolist(), strict=True))
+    fitted = map_values(free.fit.parametrisation, free.fit.theta)
     changes = np.zeros(count, complex)
     for number in range(1, count):
         prefix = f"{joint.spring}.level.level{number}"

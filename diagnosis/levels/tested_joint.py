@@ -122,10 +122,8 @@ class TestedJoint:
         kappa = compute_equivalent_stiffness(laws, self.freq_hz)
         return np.array(stuck)[:, None, None] + kappa[:, place]
 
-    def add_laws(
-        self, laws: Sequence[tuple[LawFamily, Real, Real]], freq_hz: Real
-    ) -> list[Complex]:
-        """Return what laws add to the joint's complex stiffness; (n_test, n_freq) each.
+    def add_laws(self, laws: Sequence[tuple[LawFamily, Real, Real]], freq_hz: Real) -> Complex:
+        """Return what laws add to the joint's complex stiffness; (n_law, n_test, n_freq).
 
         Args:
             laws: families of one effect, the parameters of each law, and stiffness and damping of
@@ -133,22 +131,16 @@ class TestedJoint:
             freq_hz: lines above 0 Hz.
         """
         different, place = self._list_different_hits()
-        added: list[Complex] = []
-        alike: dict[tuple[int, float], list[tuple[int, LawUnderHits]]] = {}
-        for number, (family, theta, beside) in enumerate(laws):
+        added, cases = [], []
+        for family, theta, beside in laws:
             stiffness, damping = beside - (self.stiffness, self.damping)
             stiffness += family.stuck(theta)
             transient = self.transient(stiffness, damping)
-            case = LawUnderHits(transient, family.law(theta), different)
+            cases.append(LawUnderHits(transient, family.law(theta), different))
             added.append(stiffness + 2j * np.pi * freq_hz * damping)
-            alike.setdefault((len(transient.poles), transient.duration_s), []).append(
-                (number, case)
-            )
-        for cases in alike.values():
-            kappas = compute_equivalent_stiffness([case for _, case in cases], freq_hz)
-            for (number, _), kappa in zip(cases, kappas, strict=True):
-                added[number] = added[number] + kappa[place]
-        return added
+        kappa = compute_equivalent_stiffness(cases, freq_hz)
+        total: Complex = np.array(added)[:, None] + kappa[:, place]
+        return total
 
     def group_equal_hits(self) -> Integers:
         """Return the number of the group of each test; those of one group have equal hits."""

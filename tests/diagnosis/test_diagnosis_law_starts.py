@@ -52,15 +52,15 @@ def test_an_update_is_the_model_with_another_stiffness_and_damping(block):
     theta[names.index("block_tz.stiffness")] *= 0.6
     theta[names.index("block_tz.damping")] *= 3.0
     added = -0.4 * STIFFNESS + 2j * np.pi * FREQ_HZ * 2.0 * DAMPING
-    found = update.residuals(np.tile(added, (len(campaign.tests), 1)))
+    residuals = update.residuals(np.tile(added, (len(campaign.tests), 1)))
     expected = [
         (values - test.estimate.frf.values)[:, test.estimate.measured].ravel()
         for values, test in zip(predict(scene.model, theta, campaign), campaign.tests, strict=True)
     ]
     scale = np.abs(np.concatenate(expected)).max()
-    assert len(found) == sum(map(len, expected))
+    assert len(residuals) == sum(map(len, expected))
     np.testing.assert_allclose(
-        np.sort(np.abs(found)), np.sort(np.abs(np.concatenate(expected))), atol=1e-8 * scale
+        np.sort(np.abs(residuals)), np.sort(np.abs(np.concatenate(expected))), atol=1e-8 * scale
     )
 
 
@@ -94,8 +94,8 @@ def test_the_law_that_is_there_has_the_best_start(block, effect, force, paramete
     assert best.family.effect == effect
     assert best.theta[0] == pytest.approx(parameter, rel=0.15)
     assert best.beside[0] == pytest.approx(STIFFNESS, rel=0.05)
-    others = [start.cost for start in starts if start is not best]
-    assert min(others) > best.cost + 0.1
+    rivals = [start.cost for start in starts if start is not best]
+    assert min(rivals) > best.cost + 0.1
 
 
 def test_modes_that_do_not_move_the_joint_are_not_simulated(monkeypatch):
@@ -111,9 +111,23 @@ def test_modes_that_do_not_move_the_joint_are_not_simulated(monkeypatch):
     assert len(transient.find_moving_modes()) == 1
     hits = SimulatedHits(np.array([0]), np.array([200.0]), PULSE_S)
     cases = [LawUnderHits(transient, CubicLaw(2e15), hits)]
-    found = compute_equivalent_stiffness(cases, FREQ_HZ)
+    reduced = compute_equivalent_stiffness(cases, FREQ_HZ)
     all_modes = replace(LEVEL_SETTINGS, negligible_mode_share=-1.0)
     monkeypatch.setattr(joint_transient, "LEVEL_SETTINGS", all_modes)
     assert len(transient.find_moving_modes()) == 3
-    expected = compute_equivalent_stiffness(cases, FREQ_HZ)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    whole = compute_equivalent_stiffness(cases, FREQ_HZ)
+    np.testing.assert_allclose(reduced, whole, rtol=1e-9)
+
+
+def test_machines_with_other_numbers_of_modes_are_simulated_beside_each_other():
+    one = np.ones((1, 1))
+    hits = SimulatedHits(np.array([0]), np.array([200.0]), PULSE_S)
+    cases = []
+    for damping in (DAMPING, 60 * DAMPING):  # the second one creeps: two real poles
+        matrices = Matrices(MASS_KG * one, damping * one, STIFFNESS * one)
+        transient = JointTransient.of_matrices(matrices, np.ones(1), one, FREQ_HZ)
+        cases.append(LawUnderHits(transient, CubicLaw(2e15), hits))
+    assert [len(case.transient.poles) for case in cases] == [1, 2]
+    together = compute_equivalent_stiffness(cases, FREQ_HZ)
+    for values, case in zip(together, cases, strict=True):
+        np.testing.assert_array_equal(values, compute_equivalent_stiffness([case], FREQ_HZ)[0])

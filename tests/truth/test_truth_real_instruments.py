@@ -109,7 +109,9 @@ def test_the_refit_knows_the_slopes_by_each_of_them(real):
             ]
             slope = (ends[0] - ends[1])[:, 3:6] / (2 * step) * getattr(ONLY, f"sensor_{key}")
             np.testing.assert_allclose(
-                slopes.own[1][:, first + place], stacked(slope), atol=1e-6 * np.abs(slope).max()
+                slopes.of_sensors[1][:, first + place],
+                stacked(slope),
+                atol=1e-6 * np.abs(slope).max(),
             )
     values = frfs(real)
     s = 2j * np.pi * FREQ[:, None, None]
@@ -122,7 +124,7 @@ def test_the_refit_knows_the_slopes_by_each_of_them(real):
 def test_without_their_tolerances_the_refit_has_no_columns_for_them(real):
     weight = np.ones((len(FREQ), len(frfs(real)[0]), 3))
     with_them, without = (jacobian(real, FREQ, each, weight) for each in (ONLY, NO_TOLERANCE))
-    assert (with_them.own.shape[2], without.own.shape[2]) == (15, 9)
+    assert (with_them.of_sensors.shape[2], without.of_sensors.shape[2]) == (15, 9)
     assert with_them.tolerances.shape[1] == without.tolerances.shape[1] + 2
 
 

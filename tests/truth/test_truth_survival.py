@@ -127,19 +127,21 @@ def test_a_rigid_direction_has_the_right_slopes(two_bodies):
         changed_stage(machine, 1, com=machine.station.stages[1].com + shift) for shift in shifts
     ]
     expected = slope(*ends, machine, refit, 1e-2)
-    found = columns(refit.slopes.tolerances, refit)[place]
-    np.testing.assert_allclose(found, expected, atol=1e-5 * abs(expected).max())
+    by_mass_centre = columns(refit.slopes.tolerances, refit)[place]
+    np.testing.assert_allclose(by_mass_centre, expected, atol=1e-5 * abs(expected).max())
 
 
 def test_the_normal_matrix_is_that_of_the_jacobian_written_out(refit):
     shape = refit.deviation.shape
     full = write_out(refit.slopes, shape)
     expected = full.T @ full
-    found = normal_matrix(refit.slopes, shape)
-    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * expected.max())
-    others = replace(refit.slopes, springs=np.asfortranarray(refit.slopes.springs[:, ::-1]))
-    again = normal_matrix(others, shape, found)
-    expected = normal_matrix(others, shape)
+    normal = normal_matrix(refit.slopes, shape)
+    np.testing.assert_allclose(normal, expected, rtol=1e-10, atol=1e-12 * expected.max())
+    reversed_springs = replace(
+        refit.slopes, springs=np.asfortranarray(refit.slopes.springs[:, ::-1])
+    )
+    again = normal_matrix(reversed_springs, shape, normal)
+    expected = normal_matrix(reversed_springs, shape)
     np.testing.assert_allclose(again, expected, rtol=1e-12, atol=1e-14 * expected.max())
 
 
@@ -149,12 +151,12 @@ def test_slopes_over_other_deviations_are_those_made_with_them(machine, refit):
         / np.hypot(refit.deviation, size * np.abs(refit.known.on(Occasion())[1]))
         for size in (0.0, 0.1)
     )
-    found = refit.slopes.weighted_anew(before, weight)
+    weighted = refit.slopes.weighted_anew(before, weight)
     expected = jacobian(machine, refit.known.freq_hz, TOLERANCE, weight)
-    for name in ("springs", "tolerances", "own"):
+    for name in ("springs", "tolerances", "of_sensors"):
         size = np.abs(getattr(expected, name)).max()
         np.testing.assert_allclose(
-            getattr(found, name), getattr(expected, name), rtol=1e-10, atol=1e-13 * size
+            getattr(weighted, name), getattr(expected, name), rtol=1e-10, atol=1e-13 * size
         )
 
 
@@ -218,9 +220,9 @@ def test_slopes_made_anew_are_those_of_the_other_machine(machine, refit):
     logarithms = np.linspace(-0.5, 0.5, int((~refit.bounded).sum()))
     other = refit.moved(logarithms, refit.deviation)
     weight = refit.used[:, None] / refit.deviation
-    found = jacobian_again(other.machine, refit.known.freq_hz, weight, refit.slopes)
-    np.testing.assert_allclose(found.springs, other.slopes.springs)
-    assert found.tolerances is refit.slopes.tolerances
+    slopes = jacobian_again(other.machine, refit.known.freq_hz, weight, refit.slopes)
+    np.testing.assert_allclose(slopes.springs, other.slopes.springs)
+    assert slopes.tolerances is refit.slopes.tolerances
 
 
 def test_a_weaker_damper_hides_a_short_delay(machine, refit):

@@ -24,16 +24,18 @@ def normal_matrix(slopes: Jacobian, shape: tuple[int, ...], before: Real | None 
         before: the matrix of equal slopes by all tolerances, whose part stays; None to form it.
     """
     first = slopes.springs.shape[1]
-    split, each = first + slopes.tolerances.shape[1], slopes.own.shape[2]
-    normal = np.zeros((split + len(slopes.own) * each,) * 2) if before is None else before.copy()
+    split, each = first + slopes.tolerances.shape[1], slopes.of_sensors.shape[2]
+    normal = (
+        np.zeros((split + len(slopes.of_sensors) * each,) * 2) if before is None else before.copy()
+    )
     normal[:first, :first] = _gram(slopes.springs)
     normal[:first, first:split] = slopes.springs.T @ slopes.tolerances
-    normal[:first, split:] = _crossed(slopes.springs, slopes.own, shape)
+    normal[:first, split:] = _crossed(slopes.springs, slopes.of_sensors, shape)
     if before is None:
         normal[first:split, first:split] = _gram(slopes.tolerances)
-        normal[first:split, split:] = _crossed(slopes.tolerances, slopes.own, shape)
+        normal[first:split, split:] = _crossed(slopes.tolerances, slopes.of_sensors, shape)
         normal[split:, first:split] = normal[first:split, split:].T
-        for number, columns in enumerate(slopes.own):
+        for number, columns in enumerate(slopes.of_sensors):
             here = slice(split + each * number, split + each * (number + 1))
             normal[here, here] = columns.T @ columns
     normal[first:, :first] = normal[:first, first:].T

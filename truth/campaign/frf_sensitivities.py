@@ -34,13 +34,13 @@ class Jacobian:
     Args:
         springs: by log k and log c of each spring in turn; (2 n_value, 2 n_spring).
         tolerances: by all tolerances but the sensors'; (2 n_value, n_tolerance).
-        own: by each sensor's gains, angles and position, and where they have a tolerance its
+        of_sensors: by each sensor's gains, angles and position, and where they have a tolerance its
             cross-talk and delays, its three rows alone; (n_sensor, 2 n_own, 9 to 15).
     """
 
     springs: Real
     tolerances: Real
-    own: Real
+    of_sensors: Real
 
     def weighted_anew(self, before: Real, weight: Real) -> "Jacobian":
         """Return J over other standard deviations.
@@ -50,11 +50,11 @@ class Jacobian:
             weight: another, zero where the former is; like it.
         """
         ratio = np.divide(weight, before, out=np.zeros(weight.shape), where=before > 0)
-        by_sensor = np.moveaxis(ratio.reshape(len(ratio), len(self.own), 3, -1), 1, 0)
+        by_sensor = np.moveaxis(ratio.reshape(len(ratio), len(self.of_sensors), 3, -1), 1, 0)
         return Jacobian(
             self.springs * np.tile(ratio.ravel(), 2)[:, None],
             self.tolerances * np.tile(ratio.ravel(), 2)[:, None],
-            self.own * np.tile(by_sensor.reshape(len(self.own), -1), 2)[..., None],
+            self.of_sensors * np.tile(by_sensor.reshape(len(self.of_sensors), -1), 2)[..., None],
         )
 
 
@@ -192,11 +192,11 @@ class _Solved:
         """Go through gain and delay of each force channel, those with a tolerance."""
         values = self.sensors @ self.motion[:, : self.size]
         for instrument in dict.fromkeys(hammer.instrument for hammer in hammers):
-            own = np.array([hammer.instrument == instrument for hammer in hammers])
+            is_driven = np.array([hammer.instrument == instrument for hammer in hammers])
             if tolerance.hammer_gain:
-                yield tolerance.hammer_gain * values * own
+                yield tolerance.hammer_gain * values * is_driven
             if tolerance.hammer_delay:
-                yield -tolerance.hammer_delay * self.s * values * own
+                yield -tolerance.hammer_delay * self.s * values * is_driven
 
 
 def _sensor_columns(solved: _Solved, station: Station, tolerance: Tolerance, weight: Real) -> Real:

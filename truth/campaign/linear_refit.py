@@ -59,11 +59,11 @@ class LinearRefit:
     def fit_tolerances(self, change: Complex) -> tuple[Complex, float]:
         """Return what tolerances alone leave of a change, and its cost with their prior."""
         first = self.n_springs
-        weighted, own = self.weighted(change), self.normal[first:, first:]
+        weighted, normal = self.weighted(change), self.normal[first:, first:]
         right = self._adjoint_of_tolerances(weighted)
-        found = bounded_solution(own, right, self.bounded[first:])
-        solution = np.append(np.zeros(first), found)
-        cost = weighted @ weighted - 2 * right @ found + found @ own @ found
+        tolerances = bounded_solution(normal, right, self.bounded[first:])
+        solution = np.append(np.zeros(first), tolerances)
+        cost = weighted @ weighted - 2 * right @ tolerances + tolerances @ normal @ tolerances
         return change - self.follow(solution, change.shape), float(cost)
 
     def weighted(self, change: Complex) -> Real:
@@ -76,12 +76,14 @@ class LinearRefit:
         values = self.slopes.tolerances @ solution[first:split]
         if solution[:first].any():
             values += self.slopes.springs @ solution[:first]
-        found = unstacked(values, shape)
-        sensors = solution[split:].reshape(len(self.slopes.own), -1)
-        for number, (columns, own) in enumerate(zip(self.slopes.own, sensors, strict=True)):
+        change = unstacked(values, shape)
+        sensors = solution[split:].reshape(len(self.slopes.of_sensors), -1)
+        for number, (columns, errors) in enumerate(
+            zip(self.slopes.of_sensors, sensors, strict=True)
+        ):
             rows = slice(3 * number, 3 * number + 3)
-            found[:, rows] += unstacked(columns @ own, found[:, rows].shape)
-        return found * np.where(np.isfinite(self.deviation), self.deviation, 0.0)
+            change[:, rows] += unstacked(columns @ errors, change[:, rows].shape)
+        return change * np.where(np.isfinite(self.deviation), self.deviation, 0.0)
 
     def whitened_motion(self, solution: Real) -> Real:
         """Return J times parameters, like ``weighted``."""
@@ -96,8 +98,8 @@ class LinearRefit:
     def _adjoint_of_tolerances(self, weighted: Real) -> Real:
         """Return the part of J^T times a whitened change that belongs to tolerances."""
         whole = unstacked(weighted, self.deviation.shape)
-        own = [
+        of_sensors = [
             columns.T @ stacked(whole[:, 3 * number : 3 * number + 3])
-            for number, columns in enumerate(self.slopes.own)
+            for number, columns in enumerate(self.slopes.of_sensors)
         ]
-        return np.concatenate([self.slopes.tolerances.T @ weighted, *own])
+        return np.concatenate([self.slopes.tolerances.T @ weighted, *of_sensors])

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from identification.words import Campaign, Complex, FrfEstimate, Real
+from identification.words import Campaign, Complex, FrfEstimate, Mask, Real
 from tuning.misfit.weights import FORCE_ERROR_FLOOR, point_power_of, squared_size
 
 _LARGEST_ERROR = 3.0  # relative: a model that is off by more tells nothing
@@ -86,10 +86,22 @@ def profile_floor(squares: Real, variance: Real, power: Real) -> ModelError:
     return ModelError(float(np.exp(minimum.x)), float(minimum.fun), len(squares))
 
 
-def _residual_rows(model: Complex, estimate: FrfEstimate) -> tuple[Real, Real, Real]:
-    """Return |r|^2, var and |H_point|^2 of the values of one test that count; (n_value,) each."""
+def find_counted_values(estimate: FrfEstimate) -> tuple[Mask, Real]:
+    """Return which values of a test count, and |H_point|^2; (n_freq, n_out, 1) each.
+
+    Channels that were not measured or read nothing do not count.
+
+    Args:
+        estimate: FRFs of the test.
+    """
     values = estimate.frf.values
     power = point_power_of(values, estimate.frf.outputs)
-    counts = estimate.measured & (values != 0).any(axis=0) & (power > 0)
-    residual = squared_size(model - values)
+    counts: Mask = estimate.measured & (values != 0).any(axis=0) & (power > 0)
+    return counts, power
+
+
+def _residual_rows(model: Complex, estimate: FrfEstimate) -> tuple[Real, Real, Real]:
+    """Return |r|^2, var and |H_point|^2 of the values of one test that count; (n_value,) each."""
+    counts, power = find_counted_values(estimate)
+    residual = squared_size(model - estimate.frf.values)
     return residual[counts], np.asarray(estimate.variance)[counts], power[counts]
