@@ -1,9 +1,10 @@
 """Where the refit of a law begins: its parameters fitted to the FRFs, the rest of the machine held.
 
 The joint direction was refitted with a stiffness and damping of its own at each level. About that
-machine, a law and the spring beside it are fitted alone. Whatever they are, the FRFs follow by an
-update of rank one (``joint_update``), so that a law costs its simulation and nothing else, and many
-starts go through time together.
+machine, a law and the linear spring and damper in parallel with it are fitted alone. Whatever they
+are, the FRFs follow by an update of rank one (``joint_update``). A law thus costs its simulation
+and nothing else, and many starts go through time together; the solvers of ``tuning`` evaluate one
+start at a time.
 
 A law has several minima: a gap acts from its middle, or from either side of it. So each family
 begins at its best start, and the best families are fitted by Levenberg-Marquardt steps at the model
@@ -35,14 +36,14 @@ class LawStart:
         joint: direction of the joint.
         family: of the law.
         theta: its parameters.
-        beside: stiffness and damping of the joint beside it; (2,).
+        parallel: stiffness and damping of the joint's linear spring and damper in parallel; (2,).
         cost: -ln L of the FRFs with it per value, but for a constant [nats].
     """
 
     joint: JointDirection
     family: LawFamily
     theta: tuple[float, ...]
-    beside: Real
+    parallel: Real
     cost: float
 
 
@@ -62,18 +63,18 @@ def fit_starts(
         stiffest: largest stiffness of the joint at any level.
         least_damping: least damping at any level.
     """
-    alone = _LawAlone.of_scene(scene, joint)
+    alone = _LawFit.of_scene(scene, joint)
     return [_fit_effect(alone, effect, stiffest, least_damping) for effect in effects]
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
+class _TriedLaw:
     """A law with its residuals.
 
     Args:
         family: of the law.
         values: its parameters, without that of the joint's stiffness, then stiffness and damping of
-            the joint beside it; (n_value,).
+            the joint in parallel with it; (n_value,).
         residuals: of all values; (n_value,).
         error: model error that they show.
     """
@@ -85,8 +86,8 @@ class _Point:
 
 
 @dataclass(frozen=True, eq=False)
-class _LawAlone:
-    """A machine of which one joint's law varies, and nothing else.
+class _LawFit:
+    """A fit of one joint's law, the rest of the machine held.
 
     Args:
         joint: direction of the joint.
@@ -103,7 +104,7 @@ class _LawAlone:
     largest_stretch: float
 
     @classmethod
-    def of_scene(cls, scene: Scene, joint: JointDirection) -> "_LawAlone":
+    def of_scene(cls, scene: Scene, joint: JointDirection) -> "_LawFit":
         campaign = scene.session.campaign
         thin = thin_lines(campaign, LEVEL_SETTINGS.start_stride * scene.stride_factor)
         tested = replace(
@@ -122,29 +123,29 @@ class _LawAlone:
         starts = []
         for theta in family.starts(stiffness, self.middle_stretch):
             parameters = np.array(theta[: family.count])
-            beside = stiffness - family.stuck(parameters)
-            values = np.array([*parameters, beside, least_damping])
+            stiff = stiffness - family.stuck(parameters)
+            values = np.array([*parameters, stiff, least_damping])
             starts.append(self.limit(family, values))
         return starts
 
-    def evaluate(self, tried: Sequence[tuple[LawFamily, Real]]) -> list[_Point | None]:
-        """Return laws with their residuals; None for one that gives way."""
-        points: list[_Point | None] = []
+    def evaluate(self, tried: Sequence[tuple[LawFamily, Real]]) -> list[_TriedLaw | None]:
+        """Return laws with their residuals; None for one whose motion grows without bound."""
+        points: list[_TriedLaw | None] = []
         for (family, values), kappa in zip(tried, self._add(tried), strict=True):
             residuals = self.update.residuals(kappa)
             if np.isfinite(residuals).all():
                 error = self.update.estimate_error(residuals)
-                points.append(_Point(family, values, residuals, error))
+                points.append(_TriedLaw(family, values, residuals, error))
             else:
                 points.append(None)
         return points
 
     def limit(self, family: LawFamily, values: Real) -> Real:
-        """Return values within the bounds of a family, and the joint beside it near the fit."""
+        """Return values within the bounds of a family; linear spring and damper near the fit."""
         bounds = family.bounds(self.tested.stiffness, self.largest_stretch)[: family.count]
         share = LEVEL_SETTINGS.min_own_share
-        beside = np.array([self.tested.stiffness, self.tested.damping])
-        lower, upper = np.array([*bounds, *zip(share * beside, beside / share, strict=True)]).T
+        parallel = np.array([self.tested.stiffness, self.tested.damping])
+        lower, upper = np.array([*bounds, *zip(share * parallel, parallel / share, strict=True)]).T
         limited: Real = np.clip(values, lower, upper)
         return limited
 
@@ -157,7 +158,7 @@ class _LawAlone:
         return self.tested.add_laws(laws, self.update.freq_hz)
 
 
-def _fit_effect(alone: _LawAlone, effect: str, stiffest: float, least_damping: float) -> LawStart:
+def _fit_effect(alone: _LawFit, effect: str, stiffest: float, least_damping: float) -> LawStart:
     """Return the best law of an effect, its best families fitted."""
     best = []
     for family in FAMILIES[effect]:
@@ -174,7 +175,7 @@ def _fit_effect(alone: _LawAlone, effect: str, stiffest: float, least_damping: f
     return LawStart(alone.joint, point.family, tuple(theta.tolist()), point.values[-2:], cost)
 
 
-def _fit_points(alone: _LawAlone, points: list[_Point]) -> list[_Point]:
+def _fit_points(alone: _LawFit, points: list[_TriedLaw]) -> list[_TriedLaw]:
     """Return laws after Levenberg-Marquardt steps, all of them at once."""
     dampings = [LEVEL_SETTINGS.start_damping] * len(points)
     working = list(range(len(points)))
@@ -185,7 +186,7 @@ def _fit_points(alone: _LawAlone, points: list[_Point]) -> list[_Point]:
         at = iter(alone.evaluate(moves))
         tried: list[tuple[LawFamily, Real]] = []
         for k in working:
-            slopes = np.array([_differ(points[k], next(at)) for _ in points[k].values])
+            slopes = np.array([_find_slope(points[k], next(at)) for _ in points[k].values])
             weights = alone.update.weights(points[k].error)
             step = _solve_step(slopes, points[k], weights, dampings[k])
             tried.append((points[k].family, alone.limit(points[k].family, _move(points[k], step))))
@@ -202,13 +203,13 @@ def _fit_points(alone: _LawAlone, points: list[_Point]) -> list[_Point]:
     return points
 
 
-def _list_moves(point: _Point) -> list[Real]:
+def _list_moves(point: _TriedLaw) -> list[Real]:
     """Return the values of a law with one coordinate moved each."""
     steps = LEVEL_SETTINGS.difference_step * np.eye(len(point.values))
     return [_move(point, step) for step in steps]
 
 
-def _move(point: _Point, step: Real) -> Real:
+def _move(point: _TriedLaw, step: Real) -> Real:
     """Return the values of a law after a step of its coordinates: logarithms of sizes."""
     is_size = _list_sizes(point)
     limited = np.clip(step, -LEVEL_SETTINGS.largest_start_step, LEVEL_SETTINGS.largest_start_step)
@@ -216,20 +217,20 @@ def _move(point: _Point, step: Real) -> Real:
     return moved
 
 
-def _list_sizes(point: _Point) -> Real:
+def _list_sizes(point: _TriedLaw) -> Real:
     """Return which values are positive sizes, as the joint's stiffness and damping are."""
     return np.array([*point.family.is_size[: point.family.count], True, True])
 
 
-def _differ(point: _Point, moved: _Point | None) -> Complex:
-    """Return the derivative of the residuals by a coordinate; zero where the law gives way."""
+def _find_slope(point: _TriedLaw, moved: _TriedLaw | None) -> Complex:
+    """Return the derivative of the residuals by a coordinate; zero where the motion diverges."""
     if moved is None:
         return np.zeros_like(point.residuals)
     slope: Complex = (moved.residuals - point.residuals) / LEVEL_SETTINGS.difference_step
     return slope
 
 
-def _solve_step(slopes: Complex, point: _Point, weights: Real, damping: float) -> Real:
+def _solve_step(slopes: Complex, point: _TriedLaw, weights: Real, damping: float) -> Real:
     """Return the damped Gauss-Newton step; slopes (n_coordinate, n_value)."""
     normal = ((slopes.conj() * weights) @ slopes.T).real
     gradient = ((slopes.conj() * weights) @ point.residuals).real

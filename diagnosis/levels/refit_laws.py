@@ -33,7 +33,7 @@ from identification.words import Complex, Real
 from mbmodel import AddedPart
 from tuning import is_gap_visible
 
-_BESIDE = ("stiffness", "damping")  # parameters of a joint beside its law
+_PARALLEL = ("stiffness", "damping")  # parameters of a joint in parallel with its law
 
 
 def refit_laws(
@@ -131,7 +131,7 @@ def _build_task(current: Refit, fitted: _FittedLaw) -> RefitTask:
     start, scene = fitted.start, fitted.scene
     names = [parameter.name for parameter in scene.model.parameters]
     theta = scene.theta.copy()
-    for kind, value in zip(_BESIDE, start.beside, strict=True):
+    for kind, value in zip(_PARALLEL, start.parallel, strict=True):
         if f"{start.joint.spring}.{kind}" in names:
             theta[names.index(f"{start.joint.spring}.{kind}")] = value
     scene = replace(scene, theta=theta)
@@ -152,11 +152,11 @@ def _read_start(refit: Refit, start: LawStart) -> LawStart:
     fitted = map_values(refit.fit.parametrisation, refit.fit.theta)
     prefix = f"{start.joint.spring}.{start.family.effect}"
     theta = tuple(fitted[f"{prefix}.{name}"] for name, _ in start.family.parameters)
-    beside = [
+    parallel = [
         fitted.get(f"{start.joint.spring}.{kind}", value)
-        for kind, value in zip(_BESIDE, start.beside, strict=True)
+        for kind, value in zip(_PARALLEL, start.parallel, strict=True)
     ]
-    return replace(start, theta=theta, beside=np.array(beside))
+    return replace(start, theta=theta, parallel=np.array(parallel))
 
 
 def _find_starts(

@@ -127,13 +127,13 @@ class TestedJoint:
 
         Args:
             laws: families of one effect, the parameters of each law, and stiffness and damping of
-                the joint beside it.
+                the joint in parallel with it.
             freq_hz: lines above 0 Hz.
         """
         different, place = self._list_different_hits()
         added, cases = [], []
-        for family, theta, beside in laws:
-            stiffness, damping = beside - (self.stiffness, self.damping)
+        for family, theta, parallel in laws:
+            stiffness, damping = parallel - (self.stiffness, self.damping)
             stiffness += family.stuck(theta)
             transient = self.transient(stiffness, damping)
             cases.append(LawUnderHits(transient, family.law(theta), different))
@@ -159,9 +159,9 @@ class LawTable:
     """Stiffness that a law adds on every line of every test, and its derivatives.
 
     It is linear in cells of the parameters, which are logarithms of sizes: within a cell by the
-    central differences about its middle. Smaller changes of a law are rough (where a decaying
-    motion touches a stop for the last time), and simulations are dear. The stiffness of a test is
-    linear in the logarithm of its peak, which varies little.
+    central differences about its middle. On a finer scale the stiffness is a rough function of them
+    (where a decaying motion touches a stop for the last time), and simulations are expensive. The
+    stiffness of a test is linear in the logarithm of its peak, which varies little.
 
     Args:
         joint: linear machine and hits.

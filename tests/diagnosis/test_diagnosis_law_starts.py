@@ -74,8 +74,8 @@ def test_a_law_that_gives_way_has_residuals_that_are_not_finite(block):
 
 def test_a_law_without_force_adds_the_joint_beside_it_alone(block):
     tested = tested_joint.TestedJoint.of_scene(scene_of(block), JOINT)
-    weak, beside = np.array([1e-3, 2e6]), np.array([2e6, 400.0])
-    (added,) = tested.add_laws([(HARDENING[0], weak, beside)], FREQ_HZ)
+    weak, parallel = np.array([1e-3, 2e6]), np.array([2e6, 400.0])
+    (added,) = tested.add_laws([(HARDENING[0], weak, parallel)], FREQ_HZ)
     expected = 2e6 - STIFFNESS + 2j * np.pi * FREQ_HZ * (400.0 - DAMPING)
     np.testing.assert_allclose(added, np.tile(expected, (len(added), 1)), rtol=1e-9)
 
@@ -93,7 +93,7 @@ def test_the_law_that_is_there_has_the_best_start(block, effect, force, paramete
     best = min(starts, key=lambda start: start.cost)
     assert best.family.effect == effect
     assert best.theta[0] == pytest.approx(parameter, rel=0.15)
-    assert best.beside[0] == pytest.approx(STIFFNESS, rel=0.05)
+    assert best.parallel[0] == pytest.approx(STIFFNESS, rel=0.05)
     rivals = [start.cost for start in starts if start is not best]
     assert min(rivals) > best.cost + 0.1
 
