@@ -1,10 +1,12 @@
 """Parametrisation of a session with a hypothesis: releases, ties, bounds and priors."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis
+from identification.words import Real
 from mbmodel import Model
 from tuning import Parametrisation, Session, parametrise
 
@@ -49,3 +51,25 @@ def extend_parametrisation(
                 scale[free.coordinate_of == k], has_prior[k] = deviation, True
                 lower[k], upper[k] = lower[k] / deviation, upper[k] / deviation
     return replace(free, fixed=fixed, lower=lower, upper=upper, scale=scale, has_prior=has_prior)
+
+
+def hold_parameters(varies: Parametrisation, theta: Real, names: Sequence[str]) -> Parametrisation:
+    """Return a parametrisation in which some parameters stay at theta; those tied to them vary.
+
+    Args:
+        varies: coordinates that vary.
+        theta: values [SI]; (n_parameter,).
+        names: names of the parameters that stay.
+    """
+    is_held = np.isin([parameter.name for parameter in varies.parameters], list(names))
+    member = np.where(is_held, -1, varies.coordinate_of)
+    kept = np.isin(np.arange(varies.size), member)
+    number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)
+    return replace(
+        varies,
+        coordinate_of=number[member],
+        fixed=np.where(is_held, theta, varies.fixed),
+        has_prior=varies.has_prior[kept],
+        lower=varies.lower[kept],
+        upper=varies.upper[kept],
+    )

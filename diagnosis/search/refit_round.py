@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.data_checks.candidates import build_candidates
 from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.levels.refit_laws import refit_laws
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
-from diagnosis.refits.refitting import RefitTask, add_cause, run_refits
+from diagnosis.search.one_level import CauseSearch, Trial
 from diagnosis.search.score_test import Score, scores, select_best_of_sites
 from diagnosis.settings import DiagnosisSettings
 from tuning import STAGES, FloorSchedule, Stage, is_gap_visible
@@ -47,18 +48,31 @@ def refit_round(
     settings: DiagnosisSettings,
 ) -> list[Refit]:
     """Refit the promising hypotheses; where a rest remains, other starts and shapes of the best."""
-    scene = base.scene
+    scene, search = base.scene, CauseSearch.beside(base.scene, current, settings)
     promising = _select_promising(ranked, settings)
     laws = [hypothesis for hypothesis in promising if hypothesis.spring is not None]
-    tasks = [add_cause(current, hypothesis) for hypothesis in promising if hypothesis not in laws]
-    for hypothesis in _suggest_candidates(base, current, settings):
-        tasks.append(add_cause(current, hypothesis, _first_stages(hypothesis, settings)))
-    refits = run_refits(scene, tasks, settings.schedule)
-    refits += refit_laws(scene, current, laws, base.null.gap, refits, settings)
+    trials: list[Trial] = [(hypothesis, ()) for hypothesis in promising if hypothesis not in laws]
+    trials += [
+        (hypothesis, _first_stages(hypothesis, settings))
+        for hypothesis in _suggest_candidates(base, current, settings)
+    ]
+    refits = search.refit(trials)
+    if not search.is_on_one_level:
+        refits += refit_laws(scene, current, laws, base.null.gap, refits, settings)
     best = min(refits, key=lambda refit: refit.objective, default=None)
-    if best is None or not is_gap_visible(best.gap):
-        return refits
-    cause = best.causes[-1]
+    if best is not None and is_gap_visible(best.gap):
+        refits += search.refit(_list_variants(best.causes[-1], ranked, refits, settings))
+    if search.is_on_one_level:
+        hypotheses = len({score.hypothesis.site for score in ranked})
+        refits = search.finish(refits, trials, hypotheses, tuple(map(key_of, base.checks.small)))
+        refits += refit_laws(scene, current, laws, base.null.gap, refits, settings)
+    return refits
+
+
+def _list_variants(
+    cause: Hypothesis, ranked: Sequence[Score], refits: Sequence[Refit], settings: DiagnosisSettings
+) -> list[Trial]:
+    """Return other starts and shapes of a cause."""
     refitted = {refit.causes[-1] for refit in refits}
     further = [
         score.hypothesis
@@ -67,11 +81,8 @@ def refit_round(
         and score.hypothesis not in refitted
         and score.hypothesis.spring is None
     ]
-    tasks = _distant_tasks(current, cause, settings)
-    tasks += [
-        add_cause(current, shape) for shape in _one_each_direction(further)[: settings.max_variants]
-    ]
-    return [*refits, *run_refits(scene, tasks, settings.schedule)]
+    shapes = _one_each_direction(further)[: settings.max_variants]
+    return [*_list_distant_starts(cause, settings), *((shape, ()) for shape in shapes)]
 
 
 def _select_promising(ranked: Sequence[Score], settings: DiagnosisSettings) -> list[Hypothesis]:
@@ -129,12 +140,10 @@ def _one_each_direction(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     return [*chosen, *rest]
 
 
-def _distant_tasks(
-    base: Refit, hypothesis: Hypothesis, settings: DiagnosisSettings
-) -> list[RefitTask]:
-    """Return refits from distant starts, where a strong effect may be found."""
+def _list_distant_starts(hypothesis: Hypothesis, settings: DiagnosisSettings) -> list[Trial]:
+    """Return distant starts of a cause, where a strong effect may be found."""
     stages = _distant_stages(settings.schedule)
     return [
-        add_cause(base, replace(hypothesis, begin={**hypothesis.begin, **start}), stages)
+        (replace(hypothesis, begin={**hypothesis.begin, **start}), stages)
         for start in hypothesis.otherwise[: settings.max_variants]
     ]

@@ -58,15 +58,23 @@ class ForwardSensitivities:
         slopes: of every Part that has parameters among the chosen.
         chosen: parameters of interest; (n_parameter,).
         rates: factor of each derivative; one if None; (n_parameter,).
+        places: number of each chosen parameter among the results, where those of parameters with
+            one number add up; its own if None; (n_chosen,).
     """
 
     def __init__(
-        self, solution: FrfSolution, slopes: Slopes, chosen: Mask, rates: Real | None = None
+        self,
+        solution: FrfSolution,
+        slopes: Slopes,
+        chosen: Mask,
+        rates: Real | None = None,
+        places: Integers | None = None,
     ) -> None:
         self.solution = solution
-        self.count = int(chosen.sum())
+        self._places = np.arange(int(chosen.sum())) if places is None else places
+        self.count = int(self._places.max(initial=-1)) + 1
         self._chosen = solution.model.split_parameters(chosen)
-        self._rates = np.ones(self.count) if rates is None else rates[chosen]
+        self._rates = np.ones(len(self._places)) if rates is None else rates[chosen]
         self._slopes = slopes
         self._sources = MotionSources(solution)
 
@@ -252,7 +260,11 @@ class ForwardSensitivities:
 
     @cached_property
     def _terms(self) -> TermsByTarget:
-        return collect_terms(self.solution, self._slopes, self._chosen, self._rates)
+        terms = collect_terms(self.solution, self._slopes, self._chosen, self._rates)
+        return {
+            target: [(self._places[numbers], term) for numbers, term in of_target]
+            for target, of_target in terms.items()
+        }
 
 
 def _flatten(values: Complex) -> Real:

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.words import Complex, Condition, Frf, Mask, Real, UsageError
+from identification.words import Complex, Condition, Frf, Integers, Mask, Real, UsageError
 from mbmodel.frf.adjoint import gradient
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.modal_form import ModalForm, modal_form
@@ -70,18 +70,23 @@ class Linearised(FrfSolution):
         return self.sensitivities().columns()
 
     def sensitivities(
-        self, chosen: Mask | None = None, rates: Real | None = None
+        self,
+        chosen: Mask | None = None,
+        rates: Real | None = None,
+        places: Integers | None = None,
     ) -> ForwardSensitivities:
         """Return forward sensitivities by some parameters, for any run of lines.
 
         Args:
             chosen: parameters of interest; all if None; (n_parameter,).
             rates: factor of each derivative; one if None; (n_parameter,).
+            places: number of each chosen parameter among the results, where those of parameters
+                with one number add up; its own if None; (n_chosen,).
         """
         self._refuse_further_terms()
         chosen = np.ones(len(self.theta), bool) if chosen is None else chosen
         slopes = self.model.slopes(self.theta, self.condition, chosen)
-        return ForwardSensitivities(self, slopes, chosen, rates)
+        return ForwardSensitivities(self, slopes, chosen, rates, places)
 
     def _refuse_further_terms(self) -> None:
         """Raise UsageError for readings whose derivatives are not known.

@@ -38,7 +38,7 @@ def frf_deviations(
     parametrisation, covariance = confidence.parametrisation, confidence.covariance
     partition = partition_coordinates(lines.model, parametrisation)
     rates = parametrisation.rates(confidence.x)
-    forward = lines.sensitivities(partition.shared_parameters, rates)
+    forward = lines.sensitivities(partition.shared_parameters, rates, partition.places)
     sensors = list(
         partition.sensor_columns(lines.sensitivities(partition.sensor_parameters), rates)
     )
@@ -53,7 +53,7 @@ def frf_deviations(
     deviations = [np.zeros(lines.values.shape) for _ in directions]
     for start in range(0, len(lines.values), _LINES_PER_CHUNK):
         span = slice(start, start + _LINES_PER_CHUNK)
-        columns = partition.shared_columns(forward, span)
+        columns = forward.columns(span)
         for total, direction in zip(deviations, directions, strict=True):
             shared_slopes = _along(direction[span], columns)
             variance = np.einsum("foms,foms->fom", shared_slopes @ shared_covariance, shared_slopes)

@@ -312,11 +312,7 @@ class WeightedJacobian:
                     projection.matrix[span][:, :, None] @ term.values[..., projection.rows, :]
                 )
                 columns[..., projection.span, term.indices] += projected
-        return (
-            columns
-            if self.partition.tie_matrix is None
-            else np.asarray(columns @ self.partition.tie_matrix)
-        )
+        return columns
 
 
 def split_lines(groups: Integers, max_lines: int) -> Iterator[slice]:

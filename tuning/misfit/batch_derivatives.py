@@ -81,7 +81,7 @@ def compute_jacobian(
     )
     for body in sums.body_roots:
         target[:, body.rows] = np.einsum("ftij,fjt->fit", body.inverse, target[:, body.rows])
-    forward = sums.lines.sensitivities(partition.shared_parameters, rates)
+    forward = sums.lines.sensitivities(partition.shared_parameters, rates, partition.places)
     sensor_slopes = sums.lines.sensitivities(partition.sensor_parameters)
     columns = list(partition.sensor_columns(sensor_slopes, rates))
     projections = body_projections(

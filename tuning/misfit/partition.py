@@ -17,8 +17,7 @@ class CoordinatePartition:
     Args:
         shared_parameters: whether each parameter has columns in all channels; (n_parameter,).
         shared_coordinates: their coordinates in that order, each once; (n_s,).
-        tie_matrix: 1 where a shared parameter has a coordinate, None if each has its own;
-            (n_shared_parameter, n_s).
+        places: number of each shared parameter's coordinate among those; (n_shared_parameter,).
         sensor_parts: indices of the Parts whose coordinates form a block each; n_block.
         block_coordinates: coordinates of each block, -1 for missing ones; (n_block, n_own).
         sensor_parameters: whether each parameter belongs to one sensor alone; (n_parameter,).
@@ -26,22 +25,10 @@ class CoordinatePartition:
 
     shared_parameters: Mask
     shared_coordinates: Integers
-    tie_matrix: Real | None
+    places: Integers
     sensor_parts: tuple[int, ...]
     block_coordinates: Integers
     sensor_parameters: Mask
-
-    def shared_columns(self, forward: ForwardSensitivities, span: slice) -> Complex:
-        """Return derivatives by the shared coordinates; (n_line, n_out, n_in, n_s).
-
-        Args:
-            forward: derivatives by the shared parameters, times d theta / dx.
-            span: lines.
-        """
-        columns = forward.columns(span)
-        return (
-            columns if self.tie_matrix is None else np.asarray(columns @ self.tie_matrix, complex)
-        )
 
     def sensor_columns(
         self, forward: ForwardSensitivities, rates: Real
@@ -108,12 +95,13 @@ def partition_coordinates(
     for row, coordinates in zip(block_coordinates, blocks, strict=True):
         row[: len(coordinates)] = coordinates
     shared_members = parametrisation.coordinate_of[shared]
-    shared_coordinates = np.array(list(dict.fromkeys(shared_members.tolist())), np.intp)
-    tie_matrix = (shared_members[:, None] == shared_coordinates).astype(float)
+    place_of = {member: k for k, member in enumerate(dict.fromkeys(shared_members.tolist()))}
+    shared_coordinates = np.array(list(place_of), np.intp)
+    places = np.array([place_of[member] for member in shared_members.tolist()], np.intp)
     return CoordinatePartition(
         shared,
         shared_coordinates,
-        None if len(tie_matrix) == len(shared_coordinates) else tie_matrix,
+        places,
         tuple(sensor_parts),
         block_coordinates,
         parametrisation.free & ~shared,

@@ -1,0 +1,129 @@
+"""Search for a further cause beside a law: on one level first, as well as on all levels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.hypothesis import JointDirection
+from diagnosis.levels.law_family import HARDENING
+from diagnosis.levels.law_hypothesis import build_law_hypothesis
+from diagnosis.refits.extended_parametrisation import hold_parameters
+from diagnosis.search.one_level import CauseSearch, select_listed
+from diagnosis.settings import SETTINGS
+from mbmodel import Model
+from tests.helpers.nonlinear_mass import (
+    STIFFNESS,
+    level_campaign,
+    nonlinear_block,
+    session_of,
+)
+from tests.helpers.refits import early_scene, propose_at, refit_null, refit_with
+
+JOINT = JointDirection("block", "tz", "block_tz")
+LEVELS = (20.0, 115.0, 270.0)
+CUBIC, GAIN = 1.5e15, 1.3
+
+
+@pytest.fixture(scope="module")
+def beside_law(tmp_path_factory):
+    """A sensor's gain beside a spring that stiffens: scene, null model, refit with the law."""
+    block: Model = nonlinear_block(tmp_path_factory.mktemp("mass"))
+    campaign = level_campaign(block, lambda q: CUBIC * q**3, LEVELS)
+    tests = []
+    for test in campaign.tests:
+        values, variance = test.estimate.frf.values.copy(), test.estimate.variance.copy()
+        values[:, 5] *= GAIN
+        variance[:, 5] *= GAIN**2
+        frf = replace(test.estimate.frf, values=values)
+        tests.append(replace(test, estimate=replace(test.estimate, frf=frf, variance=variance)))
+    scene = early_scene(session_of(block, replace(campaign, tests=tuple(tests))))
+    null = refit_null(scene)
+    scene = replace(scene, session=null.session, theta=null.fit.theta)
+    law = build_law_hypothesis(scene, JOINT, HARDENING[0], (CUBIC, STIFFNESS))
+    return scene, null, refit_with(scene, null, law)
+
+
+@pytest.fixture(scope="module")
+def search(beside_law):
+    scene, _, current = beside_law
+    return CauseSearch.beside(scene, current, SETTINGS)
+
+
+def propose_gain(scene, sensor):
+    gains = propose_at(scene, "sensor_gain", f"sensor:{sensor}")
+    return next(gain for gain in gains if gain.dof == "tz")
+
+
+def test_rivals_see_the_highest_level_and_the_law_as_it_was_fitted(beside_law, search):
+    _, _, current = beside_law
+    levels = [test.condition.level_n for test in search.seen.session.campaign.tests]
+    assert levels == [LEVELS[-1]] * 3
+    of_law = [p.name for part in current.causes[0].parts for p in part.parameters]
+    varies = search.seen.fit.parametrisation
+    assert not set(of_law) & set(varies.names)
+    before = dict(zip((p.name for p in varies.parameters), current.fit.theta.tolist(), strict=True))
+    after = dict(
+        zip((p.name for p in varies.parameters), search.seen.fit.theta.tolist(), strict=True)
+    )
+    assert [after[name] for name in of_law] == [before[name] for name in of_law]
+    assert after["block_tz.stiffness"] != before["block_tz.stiffness"]
+
+
+def test_a_parameter_that_is_held_leaves_those_tied_to_it_free(beside_law):
+    _, _, current = beside_law
+    varies, theta = current.fit.parametrisation, current.fit.theta
+    tied = "block_tz.hardening.stiffness"
+    names = [parameter.name for parameter in varies.parameters]
+    assert varies.coordinate_of[names.index(tied)] >= 0
+    held = hold_parameters(varies, theta, [tied])
+    assert held.size == varies.size
+    x = np.random.default_rng(1).uniform(-0.1, 0.1, held.size)
+    moved = held.theta(x)
+    assert moved[names.index(tied)] == theta[names.index(tied)]
+    np.testing.assert_array_equal(
+        np.delete(moved, names.index(tied)), np.delete(varies.theta(x), names.index(tied))
+    )
+
+
+def test_one_level_does_not_show_drift_between_levels(beside_law, search):
+    scene, null, _ = beside_law
+    (drift,) = propose_at(scene, "drift", "joint:block")[:1]
+    assert not search.shows(drift)
+    assert search.shows(propose_gain(scene, "acc2"))
+    linear = CauseSearch.beside(scene, null, SETTINGS)
+    assert linear.seen is null
+    assert linear.shows(drift)
+
+
+def test_the_cause_is_the_best_on_one_level_and_ends_as_if_all_were_fitted(beside_law, search):
+    scene, _, current = beside_law
+    right, wrong = (propose_gain(scene, sensor) for sensor in ("acc2", "acc3"))
+    refits = search.refit([(wrong, ()), (right, ())])
+    assert refits[1].objective < refits[0].objective
+    (found,) = search.finish(refits, [(wrong, ()), (right, ())], 50, ())
+    assert found.keys == (*current.keys, right.key)
+    assert len(found.session.campaign.tests) == 9
+    alone = refit_with(scene, current, right)
+    assert found.objective <= alone.objective + 0.01  # floors settle within 5 %
+    assert found.state_parameters(right)["gain"] == pytest.approx(GAIN, rel=0.02)
+    assert found.state_parameters(found.causes[0])["k3"] == pytest.approx(CUBIC, rel=0.15)
+
+
+def test_what_one_level_hides_is_fitted_to_all(beside_law, search):
+    scene, *_ = beside_law
+    drift = propose_at(scene, "drift", "joint:block")[0]
+    assert search.refit([(drift, ())]) == []
+    (found,) = search.finish([], [(drift, ())], 50, ())
+    assert found.causes[-1] is drift
+    assert len(found.session.campaign.tests) == 9
+
+
+def test_the_best_rival_and_those_that_a_verdict_would_list_are_chosen(beside_law, search):
+    scene, *_ = beside_law
+    right, wrong = (propose_gain(scene, sensor) for sensor in ("acc2", "acc3"))
+    best, other = search.refit([(right, ()), (wrong, ())])
+    assert select_listed(search.seen, [other, best], 50, (), SETTINGS) == [best]
+    assert select_listed(search.seen, [other], 50, (), SETTINGS) == [other]
+    again = replace(best, hypothesis=replace(best.hypothesis, members=(*best.causes[:-1], wrong)))
+    assert select_listed(search.seen, [best, again, best], 50, (), SETTINGS) == [best, again]
