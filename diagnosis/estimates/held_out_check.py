@@ -1,18 +1,17 @@
-r"""Causes that predict held-out lines: the number of causes by cross-validation.
+r"""Causes that predict held-out lines: the number of their parameters by cross-validation.
 
 A set of causes may absorb errors of a real machine that it does not cause. Such a fit is hardly
-better on lines that it did not see. The set must therefore gain there, under the likelihood of all
-fits (``tuning.assessment.model_error``), more than its parameters do by chance,
+better on lines that it did not see. There a set must be more probable than no cause,
 
-    c_before - c_after > (k / 2) ln N / N,
+    N (c_before - c_after) > n_S ln M,
 
-c being the mean -ln L per value at the floor of held-out residuals, k the number of parameters of
-all its causes, proven faults too, and N the number of independent values
-(``diagnosis.inference.posterior``).
+c being the mean -ln L per value at the floor of held-out residuals, and the rest as in
+``diagnosis.inference.posterior``: parameters gain nothing by chance on lines that they were not
+fitted to, and pay nothing.
 
-Otherwise sets of as many causes are not admitted, and the most probable set of fewer causes is
-checked (cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap that is
-hardly visible on held-out lines, the fits alone decide.
+Otherwise sets of as many parameters are not admitted, and the most probable set of fewer is checked
+(cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap that is hardly
+visible on held-out lines, the fits alone decide.
 """
 
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps
@@ -46,17 +45,20 @@ def admit_predictive_causes(
         before: HeldOutGap | None = gaps.retuned
         if base.proven:  # corrected in every set: they are no merit of the further causes
             before = estimate_gaps(base, whole, search.null, search.null, settings).after
-        if before is None or predicts_held_out(before, gaps.after):
+        price = evidence.price_causes(best.keys)
+        if before is None or predicts_held_out(before, gaps.after, price):
             return evidence, posterior, gaps
-        evidence = evidence.model_copy(update={"admitted_causes": len(best.causes) - 1})
+        fewer = sum(map(best.count_parameters, best.causes)) - 1
+        evidence = evidence.model_copy(update={"max_parameters": fewer})
 
 
-def predicts_held_out(before: HeldOutGap, after: HeldOutGap) -> bool:
+def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bool:
     """Return whether a set of causes predicts held-out lines well enough.
 
     Args:
         before: gap without the causes.
         after: gap with them.
+        price: what the prior takes for the causes [nats].
     """
     excess = before.gap.excess
     if excess is None or not is_gap_visible(excess**2 - 1):
@@ -64,5 +66,5 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap) -> bool:
     first, last = (estimate_model_error(gap.predicted, gap.campaign) for gap in (before, after))
     if first is None or last is None:
         return True
-    price = after.refit.price_parameters(after.refit.causes)
-    return first.cost / first.values - last.cost / last.values > price
+    gain = first.cost / first.values - last.cost / last.values
+    return after.refit.independent_values * gain > price

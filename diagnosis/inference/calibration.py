@@ -1,7 +1,6 @@
 """Constants of the posterior, calibrated on virtual machines, and their origin."""
 
 import json
-import math
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -18,6 +17,8 @@ class Calibration(BaseModel):
             from third differences.
         hidden_width: width of the logarithm of ``hidden``.
         error_values: effective sample size of the model error: its number of independent values.
+        noise_exponent: how nearly a residual must be noise alone before its values count as
+            independent.
         max_noise_share: largest share of the noise in a variance: no model is exact, and the
             parameters of any cause fit some noise.
         force_scale: temperature of the softmax over places, as a share of the largest gain.
@@ -32,6 +33,7 @@ class Calibration(BaseModel):
     hidden: Mapping[str, float]
     hidden_width: float
     error_values: float
+    noise_exponent: float
     max_noise_share: float
     force_scale: float
     campaigns: int = 0
@@ -43,35 +45,21 @@ class Calibration(BaseModel):
         """Return the number of independent values in a residual of noise and model error.
 
         The noise of each value is independent; the error of a model is shared by lines, channels
-        and hits. With the share s of the noise in the variance, 1 - s is the correlation within
-        clusters of values / error_values, and the count is values over the design effect (Kish
-        1965, ch. 5.4), about
+        and hits. With a correlation c within clusters of values / error_values, the count is values
+        over the design effect (Kish 1965, ch. 5.4), about
 
-            1 / [s / values + (1 - s) / error_values].
+            1 / [(1 - c) / values + c / error_values],   c = 1 - s^q.
 
-        Args:
-            noise_share: share of the noise in the variance.
-            values: number of values.
-        """
-        share = min(noise_share, self.max_noise_share)
-        return 1 / (share / values + (1 - share) / self.error_values)
-
-    def price_parameter(self, noise_share: float, values: int) -> float:
-        """Return what a fitted parameter gains by chance, per independent value [nats].
-
-        A prior as wide as a single value allows (unit information, Kass and Wasserman 1995) leaves
-        of the likelihood of k parameters, fitted to N independent values, the evidence
-
-            ln L - (k / 2) ln N   (Schwarz 1978),
-
-        so that one costs ln N / (2 N) per value.
+        With q = 1, c is the share of the error in the variance. But a wrong cause gains what it
+        absorbs of the error, be there noise or not; only where hardly any error is in the residual
+        can noise decide. q is therefore larger, and calibrated.
 
         Args:
-            noise_share: share of the noise in the variance.
+            noise_share: share s of the noise in the variance.
             values: number of values.
         """
-        count = self.count_independent(noise_share, values)
-        return math.log(max(count, 1.0)) / (2 * count)
+        noise = float(min(noise_share, self.max_noise_share) ** self.noise_exponent)
+        return 1 / (noise / values + (1 - noise) / self.error_values)
 
 
 @cache

@@ -4,7 +4,8 @@ Fits take seconds, the posterior takes a millisecond. The constants of the poste
 calibrated on stored evidence, and a new calibration needs no fit.
 """
 
-from collections.abc import Collection
+from collections.abc import Iterable
+from math import log
 
 from pydantic import BaseModel, ConfigDict
 
@@ -128,10 +129,10 @@ class FittedSet(_Row, FitSummary):
     shifts: tuple[float | None, ...] = ()
     parameters: tuple[int, ...] = ()
 
-    def count_parameters(self, proven: Collection[Key] = ()) -> int:
-        """Return the number of parameters of all causes but those that are proven."""
-        counts = zip(self.keys, self.parameters, strict=False)
-        return sum(count for key, count in counts if key not in proven)
+    @property
+    def parameter_count(self) -> int:
+        """Number of fitted parameters of all causes."""
+        return sum(self.parameters)
 
 
 class ForceGain(_Row):
@@ -165,8 +166,8 @@ class Evidence(_Row):
         variance: where the noise's variance comes from; the worse source if there are two.
         unsteady: number of tests whose machine changed from hit to hit.
         scored: scores, the most promising first; the posterior does not need them.
-        admitted_causes: largest number of causes of a set that predicts held-out lines; None if
-            none fails to.
+        max_parameters: largest number of fitted parameters of a set that is admitted, since one
+            with more does not predict held-out lines; None if none fails to.
     """
 
     proven: tuple[Key, ...] = ()
@@ -180,13 +181,17 @@ class Evidence(_Row):
     variance: VarianceSource
     unsteady: int = 0
     scored: tuple[Scored, ...] = ()
-    admitted_causes: int | None = None
+    max_parameters: int | None = None
 
     @property
     def admitted_sets(self) -> tuple[FittedSet, ...]:
-        """Sets of no more causes than those that predict held-out lines."""
-        most = self.admitted_causes
-        return tuple(row for row in self.sets if most is None or len(row.keys) <= most)
+        """Sets of no more parameters than are admitted."""
+        most = self.max_parameters
+        return tuple(row for row in self.sets if most is None or row.parameter_count <= most)
+
+    def price_causes(self, keys: Iterable[Key]) -> float:
+        """Return what the uniform prior of all hypotheses takes for causes [nats]."""
+        return len(set(keys) - set(self.small_faults)) * log(max(self.hypotheses, 1))
 
     @property
     def gap_source(self) -> str:

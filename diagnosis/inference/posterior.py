@@ -4,19 +4,18 @@ Every set S is fitted at its own model-error floor; c_S is its mean -ln L per va
 included. The noise of n values is independent, but the error of a model is shared by lines,
 channels and hits: with a share s of the noise in the variance, the residual of the best set holds
 
-    N = 1 / [s / n + (1 - s) / n_e]
+    N = 1 / [s^q / n + (1 - s^q) / n_e]
 
-independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error alone. Relative to
-the empty set with a rest ("unexplained"), the log probability is
+independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error. Relative to the
+empty set with a rest ("unexplained"), the log probability is
 
-    l_S = N (c_0 - c_S) - (k_S / 2) ln N - n_S ln M,
+    l_S = N (c_0 - c_S) - k_S - n_S ln M,
 
-where n_S is the number of its causes that no redundant channels prove, and k_S that of their fitted
-parameters. The best of M hypotheses gains by chance; ln M is the cost of a uniform prior. Many
-parameters explain more by chance, be it the error of a real machine; k_S / 2 ln N is the cost of a
-prior as wide as one value allows (Schwarz 1978). A fault that redundant channels prove without a
-model pays for neither: its part of the gap decides. n_e is calibrated on virtual machines whose
-errors are known. The empty set without a rest ("none") has odds of
+where n_S is the number of its causes that no redundant channels prove, and k_S that of the fitted
+parameters of all. The best of M hypotheses gains by chance; ln M is the cost of a uniform prior,
+which a fault does not pay that redundant channels prove without a model. k fitted parameters gain k
+nats by chance (Akaike 1974). n_e and q are calibrated on virtual machines whose errors are
+known. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
@@ -133,16 +132,11 @@ def compute_log_odds(
         return np.zeros(0)
     null = evidence.null
     best = min(sets, key=lambda fitted: fitted.objective)
-    proven = set(evidence.small_faults)
     count = constants.count_independent(best.noise_share, best.values)
-    prior = float(np.log(max(evidence.hypotheses, 1)))
     gains = np.array([null.objective - fitted.objective for fitted in sets])
-    price = constants.price_parameter(best.noise_share, best.values)
-    parameters = np.array([fitted.count_parameters(proven) for fitted in sets])
-    unproven = np.array([len(set(fitted.keys) - proven) for fitted in sets])
-    logs: np.ndarray[tuple[int], np.dtype[np.float64]] = (
-        count * (gains - price * parameters) - unproven * prior
-    )
+    parameters = np.array([fitted.parameter_count for fitted in sets])
+    causes = np.array([evidence.price_causes(fitted.keys) for fitted in sets])
+    logs: np.ndarray[tuple[int], np.dtype[np.float64]] = count * gains - parameters - causes
     return logs
 
 

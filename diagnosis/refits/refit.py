@@ -104,12 +104,11 @@ class Refit(FitSummary):
         free = is_added & ~varies.coordinates_at_bound(x) & (x != 0)
         return int(free.sum())
 
-    def price_parameters(self, causes: Sequence[Hypothesis]) -> float:
-        """Return what the parameters of causes gain by chance, per value [nats]."""
-        price = load_calibration().price_parameter(
-            self.statistics.noise_share, self.statistics.values
-        )
-        return price * sum(map(self.count_parameters, causes))
+    @property
+    def independent_values(self) -> float:
+        """Number of independent values in the residual."""
+        statistics = self.statistics
+        return load_calibration().count_independent(statistics.noise_share, statistics.values)
 
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
         """Return how far a cause that only releases tolerances shifts them.

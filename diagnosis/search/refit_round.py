@@ -47,7 +47,10 @@ def refit_round(
     ranked: Sequence[Score],
     settings: DiagnosisSettings,
 ) -> list[Refit]:
-    """Refit the promising hypotheses; where a rest remains, other starts and shapes of the best."""
+    """Refit the promising hypotheses; where a rest remains, others from distant starts.
+
+    These are the best one, with its further shapes, and in the first round those without a slope.
+    """
     scene, search = base.scene, CauseSearch.beside(base.scene, current, settings)
     promising = _select_promising(ranked, settings)
     laws = [hypothesis for hypothesis in promising if hypothesis.spring is not None]
@@ -61,7 +64,13 @@ def refit_round(
         refits += refit_laws(scene, current, laws, base.null.gap, refits, settings)
     best = min(refits, key=lambda refit: refit.objective, default=None)
     if best is not None and is_gap_visible(best.gap):
-        refits += search.refit(_list_variants(best.causes[-1], ranked, refits, settings))
+        distant = [] if current.causes else _list_without_slope(ranked, best.causes[-1])
+        refits += search.refit(
+            [
+                *_list_variants(best.causes[-1], ranked, refits, settings),
+                *(trial for rival in distant for trial in _list_distant_starts(rival, settings)),
+            ]
+        )
     if search.is_on_one_level:
         hypotheses = len({score.hypothesis.site for score in ranked})
         refits = search.finish(refits, trials, hypotheses, tuple(map(key_of, base.checks.small)))
@@ -138,6 +147,12 @@ def _one_each_direction(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     chosen = list(first.values())
     rest = [hypothesis for hypothesis in hypotheses if hypothesis not in chosen]
     return [*chosen, *rest]
+
+
+def _list_without_slope(ranked: Sequence[Score], best: Hypothesis) -> list[Hypothesis]:
+    """Return the other hypotheses whose score tells little, as a direction drawn rigid."""
+    hypotheses = [score.hypothesis for score in ranked]
+    return [rival for rival in hypotheses if not rival.has_slope and rival is not best]
 
 
 def _list_distant_starts(hypothesis: Hypothesis, settings: DiagnosisSettings) -> list[Trial]:

@@ -6,7 +6,7 @@ Each earlier cause is left out in turn, and dropped or replaced (``elimination.p
 is found by the next round, from a model that has the first (Draper and Smith 1998, ch. 15).
 
 While others are missing, an effect may be improbable or close little of the gap. The search
-therefore goes on as long as the last cause gains more than a wrong one does by chance, and a gap
+therefore goes on as long as the last cause closes much or is more probable than none, and a gap
 remains that a further one may close. It ends after two rounds in a row in which the set did not
 become more probable: of two equal effects, the first alone explains too little.
 """
@@ -71,10 +71,7 @@ def select_causes(
 
 def _is_promising(search: Search, best: Refit, path: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether the search goes on from a set, be it improbable."""
-    gain = path.objective - best.objective
-    return gain > best.price_parameters(best.causes[-1:]) or is_last_material(
-        search, best, settings
-    )
+    return is_more_probable(search, best, path) or is_last_material(search, best, settings)
 
 
 def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:

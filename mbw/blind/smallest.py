@@ -109,6 +109,7 @@ def _describe_weighing(test: LinearisedTest, stride: int) -> Weighing:
         fitted_values=test.values / stride,
         counted_values=test.values / max(1, stride // 2),
         error_values=constants.error_values,
+        noise_exponent=constants.noise_exponent,
         max_noise_share=constants.max_noise_share,
         hidden=constants.hidden["lines"],
         hidden_width=constants.hidden_width,

@@ -1,8 +1,8 @@
 """Evidence of the calibration: campaigns that no reported figure uses, diagnosed one by one.
 
 The designs are those of the reported campaigns (``dirty_campaigns``) with other seeds: the first
-designs from 430000 on, and further ones that have nothing but small errors from 431000 on. Force
-channels and exact machines of the catalogue are left out: small errors decide the constants.
+designs from 430000 and from 540000 on, the latter with exact machines of the catalogue, and further
+ones that have nothing but small errors from 431000 on. Force channels are left out.
 
 ``python -m tests.bench.calibration_rows`` goes on from where it was, then packs the rows for
 ``calibrate``. ``CAMPAIGNS`` and ``JOBS`` as in ``dirty``.
@@ -22,22 +22,29 @@ from tests.bench.dirty_campaigns import Stored, ensure, reported_designs
 from tests.bench.kept import cases
 from tuning import open_session
 
-FIRST, FIRST_ALONE = 430_000, 431_000
-COUNT, COUNT_ALONE = 48, 120  # designs from which campaigns are chosen
-CELLS = ("single", "several", "alone", "nothing")
+DIRTY = ("single", "several", "alone", "nothing")
+SERIES = {  # first seed: designs from which campaigns are chosen, and their cells
+    430_000: (48, DIRTY),
+    431_000: (120, ("alone",)),
+    540_000: (127, (*DIRTY, "clean")),
+}
 
 
 def seeds() -> list[int]:
     """Return the seeds of all campaigns."""
     designs = reported_designs()
-    first = [FIRST + n for n in range(COUNT) if designs[n].cell in CELLS]
-    return first + [FIRST_ALONE + n for n in range(COUNT_ALONE) if designs[n].cell == "alone"]
+    return [
+        first + n
+        for first, (count, cells) in SERIES.items()
+        for n in range(count)
+        if designs[n].cell in cells
+    ]
 
 
 def make(seed: int) -> dict[str, object]:
     """Return truth, small errors and evidence of a campaign; no evidence if none can be judged."""
-    base = FIRST_ALONE if seed >= FIRST_ALONE else FIRST
-    stored = ensure(reported_designs()[seed - base], seed)
+    first = max(first for first in SERIES if first <= seed)
+    stored = ensure(reported_designs()[seed - first], seed)
     ratio = None if stored.answer is None else weakest_ratio(stored.answer)
     if stored.answer is None or (ratio is not None and ratio < LEAST_RATIO):
         return {"seed": seed}

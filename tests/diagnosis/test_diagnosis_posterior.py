@@ -19,6 +19,7 @@ CONSTANTS = Calibration(
     hidden={"coherence": 0.1, "differences": 0.3, "lines": 0.01},
     hidden_width=0.25,
     error_values=80.0,
+    noise_exponent=2.0,
     max_noise_share=0.99,
     force_scale=0.04,
 )
@@ -58,28 +59,25 @@ def test_the_log_odds_of_a_set_are_those_computed_by_hand():
     first = fitted((A,), -2.0, 0.5, parameters=(4,))
     both = fitted((A, B), -3.0, 0.0, parameters=(4, 15))
     logs = compute_log_odds(evidence(), [first, both], CONSTANTS)
-    count = 1 / (0.2 / 6000 + 0.8 / 80.0)  # at the noise share of the best set
-    expected = [
-        count * 2.0 - 4 / 2 * np.log(count) - np.log(50),
-        count * 3.0 - 19 / 2 * np.log(count) - 2 * np.log(50),
-    ]
+    count = 1 / (0.2**2 / 6000 + (1 - 0.2**2) / 80.0)  # at the noise share of the best set
+    expected = [count * 2.0 - 4 - np.log(50), count * 3.0 - 19 - 2 * np.log(50)]
     np.testing.assert_allclose(logs, expected)
 
 
 def test_noise_is_independent_and_model_error_is_shared():
     nearly = CONSTANTS.count_independent(0.99, 6000)
-    assert nearly == pytest.approx(1 / (0.99 / 6000 + 0.01 / 80))
+    assert nearly == pytest.approx(1 / (0.99**2 / 6000 + (1 - 0.99**2) / 80))
     assert CONSTANTS.count_independent(1.0, 6000) == nearly
     assert CONSTANTS.count_independent(0.0, 6000) == pytest.approx(80)
-    # Kish: n / (1 + (m - 1) rho) with clusters of m = n / n_e values and correlation rho = 1 - s.
-    exact = 6000 / (1 + (6000 / 80 - 1) * 0.7)
+    # Kish: n / (1 + (m - 1) rho) with clusters of m = n / n_e values and correlation rho.
+    exact = 6000 / (1 + (6000 / 80 - 1) * (1 - 0.3**2))
     assert CONSTANTS.count_independent(0.3, 6000) == pytest.approx(exact, rel=0.01)
 
 
 def test_the_cost_of_tolerances_counts_with_the_values_that_the_fit_saw():
     free, shifted = fitted((A,), -2.0, 0.5), fitted((B,), -2.0, 0.5, prior=60.0)
     first, second = compute_log_odds(evidence(), [free, shifted], CONSTANTS)
-    assert first - second == pytest.approx(60.0 / 6000 / (0.2 / 6000 + 0.8 / 80.0))
+    assert first - second == pytest.approx(60.0 / 6000 * CONSTANTS.count_independent(0.2, 6000))
 
 
 def test_log_odds_of_no_set_are_an_empty_array():
@@ -219,17 +217,23 @@ def test_causes_within_three_nats_of_each_other_are_confounded():
     assert Posterior(0.1, 0.1, 0.9, (), (), both).find_confounded_pairs() == ((B[:2], C[:2]),)
 
 
-def test_a_fault_that_redundant_channels_prove_pays_for_no_parameter():
+def test_a_fault_that_redundant_channels_prove_pays_for_its_parameters_alone():
     alone = fitted((A,), -0.1, 0.5, parameters=(6,))
     beside = fitted((A, B), -0.6, 0.0, parameters=(6, 3))
     logs = compute_log_odds(evidence(small_faults=(A,)), [alone, beside], CONSTANTS)
     count = CONSTANTS.count_independent(0.2, 6000)
-    expected = [count * 0.1, count * 0.6 - 3 / 2 * np.log(count) - np.log(50)]
-    np.testing.assert_allclose(logs, expected)
-    sets = [fitted((A,), -0.1, 0.5, parameters=(6,))]
-    assert dict(compute_posterior(evidence(sets), CONSTANTS).causes).get(A, 0.0) < 1e-2
+    np.testing.assert_allclose(logs, [count * 0.1 - 6, count * 0.6 - 9 - np.log(50)])
+    sets = [fitted((A,), -0.1, 0.5, parameters=(4,))]
+    assert dict(compute_posterior(evidence(sets), CONSTANTS).causes)[A] < 0.7
     proven = compute_posterior(evidence(sets, small_faults=(A,)), CONSTANTS)
-    assert dict(proven.causes)[A] > 0.99
+    assert dict(proven.causes)[A] > 0.98
+
+
+def test_sets_of_more_parameters_than_are_admitted_do_not_count():
+    sets = [fitted((A,), -3.0, 0.0, parameters=(23,)), fitted((B,), -2.0, 0.5, parameters=(1,))]
+    assert dict(compute_posterior(evidence(sets), CONSTANTS).causes)[A] > 0.99
+    posterior = compute_posterior(evidence(sets, max_parameters=22), CONSTANTS)
+    assert [key for key, _ in posterior.causes] == [B]
 
 
 def test_the_first_cause_of_a_gap_that_noise_nearly_hides_is_material():

@@ -4,6 +4,7 @@ import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Hypothesis, build_verdict, diagnose
@@ -48,10 +49,12 @@ def test_a_set_with_the_causes_has_a_lower_floor_than_the_null_model(two_effects
 def test_causes_that_predict_held_out_lines_no_better_are_not_admitted(two_effects, monkeypatch):
     found, _ = two_effects
     gaps = found.gaps
-    assert predicts_held_out(gaps.retuned, gaps.after)
+    price = found.evidence.price_causes(found.search.selected.keys)
+    assert price == pytest.approx(2 * np.log(found.evidence.hypotheses))
+    assert predicts_held_out(gaps.retuned, gaps.after, price)
     useless = replace(gaps.after, predicted=gaps.retuned.predicted)
-    assert not predicts_held_out(gaps.retuned, useless)
-    assert predicts_held_out(gaps.after, gaps.after)  # not visible: the fits decide
+    assert not predicts_held_out(gaps.retuned, useless, price)
+    assert predicts_held_out(gaps.after, gaps.after, price)  # not visible: the fits decide
 
     def estimate(base, whole, null, chosen, settings):
         return replace(gaps, after=useless if chosen.causes else None)
@@ -60,7 +63,8 @@ def test_causes_that_predict_held_out_lines_no_better_are_not_admitted(two_effec
     base = SimpleNamespace(proven=())
     arguments = base, found.session, found.search, found.evidence, SETTINGS
     evidence, posterior, left = admit_predictive_causes(*arguments)
-    assert evidence.admitted_causes == 0
+    fewest = min(fitted.parameter_count for fitted in found.evidence.sets)
+    assert evidence.max_parameters < fewest
     assert not posterior.sets
     assert posterior.unexplained > 0.99
     assert left.after is None

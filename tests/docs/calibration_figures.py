@@ -61,7 +61,7 @@ def constants_table() -> str:
     ]
     rows += [
         (f"`{name}`", significant(getattr(constants, name)))
-        for name in ("hidden_width", "error_values", "force_scale")
+        for name in ("hidden_width", "error_values", "noise_exponent", "force_scale")
     ]
     return table(("Constant", "Value"), rows)
 

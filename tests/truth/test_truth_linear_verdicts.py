@@ -38,6 +38,7 @@ def verdicts(test):
         fitted_values=float(test.values),
         counted_values=2.0 * test.values,
         error_values=CONSTANTS.error_values,
+        noise_exponent=CONSTANTS.noise_exponent,
         max_noise_share=CONSTANTS.max_noise_share,
         hidden=CONSTANTS.hidden["lines"],
         hidden_width=CONSTANTS.hidden_width,

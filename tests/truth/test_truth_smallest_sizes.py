@@ -21,6 +21,7 @@ WEIGHING = Weighing(
     fitted_values=4500.0,
     counted_values=9000.0,
     error_values=32.0,
+    noise_exponent=10.0,
     max_noise_share=0.99,
     hidden=0.01,
     hidden_width=0.27,

@@ -3,10 +3,10 @@ r"""How a diagnosis weighs fits: odds of a cause, and when tolerances explain th
 A fit without a cause leaves the gap e_0 per value, one with a cause e_1. With N independent values
 of its residual, M effects and places, and the share s = 1 / (1 + e_1) <= s_max of the noise,
 
-    l = N [ln(1 + e_0) - ln(1 + e_1)] - k / 2 ln N - ln M,   1 / N = s / n + (1 - s) / n_e
+    l = N [ln(1 + e_0) - ln(1 + e_1)] - k - ln M,   1 / N = s^q / n + (1 - s^q) / n_e
 
 are the log odds of a cause with k parameters against "unexplained" (design effect: Kish 1965, ch.
-5.4; parameters: Schwarz 1978). Those of "none" are ln(hidden / e_0) / width.
+5.4; parameters: Akaike 1974). Those of "none" are ln(hidden / e_0) / width.
 
 Among m tolerances the k farthest are chance if they are not less probable together than one
 outlier: P(k or more of m beyond the k-th) >= P(one or more of m beyond the outlier), binomial.
@@ -33,6 +33,7 @@ class Weighing:
         fitted_values: number of those that a fit sees.
         counted_values: number of those that the posterior counts.
         error_values: number of independent values of a model's error.
+        noise_exponent: q, how nearly a residual must be noise alone to be independent.
         max_noise_share: s_max, the largest share of the noise in the variance of a fit.
         hidden: gap per value that badly known noise may hide.
         hidden_width: width of its logarithm.
@@ -44,6 +45,7 @@ class Weighing:
     fitted_values: float
     counted_values: float
     error_values: float
+    noise_exponent: float
     max_noise_share: float
     hidden: float
     hidden_width: float
@@ -59,10 +61,10 @@ class Weighing:
             hypotheses: number M of effects and places.
             parameters: number k of parameters of each fit; (n_fit,).
         """
-        share = np.minimum(1 / (1 + after[:, :1]), self.max_noise_share)
+        share = np.minimum(1 / (1 + after[:, :1]), self.max_noise_share) ** self.noise_exponent
         count = 1 / (share / self.counted_values + (1 - share) / self.error_values)
         gained = np.log1p(before)[:, None] - np.log1p(after)
-        logs: Real = count * gained - parameters / 2 * np.log(count) - np.log(hypotheses)
+        logs: Real = count * gained - parameters - np.log(hypotheses)
         return logs
 
     def weigh_nothing(self, gap: Real) -> Real:

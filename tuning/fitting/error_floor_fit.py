@@ -83,7 +83,8 @@ def fit_at_error_floor(
         start: theta [SI]; None for the nominal model, from which the fit goes by the logarithm of
             the FRFs first.
         first_stages: stages before the first fit at a floor, from the given start.
-        floor: relative error that the first fit tolerates.
+        floor: relative error that the first fit tolerates, at most that which the first stages
+            leave.
         schedule: constants; the usual ones if None.
         jobs: threads; the result does not depend on it.
 
@@ -98,6 +99,20 @@ def fit_at_error_floor(
     )
     theta = start
     counted = thin_lines(campaign, schedule.stride // 2)
+    if start is not None and stages:
+        first = fit(
+            model,
+            campaign,
+            parametrisation=parametrisation,
+            starts=(start,),
+            stages=stages,
+            jobs=jobs,
+        )
+        if first.outcome == "interrupted":
+            raise KeyboardInterrupt
+        theta = first.theta
+        reached = estimate_model_error(predict(model, theta, counted), counted)
+        stages, floor = (), floor if reached is None else min(floor, reached.floor)
     for turn in range(1, schedule.max_turns + 1):
         current = fit(
             model,
