@@ -2,8 +2,8 @@
 
 A refit moves the machine about which the law was simulated, so that the Parts are built again about
 each refit until nothing changes (``refit_laws``). Few hits do not have exactly the stated peak, and
-FRFs tell their duration roughly: the peak of each kind of hit and the common duration are
-tolerances that are fitted with the law.
+FRFs tell their duration and scatter roughly: the peak of each kind of hit, and the duration and
+variance of all, are tolerances that are fitted with the law.
 """
 
 from collections.abc import Mapping
@@ -15,8 +15,9 @@ from diagnosis.hypothesis import Hypothesis, JointDirection, Scene, Value
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_part import LawPart
 from diagnosis.levels.law_simulation import compute_peak_stretch
+from diagnosis.levels.law_table import LawTable
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from diagnosis.levels.tested_joint import LawTable, TestedJoint
+from diagnosis.levels.tested_joint import TestedJoint
 from identification.words import TOLERANCE_BOUND_SIGMA
 from mbmodel import Parameter
 
@@ -36,11 +37,16 @@ def build_law_hypothesis(
     table = LawTable(tested, family)
     prefix = f"{joint.spring}.{family.effect}"
     first = family.parameters_at(prefix, start)
-    shared = (*first, Parameter(f"{prefix}.hit_duration", 1.0, "of the estimated one"))
+    shared = (
+        *first,
+        Parameter(f"{prefix}.hit_duration", 1.0, "of the estimated one"),
+        Parameter(f"{prefix}.hit_variance", 1.0, "of the usual one"),
+    )
     follow: dict[str, str] = {}
     if family.follows_stiffness:
         follow[first[-1].name] = f"{joint.spring}.stiffness"
-    parts, believed = [], {shared[-1].name: LEVEL_SETTINGS.duration_sigma}
+    deviations = LEVEL_SETTINGS.duration_sigma, LEVEL_SETTINGS.variance_sigma
+    parts, believed = [], {p.name: sigma for p, sigma in zip(shared[-2:], deviations, strict=True)}
     place = tested.group_equal_hits()
     tests = scene.session.campaign.tests
     for number in sorted({int(np.argmax(place == group)) for group in place}):

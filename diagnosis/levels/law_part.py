@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from diagnosis.levels.tested_joint import LawTable
+from diagnosis.levels.law_table import LawTable
 from identification.words import Complex, Condition, Real
 from mbmodel import Addition, Change, Edit, Parameter, PartContext
 
@@ -21,7 +21,8 @@ class LawPart:
 
     Args:
         location: joint.
-        parameters: of the law, in the order of the family; relative duration and peak of the hits.
+        parameters: of the law, in the order of the family; relative duration, variance and peak of
+            the hits.
         table: of all tests.
         number: of the first of these tests.
         conditions: of the tests.

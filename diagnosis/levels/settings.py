@@ -26,6 +26,9 @@ class LevelSettings:
         duration_count: number of durations that are tried.
         peak_sigma: standard deviation of a test's peak, relative: the mean of some hits by hand.
         duration_sigma: standard deviation of the duration that the noise of FRFs tells, relative.
+        hit_scatter: usual standard deviation of the momentum of single hits by hand, relative.
+        variance_sigma: standard deviation of the logarithm of its square; the scatter is between
+            8 and 18 %.
         level_unit: of the fitted stiffness, per unit of a level's stiffness and damping.
         difference_step: relative, of difference quotients by a law's parameters. Where a decaying
             motion touches a stop or slides for the last time is rough in them on a scale of 1 %.
@@ -80,6 +83,8 @@ class LevelSettings:
     duration_count: int = 121
     peak_sigma: float = 0.05
     duration_sigma: float = 0.1
+    hit_scatter: float = 0.12
+    variance_sigma: float = 0.8
     level_unit: float = 0.1
     difference_step: float = 0.05
     cell_size: float = 0.02

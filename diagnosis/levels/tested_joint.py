@@ -1,7 +1,7 @@
 """Joint direction of a fitted machine, and the stiffness that laws add to it in each test."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_stiffness
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from identification.words import Complex, Integers, Mask, Real
+from identification.words import Complex, Integers, Real
 from mbmodel.assembly import FrequencyDependentTerm, Matrices
 from mbmodel.frf.ports import apply_point_changes, find_ports
 
@@ -152,81 +152,3 @@ class TestedJoint:
         different, place = np.unique(pairs, axis=1, return_inverse=True)
         hits = SimulatedHits(different[0].astype(int), different[1], self.hits.duration_s)
         return hits, place.ravel()
-
-
-@dataclass(frozen=True, eq=False)
-class LawTable:
-    """Stiffness that a law adds on every line of every test, and its derivatives.
-
-    It is linear in cells of the parameters, which are logarithms of sizes: within a cell by the
-    central differences about its middle. On a finer scale the stiffness is a rough function of them
-    (where a decaying motion touches a stop for the last time), and simulations are expensive. The
-    stiffness of a test is linear in the logarithm of its peak, which varies little.
-
-    Args:
-        joint: linear machine and hits.
-        family: of the law.
-        known: results in the last cells.
-        latest: the last parameters and their results: the Parts of all tests ask for them.
-    """
-
-    joint: TestedJoint
-    family: LawFamily
-    known: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
-    latest: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
-
-    def at(self, theta: Real) -> tuple[Complex, Complex]:
-        """Return kappa at the stated peaks (n_test, n_freq), and its derivatives.
-
-        Args:
-            theta: parameters of the law, and the relative duration.
-
-        Returns:
-            kappa, and its derivatives by theta, then by the logarithm of each test's peak;
-            (n_parameter + 1, n_test, n_freq).
-        """
-        key = theta.tobytes()
-        kept = self.latest.get(key)
-        if kept is not None:
-            return kept
-        place = self._coordinates(theta)
-        cell = np.rint(place / LEVEL_SETTINGS.cell_size) + 0.0  # no -0.0, whose bytes differ
-        middle, slopes = self._simulate_cell(cell)
-        inside = place - LEVEL_SETTINGS.cell_size * cell
-        kappa = middle + np.tensordot(inside, slopes[:-1], axes=1)
-        by_theta = np.append(np.where(self._is_size, theta, 1.0), 1.0)
-        result = kappa, slopes / by_theta[:, None, None]
-        self.latest.clear()
-        self.latest[key] = result
-        return result
-
-    @property
-    def _is_size(self) -> Mask:
-        """Which parameters are positive sizes, as the duration is; (n_parameter,)."""
-        return np.array([*self.family.is_size, True])
-
-    def _coordinates(self, theta: Real) -> Real:
-        """Return logarithms of sizes, other parameters as they are; (n_parameter,)."""
-        sizes = np.where(self._is_size, theta, 1.0)
-        return np.where(self._is_size, np.log(sizes), theta)
-
-    def _simulate_cell(self, cell: Real) -> tuple[Complex, Complex]:
-        """Return kappa in the middle of a cell, and its derivatives by the coordinates."""
-        key = cell.tobytes()
-        kept = self.known.get(key)
-        if kept is not None:
-            return kept
-        place, size = LEVEL_SETTINGS.cell_size * cell, LEVEL_SETTINGS.difference_step
-        moves = size * np.eye(len(place))
-        after = [*((moved, 1.0) for moved in place + moves), (place, np.exp(size))]
-        before = [*((moved, 1.0) for moved in place - moves), (place, np.exp(-size))]
-        cases = [
-            (np.where(self._is_size, np.exp(at), at), peak)
-            for at, peak in [(place, 1.0), *after, *before]
-        ]
-        kappas = self.joint.compute_stiffness(self.family, cases)
-        slopes = (kappas[1 : len(after) + 1] - kappas[len(after) + 1 :]) / (2 * size)
-        for oldest in list(self.known)[: -LEVEL_SETTINGS.kept_cells]:
-            self.known.pop(oldest, None)
-        self.known[key] = kappas[0], slopes
-        return kappas[0], slopes

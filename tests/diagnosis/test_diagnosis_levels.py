@@ -206,12 +206,12 @@ def test_slopes_of_a_law_are_difference_quotients(block, family):
     start = family.starts(STIFFNESS, 1e-5)[2]
     hypothesis = build_law_hypothesis(scene, JOINT, family, start)
     part = hypothesis.parts[-1]
-    theta = np.array([*start, 1.0, 1.0])
+    theta = np.array([*start, 1.0, 1.0, 1.0])
     context = PartContext(block.machine, next(iter(part.conditions)))
     laplace = 2j * np.pi * FREQ_HZ[::3]
-    linear = MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS + family.stuck(theta[:-2])
+    linear = MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS + family.stuck(theta[:-3])
     (change,) = part.changes(theta, context)
-    stiff = linear - family.stuck(theta[:-2]) + change.shape(laplace)
+    stiff = linear - family.stuck(theta[:-3]) + change.shape(laplace)
     for k, slope in enumerate(part.slopes(theta, context)):
         step = 0.03 * (abs(theta[k]) or 1.0)
         ends = []
@@ -219,7 +219,7 @@ def test_slopes_of_a_law_are_difference_quotients(block, family):
             moved = theta.copy()
             moved[k] += sign * step
             (change,) = part.changes(moved, context)
-            ends.append(1 / (linear - family.stuck(theta[:-2]) + change.shape(laplace)))
+            ends.append(1 / (linear - family.stuck(theta[:-3]) + change.shape(laplace)))
         quotient = (ends[0] - ends[1]) / (2 * step)
         expected = -slope.shape(laplace) / stiff**2
         assert np.linalg.norm(expected - quotient) < 0.2 * np.linalg.norm(quotient) + 1e-16
@@ -240,7 +240,7 @@ def test_a_law_is_written_into_the_mjcf_and_read_back(block, tmp_path, family, t
     scene = Scene(session, session.model.drawn)
     hypothesis = build_law_hypothesis(scene, JOINT, family, theta)
     first, *others = hypothesis.parts
-    numbers = np.array([*theta, 1.0, 1.0])
+    numbers = np.array([*theta, 1.0, 1.0, 1.0])
     assert all(part.write(numbers) == () for part in others)
     target = tmp_path / "augmented.xml"
     assert not write_mjcf(block.machine.source, target, first.write(numbers))

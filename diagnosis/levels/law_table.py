@@ -1,0 +1,131 @@
+r"""Stiffness that a law adds in each test, by its parameters, and the average of scattered hits.
+
+No two hits are alike: H1 is the average of what all hits of a test show, each weighted by the power
+of its force. With kappa_i the joint's stiffness under hit i and h_g the joint's own receptance, a
+hit of force F_i shows (``joint_update``)
+
+    H_i = H_0 - h_o h_i c_i,   c_i = kappa_i / (1 + kappa_i h_g),
+
+so that the average over hits has the stiffness
+
+    kappa = c / (1 - c h_g),   c = sum |F_i|^2 c_i / sum |F_i|^2,
+
+exactly. The logarithm of a hit's size is taken as normal. Two sizes, one standard deviation to
+either side, stand for all (Gauss-Hermite rule of two points, Abramowitz and Stegun 1964, 25.4.46).
+The average is linear in the variance, which FRFs tell and the refit therefore fits.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from diagnosis.levels.law_family import LawFamily
+from diagnosis.levels.settings import LEVEL_SETTINGS
+from diagnosis.levels.tested_joint import TestedJoint
+from identification.words import Complex, Mask, Real
+
+
+@dataclass(frozen=True, eq=False)
+class LawTable:
+    """Stiffness that a law adds on every line of every test, and its derivatives.
+
+    It is linear in cells of the parameters, which are logarithms of sizes: within a cell by the
+    central differences about its middle. On a finer scale the stiffness is a rough function of them
+    (where a decaying motion touches a stop for the last time), and simulations are expensive. The
+    stiffness of a test is linear in the logarithm of its peak, which varies little.
+
+    Args:
+        joint: linear machine and hits.
+        family: of the law.
+        known: results in the last cells.
+        latest: the last parameters and their results: the Parts of all tests ask for them.
+    """
+
+    joint: TestedJoint
+    family: LawFamily
+    known: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
+    latest: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
+
+    def at(self, theta: Real) -> tuple[Complex, Complex]:
+        """Return kappa at the stated peaks (n_test, n_freq), and its derivatives.
+
+        Args:
+            theta: parameters of the law, the relative duration, and the relative variance of hits.
+
+        Returns:
+            kappa, and its derivatives by theta, then by the logarithm of each test's peak;
+            (n_parameter + 1, n_test, n_freq).
+        """
+        key = theta.tobytes()
+        kept = self.latest.get(key)
+        if kept is not None:
+            return kept
+        place, variance = self._coordinates(theta[:-1]), float(theta[-1])
+        cell = np.rint(place / LEVEL_SETTINGS.cell_size) + 0.0  # no -0.0, whose bytes differ
+        mean, slopes = self._simulate_cell(cell)
+        inside = np.append(place - LEVEL_SETTINGS.cell_size * cell, variance)
+        kappa = mean + np.tensordot(inside, slopes[:-1], axes=1)
+        by_theta = np.append(np.where(self._is_size, theta[:-1], 1.0), [1.0, 1.0])
+        result = kappa, slopes / by_theta[:, None, None]
+        self.latest.clear()
+        self.latest[key] = result
+        return result
+
+    @property
+    def _is_size(self) -> Mask:
+        """Which parameters are positive sizes, as the duration is; (n_parameter,)."""
+        return np.array([*self.family.is_size, True])
+
+    @cached_property
+    def _receptance(self) -> Complex:
+        """h_g of the linear machine; (n_freq,)."""
+        receptance: Complex = self.joint.transient().receptances(self.joint.freq_hz)[:, 0]
+        return receptance
+
+    def _coordinates(self, theta: Real) -> Real:
+        """Return logarithms of sizes, other parameters as they are; (n_parameter,)."""
+        sizes = np.where(self._is_size, theta, 1.0)
+        return np.where(self._is_size, np.log(sizes), theta)
+
+    def _simulate_cell(self, cell: Real) -> tuple[Complex, Complex]:
+        """Return kappa of the mean hit in the middle of a cell, and its derivatives.
+
+        Derivatives are those of the average by the coordinates, by the variance, and by the
+        logarithm of the peaks; (n_parameter + 1, n_test, n_freq).
+        """
+        key = cell.tobytes()
+        kept = self.known.get(key)
+        if kept is not None:
+            return kept
+        place, step = LEVEL_SETTINGS.cell_size * cell, LEVEL_SETTINGS.difference_step
+        away = LEVEL_SETTINGS.hit_scatter * np.array([-1, 1])
+        sizes, moves = np.exp(away), step * np.eye(len(place))
+        places = np.array([place, *(place + moves), *(place - moves)])
+        places = np.where(self._is_size, np.exp(places), places)
+        cases = [(places[0], 1.0), *((theta, size) for theta in places for size in sizes)]
+        kappas = self.joint.compute_stiffness(self.family, cases)
+        mean, scattered = kappas[0], kappas[1:].reshape(len(places), 2, *kappas.shape[1:])
+        with np.errstate(invalid="ignore"):  # a spring that gives way has no stiffness
+            averages = average_hits(scattered, self._receptance, sizes**2)
+            after, before = np.split(averages[1:], 2)
+            by_peak = (scattered[0, 1] - scattered[0, 0]) / (away[1] - away[0])
+            slopes = [*((after - before) / (2 * step)), averages[0] - mean, by_peak]
+        for oldest in list(self.known)[: -LEVEL_SETTINGS.kept_cells]:
+            self.known.pop(oldest, None)
+        self.known[key] = mean, np.array(slopes)
+        return self.known[key]
+
+
+def average_hits(stiffness: Complex, receptance: Complex, weights: Real) -> Complex:
+    """Return the stiffness that H1 of several hits shows; (n_case, n_test, n_freq).
+
+    Args:
+        stiffness: kappa under each hit; (n_case, n_hit, n_test, n_freq).
+        receptance: h_g; (n_freq,).
+        weights: of each hit, its number times the power of its force; (n_hit,).
+    """
+    shown = stiffness / (1 + stiffness * receptance)
+    mean = np.einsum("h,chtf->ctf", weights / weights.sum(), shown)
+    average: Complex = mean / (1 - mean * receptance)
+    return average

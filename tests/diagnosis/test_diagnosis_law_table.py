@@ -1,0 +1,85 @@
+"""Stiffness of a law under hits that scatter: the H1 average, and its derivatives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.hypothesis import JointDirection, Scene
+from diagnosis.levels import tested_joint
+from diagnosis.levels.law_family import HARDENING
+from diagnosis.levels.law_table import LawTable, average_hits
+from diagnosis.levels.settings import LEVEL_SETTINGS
+from tests.helpers.nonlinear_mass import (
+    STIFFNESS,
+    level_campaign,
+    nonlinear_block,
+    session_of,
+)
+
+JOINT = JointDirection("block", "tz", "block_tz")
+CUBIC = 1.5e15
+
+
+@pytest.fixture(scope="module")
+def tested(tmp_path_factory):
+    block = nonlinear_block(tmp_path_factory.mktemp("mass"))
+    session = session_of(block, level_campaign(block, None, (40.0, 200.0)))
+    return tested_joint.TestedJoint.of_scene(Scene(session, session.model.drawn), JOINT)
+
+
+def complex_normal(random, *shape):
+    return random.standard_normal(shape) + 1j * random.standard_normal(shape)
+
+
+def test_the_average_of_hits_is_that_of_h1():
+    random = np.random.default_rng(5)
+    kappa, force = complex_normal(random, 1, 6, 1, 40), complex_normal(random, 6, 1)
+    linear, there, back = (complex_normal(random, 40) for _ in range(3))
+    receptance = 0.1 * complex_normal(random, 40)
+
+    def frf(stiffness):
+        return linear - there * back * stiffness / (1 + stiffness * receptance)
+
+    readings = frf(kappa[0, :, 0]) * force
+    h1 = (readings * force.conj()).sum(axis=0) / (np.abs(force) ** 2).sum(axis=0)
+    average = average_hits(kappa, receptance, np.abs(force[:, 0]) ** 2)
+    np.testing.assert_allclose(frf(average[0, 0]), h1, rtol=1e-12)
+
+
+def test_hits_that_scatter_show_the_average_of_many(tested):
+    theta = np.array([CUBIC, STIFFNESS, 1.0, 1.0])
+    table = LawTable(tested, HARDENING[0])
+    cell = np.exp(LEVEL_SETTINGS.cell_size * np.rint(np.log(theta[:3]) / LEVEL_SETTINGS.cell_size))
+    theta[:3] = cell  # the middle of a cell
+    found, _ = table.at(theta)
+    scatter = LEVEL_SETTINGS.hit_scatter
+    points, weights = np.polynomial.hermite_e.hermegauss(15)
+    sizes = np.exp(scatter * points)
+    kappas = tested.compute_stiffness(HARDENING[0], [(cell, size) for size in sizes])
+    receptance = tested.transient().receptances(tested.freq_hz)[:, 0]
+    (many,) = average_hits(kappas[None], receptance, weights * sizes**2)
+    mean, _ = table.at(replace_last(theta, 0.0))
+    shown, single, expected = (kappa / (1 + kappa * receptance) for kappa in (found, mean, many))
+    strong = np.abs(tested.hits.peak) == 200.0
+    off = np.linalg.norm(shown[strong] - expected[strong])
+    assert off < 0.2 * np.linalg.norm(single[strong] - expected[strong])
+    np.testing.assert_array_equal(mean, kappas[7])
+
+
+def test_no_scatter_is_the_mean_hit_and_the_variance_counts_linearly(tested):
+    table = LawTable(tested, HARDENING[0])
+    theta = np.array([1.01 * CUBIC, STIFFNESS, 1.0, 1.0])
+    values = {v: table.at(replace_last(theta, v))[0] for v in (0.0, 1.0, 2.0)}
+    np.testing.assert_allclose(values[2.0] - values[1.0], values[1.0] - values[0.0], rtol=1e-6)
+    slope = table.at(theta)[1][3]
+    np.testing.assert_allclose(slope, values[1.0] - values[0.0], rtol=1e-6)
+    still = replace(tested, hits=replace(tested.hits, peak=1e-6 * tested.hits.peak))
+    quiet = LawTable(still, HARDENING[0]).at(theta)[1][3]
+    assert np.abs(quiet).max() < 1e-6 * STIFFNESS
+
+
+def replace_last(theta, value):
+    changed = theta.copy()
+    changed[-1] = value
+    return changed
