@@ -7,9 +7,9 @@ from importlib import import_module
 
 from diagnosis.inference.calibration import load_calibration
 from tests.bench.calibrate import log_likelihood
-from tests.docs.formats import percent, significant, table
+from tests.docs.formats import fixed, percent, significant, table
 from tests.docs.grades import seeds_fragment
-from tests.docs.results import bench_cases, grade_tables
+from tests.docs.results import bench_cases, bench_values, grade_tables
 
 STATED = re.compile(
     r"true of causes stated (?P<low>[\d.]+) to (?P<high>[\d.]+), (?P<mean>[\d.]+) in the mean, "
@@ -76,7 +76,34 @@ def calibration_surprise() -> str:
     return f"{-log_likelihood(load_calibration()) / load_calibration().campaigns:.2f}"
 
 
+def posterior_rules_table() -> str:
+    """How often an entirely right verdict is probable without each rule of the posterior."""
+    values = bench_values("posterior_rules")
+    rows = []
+    for name in (figure.removesuffix(": right, %") for figure in values if "right" in figure):
+        right, nats = values[f"{name}: right, %"], values[f"{name}: nats a campaign"]
+        less = values.get(f"{name}: difference, %")
+        difference = "" if less is None else f"{fixed(less['value'], 1)} {_interval(less['n'])}"
+        rows.append(
+            (
+                name,
+                fixed(right["value"], 1),
+                _interval(right["n"]),
+                difference,
+                fixed(nats["value"], 2),
+            )
+        )
+    header = ("Rules", "Right, %", "95 % interval", "Difference, %", "Nats a campaign")
+    return table(header, rows)
+
+
+def _interval(count: str) -> str:
+    """Return the interval of a figure's n."""
+    return count[count.index("[") :]
+
+
 FIGURES = {
+    "posterior-rules-table": posterior_rules_table,
     "doubt-table": doubt_table,
     "doubt-campaigns": lambda: str(len(bench_cases("doubt.330000"))),
     "doubt-seeds": seeds_fragment("doubt.330000"),
