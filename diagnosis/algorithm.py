@@ -109,7 +109,7 @@ def diagnose(
        rest.
     8. The posterior weighs all sets of causes, by the number of independent values of the residual.
     9. The gap is estimated on held-out lines, without and with the causes; a set that does not
-       predict them is replaced by one of fewer parameters.
+       predict them is rejected.
     10. Causes that are probable and close a fifth of the gap are established; what remains is the
         rest.
 

@@ -114,8 +114,8 @@ class Hypothesis:
         tie_share: of the best score of this effect, place and direction: shapes whose scores are
             closer to it rank in the order of their proposal.
         signed: whether the scored sizes cannot be negative.
-        has_slope: whether the slope at size zero tells what the effect explains; else refits begin
-            at the alternative start values, whatever its score.
+        is_slope_informative: whether the slope at size zero tells what the effect explains; else
+            the first round refits it from the alternative start values too, whatever its score.
         bounds: lowest and highest values of parameters of Parts, by name.
         believed: standard deviations of the priors of parameters of Parts, by name.
         is_modelled: whether a fit with the Parts, or the corrected campaign, contains the effect.
@@ -140,7 +140,7 @@ class Hypothesis:
     linear: tuple[str, ...] = ()
     tie_share: float = 0.0
     signed: bool = False
-    has_slope: bool = True
+    is_slope_informative: bool = True
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     believed: Mapping[str, float] = field(default_factory=dict)
     is_modelled: bool = True

@@ -11,8 +11,8 @@ FRFs change in proportion to a small theta, and the slope for the score test is
 
     d(k + s c) / dtheta = -u k^2 (1 + s tau).
 
-It tells little: to the fit without it, a direction that gives way looks like softer springs, and
-another bit of compliance explains nothing. Refits also begin at a stiffness like its neighbours'.
+This slope tells little: the fit without the effect has softer springs instead, and another bit of
+compliance explains nothing. Refits also begin at a stiffness like its neighbours'.
 """
 
 from collections.abc import Iterator, Mapping
@@ -50,7 +50,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             parts=(released.part,),
             scored=(compliance,),
             signed=True,
-            has_slope=False,
+            is_slope_informative=False,
             bounds={time_constant: (-MAX_LOG_STEPS, MAX_LOG_STEPS)},
             otherwise=({compliance: start},),
             state=released.state,

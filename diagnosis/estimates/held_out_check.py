@@ -1,27 +1,28 @@
-r"""Causes that predict held-out lines: the number of their parameters by cross-validation.
+"""Causes that predict held-out lines: cross-validation of the most probable set.
 
 A set of causes may absorb errors of a real machine that it does not cause. Such a fit is hardly
 better on lines that it did not see. There a set must be more probable than no cause,
 
     N (c_before - c_after) > n_S ln M,
 
-c being the mean -ln L per value at the floor of held-out residuals, and the rest as in
-``diagnosis.inference.posterior``: parameters gain nothing by chance on lines that they were not
-fitted to, and pay nothing.
+c being the mean -ln L per value at the floor of held-out residuals, N the number of independent
+values of those with the causes, and the rest as in ``diagnosis.inference.posterior``: on lines that
+they were not fitted to, parameters gain nothing by chance, and pay nothing.
 
-Otherwise sets of as many parameters are not admitted, and the most probable set of fewer is checked
-(cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap that is hardly
-visible on held-out lines, the fits alone decide.
+A set that fails is rejected, with every set that contains it, and the most probable one of the
+others is checked (cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap
+that is hardly visible on held-out lines, the fits alone decide.
 """
 
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import Posterior, compute_posterior
 from diagnosis.null_model import Baseline
 from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import DiagnosisSettings
 from diagnosis.verdict.established import find_present
-from tuning import Session, estimate_model_error, is_gap_visible
+from tuning import Session, is_gap_visible, residual_statistics
 
 
 def admit_predictive_causes(
@@ -38,7 +39,7 @@ def admit_predictive_causes(
     """
     while True:
         posterior = compute_posterior(evidence, settings=settings)
-        best = find_present(search, posterior, settings)
+        best = find_present(search, evidence, posterior, settings)
         gaps = estimate_gaps(base, whole, search.null, best, settings)
         if not best.causes or gaps.after is None:
             return evidence, posterior, gaps
@@ -48,8 +49,7 @@ def admit_predictive_causes(
         price = evidence.price_causes(best.keys)
         if before is None or predicts_held_out(before, gaps.after, price):
             return evidence, posterior, gaps
-        fewer = sum(map(best.count_parameters, best.causes)) - 1
-        evidence = evidence.model_copy(update={"max_parameters": fewer})
+        evidence = evidence.model_copy(update={"rejected": (*evidence.rejected, best.keys)})
 
 
 def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bool:
@@ -63,8 +63,8 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bo
     excess = before.gap.excess
     if excess is None or not is_gap_visible(excess**2 - 1):
         return True
-    first, last = (estimate_model_error(gap.predicted, gap.campaign) for gap in (before, after))
+    first, last = (residual_statistics(gap.predicted, gap.campaign) for gap in (before, after))
     if first is None or last is None:
         return True
-    gain = first.cost / first.values - last.cost / last.values
-    return after.refit.independent_values * gain > price
+    count = load_calibration().count_independent(last.noise_share, last.values)
+    return count * (first.cost - last.cost) > price

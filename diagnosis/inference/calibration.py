@@ -20,7 +20,8 @@ class Calibration(BaseModel):
         noise_exponent: how nearly a residual must be noise alone before its values count as
             independent.
         max_noise_share: largest share of the noise in a variance: no model is exact, and the
-            parameters of any cause fit some noise.
+            parameters of any cause fit some noise. A residual holds at most error_values /
+            (1 - max_noise_share^noise_exponent) independent values.
         force_scale: temperature of the softmax over places, as a share of the largest gain.
         campaigns: number of campaigns of the calibration.
         command: command that makes the calibration.
@@ -51,8 +52,8 @@ class Calibration(BaseModel):
             1 / [(1 - c) / values + c / error_values],   c = 1 - s^q.
 
         With q = 1, c is the share of the error in the variance. But a wrong cause gains what it
-        absorbs of the error, be there noise or not; only where hardly any error is in the residual
-        can noise decide. q is therefore larger, and calibrated.
+        absorbs of the error, with or without noise beside it; noise decides only where hardly any
+        error is in the residual. q is therefore larger, and calibrated.
 
         Args:
             noise_share: share s of the noise in the variance.

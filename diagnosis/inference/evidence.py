@@ -166,8 +166,7 @@ class Evidence(_Row):
         variance: where the noise's variance comes from; the worse source if there are two.
         unsteady: number of tests whose machine changed from hit to hit.
         scored: scores, the most promising first; the posterior does not need them.
-        max_parameters: largest number of fitted parameters of a set that is admitted, since one
-            with more does not predict held-out lines; None if none fails to.
+        rejected: sets that do not predict held-out lines; none that contains one is admitted.
     """
 
     proven: tuple[Key, ...] = ()
@@ -181,13 +180,17 @@ class Evidence(_Row):
     variance: VarianceSource
     unsteady: int = 0
     scored: tuple[Scored, ...] = ()
-    max_parameters: int | None = None
+    rejected: tuple[tuple[Key, ...], ...] = ()
 
     @property
     def admitted_sets(self) -> tuple[FittedSet, ...]:
-        """Sets of no more parameters than are admitted."""
-        most = self.max_parameters
-        return tuple(row for row in self.sets if most is None or row.parameter_count <= most)
+        """Sets that contain none that held-out lines reject."""
+        return tuple(fitted for fitted in self.sets if self.admits(fitted.keys))
+
+    def admits(self, keys: Iterable[Key]) -> bool:
+        """Return whether a set contains none that held-out lines reject."""
+        causes = set(keys)
+        return not any(set(rejected) <= causes for rejected in self.rejected)
 
     def price_causes(self, keys: Iterable[Key]) -> float:
         """Return what the uniform prior of all hypotheses takes for causes [nats]."""

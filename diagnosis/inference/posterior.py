@@ -13,9 +13,10 @@ empty set with a rest ("unexplained"), the log probability is
 
 where n_S is the number of its causes that no redundant channels prove, and k_S that of the fitted
 parameters of all. The best of M hypotheses gains by chance; ln M is the cost of a uniform prior,
-which a fault does not pay that redundant channels prove without a model. k fitted parameters gain k
-nats by chance (Akaike 1974). n_e and q are calibrated on virtual machines whose errors are
-known. The empty set without a rest ("none") has odds of
+which a fault does not pay that redundant channels prove without a model. The likelihood of a fit is
+too large, against that of new data, by a nat for each parameter (Akaike 1974). n_e and q are
+calibrated on virtual machines whose errors are known. The empty set without a rest ("none") has
+odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 

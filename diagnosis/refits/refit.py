@@ -7,7 +7,6 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from diagnosis.hypothesis import Hypothesis, Value
-from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import FitSummary, FittedSet, Key
 from identification.words import Real
 from tuning import (
@@ -103,12 +102,6 @@ class Refit(FitSummary):
         is_added = np.isin(np.array(varies.names), [*added, *cause.release])
         free = is_added & ~varies.coordinates_at_bound(x) & (x != 0)
         return int(free.sum())
-
-    @property
-    def independent_values(self) -> float:
-        """Number of independent values in the residual."""
-        statistics = self.statistics
-        return load_calibration().count_independent(statistics.noise_share, statistics.values)
 
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
         """Return how far a cause that only releases tolerances shifts them.

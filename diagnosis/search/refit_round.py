@@ -152,7 +152,7 @@ def _one_each_direction(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 def _list_without_slope(ranked: Sequence[Score], best: Hypothesis) -> list[Hypothesis]:
     """Return the other hypotheses whose score tells little, as a direction drawn rigid."""
     hypotheses = [score.hypothesis for score in ranked]
-    return [rival for rival in hypotheses if not rival.has_slope and rival is not best]
+    return [rival for rival in hypotheses if not rival.is_slope_informative and rival is not best]
 
 
 def _list_distant_starts(hypothesis: Hypothesis, settings: DiagnosisSettings) -> list[Trial]:

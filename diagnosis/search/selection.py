@@ -6,7 +6,7 @@ Each earlier cause is left out in turn, and dropped or replaced (``elimination.p
 is found by the next round, from a model that has the first (Draper and Smith 1998, ch. 15).
 
 While others are missing, an effect may be improbable or close little of the gap. The search
-therefore goes on as long as the last cause closes much or is more probable than none, and a gap
+therefore goes on as long as the last cause closes much or makes the set more probable, and a gap
 remains that a further one may close. It ends after two rounds in a row in which the set did not
 become more probable: of two equal effects, the first alone explains too little.
 """

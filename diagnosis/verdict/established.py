@@ -70,18 +70,22 @@ class Present:
     rest: Rest
 
 
-def find_present(search: Search, posterior: Posterior, settings: DiagnosisSettings) -> Refit:
+def find_present(
+    search: Search, evidence: Evidence, posterior: Posterior, settings: DiagnosisSettings
+) -> Refit:
     """Return the refit of the most probable set whose causes are all probable; else the null model.
 
     Args:
         search: sets of causes that were fitted.
+        evidence: which sets held-out lines reject.
         posterior: their probabilities.
         settings: least probability.
     """
     probability = {read_site(key): share for key, share in posterior.causes}
 
     def is_probable(refit: Refit) -> bool:
-        return bool(refit.causes) and all(
+        is_admitted = bool(refit.causes) and evidence.admits(refit.keys)
+        return is_admitted and all(
             probability.get(read_site(key), 0.0) >= settings.min_probability for key in refit.keys
         )
 
@@ -109,7 +113,7 @@ def describe_present(
         gaps: held-out gaps.
         settings: thresholds.
     """
-    refit = find_present(search, posterior, settings)
+    refit = find_present(search, evidence, posterior, settings)
     closes = _find_closed_by_proven(base, gaps) | _find_closed_by_causes(search, refit)
     causes = (*base.proven, *refit.causes)
     established = tuple(

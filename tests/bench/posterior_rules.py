@@ -1,6 +1,6 @@
 """Each rule of the posterior turned off in turn, on the evidence that calibrates its constants.
 
-The fits stay; the posterior weighs them again without the rule. Counted is how often it gives an
+The fits stay; the posterior weighs them again without the rule. The rate is how often it gives an
 entirely right verdict a probability of one half or more: all effects that are present, and beside
 them nothing but small errors of that machine (``calibrate.truth_probability``). The difference from
 all rules is that of the same campaigns, with Newcombe's interval for paired proportions. Rungs of
@@ -65,7 +65,6 @@ def _keep_single_causes(evidence: Evidence) -> Evidence:
     return evidence.model_copy(update={"sets": sets})
 
 
-LEAST_PROBABILITY = 0.5  # from which a cause is established
 RULES = {
     "all rules": Rules(),
     "parameters are free of charge": Rules(change=_change_sets(parameters=())),
@@ -77,7 +76,6 @@ RULES = {
     "no materiality": Rules(settings=replace(SETTINGS, min_closed=0.0)),
     "outliers of tolerances are causes": Rules(settings=replace(SETTINGS, outlier_sigma=0.0)),
     "proven faults pay like others": Rules(change=_change(small_faults=())),
-    "no check on held-out lines": Rules(change=_change(max_parameters=None)),
     "one cause at most": Rules(change=_keep_single_causes),
 }
 
@@ -88,14 +86,14 @@ def run() -> list[dict[str, object]]:
     base = probabilities["all rules"]
     figures: list[dict[str, object]] = []
     for name, stated in probabilities.items():
-        right, count = stated >= LEAST_PROBABILITY, len(stated)
+        right, count = stated >= SETTINGS.min_probability, len(stated)
         low, high = wilson(int(right.sum()), count)
         interval = f"{count} [{100 * low:.1f}, {100 * high:.1f}]"
         nats = -np.log(np.maximum(stated, MIN_TRUTH_PROBABILITY)).mean()
         figures.append({"figure": f"{name}: right, %", "value": 100 * right.mean(), "n": interval})
         figures.append({"figure": f"{name}: nats a campaign", "value": nats, "n": count})
         if name != "all rules":
-            pairs = paired_difference(zip(right, base >= LEAST_PROBABILITY, strict=True))
+            pairs = paired_difference(zip(right, base >= SETTINGS.min_probability, strict=True))
             figures.append(
                 {
                     "figure": f"{name}: difference, %",

@@ -229,11 +229,11 @@ def test_a_fault_that_redundant_channels_prove_pays_for_its_parameters_alone():
     assert dict(proven.causes)[A] > 0.98
 
 
-def test_sets_of_more_parameters_than_are_admitted_do_not_count():
-    sets = [fitted((A,), -3.0, 0.0, parameters=(23,)), fitted((B,), -2.0, 0.5, parameters=(1,))]
+def test_sets_that_contain_a_rejected_one_do_not_count():
+    sets = [fitted((A,), -3.0, 0.0), fitted((B,), -2.0, 0.5), fitted((B, A), -4.0, 0.0)]
     assert dict(compute_posterior(evidence(sets), CONSTANTS).causes)[A] > 0.99
-    posterior = compute_posterior(evidence(sets, max_parameters=22), CONSTANTS)
-    assert [key for key, _ in posterior.causes] == [B]
+    posterior = compute_posterior(evidence(sets, rejected=((A,),)), CONSTANTS)
+    assert [keys for keys, _ in posterior.sets] == [(B,)]
 
 
 def test_the_first_cause_of_a_gap_that_noise_nearly_hides_is_material():

@@ -83,7 +83,7 @@ def fit_at_error_floor(
         start: theta [SI]; None for the nominal model, from which the fit goes by the logarithm of
             the FRFs first.
         first_stages: stages before the first fit at a floor, from the given start.
-        floor: relative error that the first fit tolerates, at most that which the first stages
+        floor: relative error that the first fit tolerates; at most that which ``first_stages``
             leave.
         schedule: constants; the usual ones if None.
         jobs: threads; the result does not depend on it.
