@@ -125,8 +125,11 @@ def _suggest_candidates(
 
 
 def _first_stages(hypothesis: Hypothesis, settings: DiagnosisSettings) -> tuple[Stage, ...]:
-    """Return the first stages of a fit whose start is a guess, as that of a body's mode."""
-    return () if hypothesis.reform is None else _distant_stages(settings.schedule)[1:]
+    """Return the first stage of a fit whose start is a guess, as that of a body's mode.
+
+    Tolerances are held in it: they would make up for a mode that is still at a wrong frequency.
+    """
+    return () if hypothesis.reform is None else _distant_stages(settings.schedule)[:1]
 
 
 def _distant_stages(schedule: FloorSchedule) -> tuple[Stage, ...]:
