@@ -7,6 +7,7 @@ from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.data_checks.candidates import build_candidates
 from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.levels.law_part import LawPart
 from diagnosis.levels.refit_laws import refit_laws
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
@@ -19,14 +20,19 @@ from tuning import STAGES, FloorSchedule, Stage, is_gap_visible
 def score_hypotheses(
     scene: Scene, base: Refit, excluded: frozenset[str], settings: DiagnosisSettings
 ) -> list[Score]:
-    """Score all hypotheses about a refit, the most promising first."""
+    """Score all hypotheses about a refit, the most promising first.
+
+    Where a law of a joint direction is a cause, no other law of it is sought.
+    """
     inner = move_scene(scene, base)
     sites = {cause.site for cause in base.causes}
+    with_law = {part.spring for part in base.session.model.parts if isinstance(part, LawPart)}
     hypotheses = [
         hypothesis
         for effect in load_catalogue().values()
         for hypothesis in effect(inner)
         if hypothesis.location not in excluded and hypothesis.site not in sites
+        if hypothesis.spring is None or hypothesis.spring.spring not in with_law
     ]
     return scores(inner, base.fit, hypotheses, base.floor, settings.score_stride)
 

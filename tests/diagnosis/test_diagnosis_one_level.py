@@ -10,6 +10,7 @@ from diagnosis.levels.law_family import HARDENING
 from diagnosis.levels.law_hypothesis import build_law_hypothesis
 from diagnosis.refits.extended_parametrisation import hold_parameters
 from diagnosis.search.one_level import CauseSearch, select_listed
+from diagnosis.search.refit_round import score_hypotheses
 from diagnosis.settings import SETTINGS
 from mbmodel import Model
 from tests.helpers.nonlinear_mass import (
@@ -84,6 +85,18 @@ def test_a_parameter_that_is_held_leaves_those_tied_to_it_free(beside_law):
     np.testing.assert_array_equal(
         np.delete(moved, names.index(tied)), np.delete(varies.theta(x), names.index(tied))
     )
+
+
+def test_no_other_law_of_a_joint_is_sought_beside_its_law(beside_law):
+    scene, null, current = beside_law
+
+    def find_springs(base):
+        ranked = score_hypotheses(scene, base, frozenset(), SETTINGS)
+        springs = [score.hypothesis.spring for score in ranked]
+        return {spring.spring for spring in springs if spring is not None}
+
+    assert JOINT.spring in find_springs(null)
+    assert JOINT.spring not in find_springs(current)
 
 
 def test_one_level_does_not_show_drift_between_levels(beside_law, search):
