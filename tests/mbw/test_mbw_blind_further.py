@@ -51,7 +51,10 @@ def test_every_further_test_is_ranked(confirmed):
     assert {"sensor acc2", "sensor acc6", "hammer point acc3", "twice the hits"} <= names
     order = [(gain["findable_before"] - gain["findable"], gain["shrink"]) for gain in gains]
     assert order == sorted(order)
-    assert all(0 < gain["shrink"] <= 1.05 for gain in gains)
+    # A posterior counts a limited number of independent values: tests without news dilute it.
+    assert all(0 < gain["shrink"] <= 1.1 for gain in gains)
+    shrink = {gain["name"]: gain["shrink"] for gain in gains}
+    assert max(shrink["twice the hits"], shrink["twice the force"]) < 1
     for name in names:
         assert f"{name}: " in result.stdout
 
