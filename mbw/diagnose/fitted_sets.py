@@ -41,10 +41,8 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
     """
     null = evidence.null
     material = {id(fitted) for fitted in select_material_sets(null, evidence.sets, settings)}
-    admitted = set(map(id, evidence.admitted_sets))
     reasons = [
-        _rejection(fitted, id(fitted) in material, id(fitted) in admitted, settings)
-        for fitted in evidence.sets
+        _rejection(fitted, id(fitted) in material, evidence, settings) for fitted in evidence.sets
     ]
     best: dict[frozenset[Key], tuple[FittedSet, str]] = {}
     rows = zip(evidence.sets, reasons, strict=True)
@@ -101,13 +99,15 @@ def _row(fitted: FittedSet, null: FittedSet, log_odds: float | None, rejection: 
 
 
 def _rejection(
-    fitted: FittedSet, is_material: bool, is_admitted: bool, settings: DiagnosisSettings
+    fitted: FittedSet, is_material: bool, evidence: Evidence, settings: DiagnosisSettings
 ) -> str:
     """Return why a set is not weighed; empty if it is."""
     if any(shift is not None and shift <= settings.outlier_sigma for shift in fitted.shifts):
         return f"pull < {settings.outlier_sigma:g}"
     if not is_material:
         return f"closes < {100 * settings.min_closed:g} %"
-    if not is_admitted:
+    if set(fitted.keys) in map(set, evidence.rejected):
         return "fails on held-out lines"
+    if not evidence.admits(fitted.keys):
+        return "contains a set that fails on held-out lines"
     return ""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.hypothesis import JointDirection, Scene
+from diagnosis.hypothesis import Scene
 from diagnosis.levels import joint_transient, tested_joint
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.joint_update import JointUpdate
@@ -16,6 +16,7 @@ from diagnosis.levels.restoring_laws import CubicLaw
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from mbmodel import Model
 from mbmodel.assembly import Matrices
+from tests.helpers.nonlinear_joint import JOINT, LEVELS, build_transient
 from tests.helpers.nonlinear_mass import (
     DAMPING,
     FREQ_HZ,
@@ -27,9 +28,6 @@ from tests.helpers.nonlinear_mass import (
     session_of,
 )
 from tuning import predict
-
-JOINT = JointDirection("block", "tz", "block_tz")
-LEVELS = (20.0, 115.0, 270.0)
 
 
 @pytest.fixture(scope="module")
@@ -120,13 +118,10 @@ def test_modes_that_do_not_move_the_joint_are_not_simulated(monkeypatch):
 
 
 def test_machines_with_other_numbers_of_modes_are_simulated_beside_each_other():
-    one = np.ones((1, 1))
     hits = SimulatedHits(np.array([0]), np.array([200.0]), PULSE_S)
     cases = []
     for damping in (DAMPING, 60 * DAMPING):  # the second one creeps: two real poles
-        matrices = Matrices(MASS_KG * one, damping * one, STIFFNESS * one)
-        transient = JointTransient.of_matrices(matrices, np.ones(1), one, FREQ_HZ)
-        cases.append(LawUnderHits(transient, CubicLaw(2e15), hits))
+        cases.append(LawUnderHits(build_transient(damping), CubicLaw(2e15), hits))
     assert [len(case.transient.poles) for case in cases] == [1, 2]
     together = compute_equivalent_stiffness(cases, FREQ_HZ)
     for values, case in zip(together, cases, strict=True):

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.hypothesis import JointDirection, Scene
+from diagnosis.hypothesis import Scene
 from diagnosis.levels import tested_joint
 from diagnosis.levels.law_family import HARDENING
 from diagnosis.levels.law_table import LawTable, average_hits
 from diagnosis.levels.settings import LEVEL_SETTINGS
+from tests.helpers.nonlinear_joint import JOINT
 from tests.helpers.nonlinear_mass import (
     STIFFNESS,
     level_campaign,
@@ -17,7 +18,6 @@ from tests.helpers.nonlinear_mass import (
     session_of,
 )
 
-JOINT = JointDirection("block", "tz", "block_tz")
 CUBIC = 1.5e15
 
 

@@ -35,6 +35,7 @@ from mbmodel.control_loops.loop_law import LoopLaw
 from mbmodel.mjcf.edit import write_mjcf
 from mbmodel.nonlinear_joints.files import read_nonlinear_joints
 from mbmodel.nonlinear_joints.laws import GapSpring, JenkinsElement, PolynomialSpring
+from tests.helpers.nonlinear_joint import JOINT, build_transient
 from tests.helpers.nonlinear_mass import (
     DAMPING,
     FREQ_HZ,
@@ -50,7 +51,6 @@ from tests.helpers.nonlinear_mass import (
 from tuning.misfit.batch import batch_tests
 
 COMPLIANCE = 3e-10  # of one step [m/N]
-JOINT = JointDirection("block", "tz", "block_tz")
 
 
 @pytest.fixture(scope="module")
@@ -132,16 +132,10 @@ def test_hits_whose_spectrum_is_flat_have_the_usual_duration(block):
     assert found == pytest.approx(1 / FREQ_HZ[-1])
 
 
-def transient_of_block() -> JointTransient:
-    one = np.ones((1, 1))
-    matrices = Matrices(MASS_KG * one, DAMPING * one, STIFFNESS * one)
-    return JointTransient.of_matrices(matrices, np.ones(1), one, FREQ_HZ)
-
-
 def test_receptances_are_those_of_one_mass():
     laplace = 2j * np.pi * FREQ_HZ
     expected = 1 / (MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS)
-    found = transient_of_block().receptances(FREQ_HZ)
+    found = build_transient().receptances(FREQ_HZ)
     np.testing.assert_allclose(found, np.stack([expected, expected], 1), rtol=2e-4)
 
 
@@ -171,7 +165,7 @@ def test_the_peak_of_the_linear_stretch_is_that_of_an_integrator():
         max_step=1e-4,
     )
     found = compute_peak_stretch(
-        transient_of_block(), SimulatedHits(np.array([0]), np.array([80.0]), PULSE_S)
+        build_transient(), SimulatedHits(np.array([0]), np.array([80.0]), PULSE_S)
     )
     assert found[0] == pytest.approx(np.abs(path.y[0]).max(), rel=2e-3)
 
@@ -180,7 +174,7 @@ def test_the_peak_of_the_linear_stretch_is_that_of_an_integrator():
 @pytest.mark.parametrize("cubic", [2e15, -2e14])
 def test_frfs_of_a_cubic_spring_are_those_of_an_integrator(peak, cubic):
     hits = SimulatedHits(np.array([0]), np.array([peak]), PULSE_S)
-    case = LawUnderHits(transient_of_block(), CubicLaw(cubic), hits)
+    case = LawUnderHits(build_transient(), CubicLaw(cubic), hits)
     kappa = compute_equivalent_stiffness([case], FREQ_HZ)[0, 0]
     laplace = 2j * np.pi * FREQ_HZ
     found = laplace**2 / (MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS + kappa)
@@ -192,9 +186,7 @@ def test_frfs_of_a_cubic_spring_are_those_of_an_integrator(peak, cubic):
 def test_a_gap_that_is_never_left_takes_the_whole_spring():
     hits = SimulatedHits(np.array([0]), np.array([5.0]), PULSE_S)
     softer = GapLaw(0.3 * STIFFNESS, 1.0)
-    kappa = compute_equivalent_stiffness(
-        [LawUnderHits(transient_of_block(), softer, hits)], FREQ_HZ
-    )
+    kappa = compute_equivalent_stiffness([LawUnderHits(build_transient(), softer, hits)], FREQ_HZ)
     np.testing.assert_allclose(kappa[0, 0], -0.3 * STIFFNESS, rtol=5e-3)
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.hypothesis import JointDirection
 from diagnosis.levels.law_family import HARDENING
 from diagnosis.levels.law_hypothesis import build_law_hypothesis
 from diagnosis.refits.extended_parametrisation import hold_parameters
@@ -13,6 +12,7 @@ from diagnosis.search.one_level import CauseSearch, select_listed
 from diagnosis.search.refit_round import score_hypotheses
 from diagnosis.settings import SETTINGS
 from mbmodel import Model
+from tests.helpers.nonlinear_joint import JOINT, LEVELS
 from tests.helpers.nonlinear_mass import (
     STIFFNESS,
     level_campaign,
@@ -21,8 +21,6 @@ from tests.helpers.nonlinear_mass import (
 )
 from tests.helpers.refits import early_scene, propose_at, refit_null, refit_with
 
-JOINT = JointDirection("block", "tz", "block_tz")
-LEVELS = (20.0, 115.0, 270.0)
 CUBIC, GAIN = 1.5e15, 1.3
 
 

@@ -128,6 +128,18 @@ def test_each_refit_states_model_error_residual_and_closed_gap(explained, texts)
     assert f"<td>{best.residual:.3g}</td><td>{100 * best.closed:.3g} %</td>" in page
 
 
+def test_a_set_that_held_out_lines_reject_is_told_from_others_that_contain_it(explained):
+    half = {"parameters": (), "shifts": (), "serial": explained.evidence.null.gap / 2}
+    best = explained.evidence.sets[0].model_copy(update=half)
+    keys = (*best.keys, ("drift", "joint:a", None))
+    more = best.model_copy(update={"keys": keys, "chi_square": 1.0, "serial": 0.0})
+    sets = {"sets": (more, best), "rejected": (best.keys,)}
+    rows = fitted_rows(explained.evidence.model_copy(update=sets))
+    reasons = {row.keys: row.rejection for row in rows}
+    assert reasons[best.keys] == "fails on held-out lines"
+    assert reasons[keys] == "contains a set that fails on held-out lines"
+
+
 def test_nothing_missing_is_said_without_place_and_without_effect(texts):
     assert lead_of(texts["none"]).startswith("Nothing is missing beyond tolerances and noise (")
     assert '<span class="badge good">nothing missing ' in texts["none"]

@@ -120,7 +120,7 @@ def test_an_inexact_model_is_fitted_at_its_own_error(model, true_theta):
 def test_a_fit_from_afar_begins_at_the_error_that_its_first_stages_leave(model, true_theta):
     """At the error of its start it would leave what the first stages reached."""
     campaign = virtual_campaign(model, true_theta, noise=0.01)
-    found = fit_at_error_floor(
+    fitted = fit_at_error_floor(
         model,
         campaign,
         parametrise(model, campaign.tolerance),
@@ -129,8 +129,8 @@ def test_a_fit_from_afar_begins_at_the_error_that_its_first_stages_leave(model, 
         floor=0.5,
         schedule=FloorSchedule(max_turns=1),
     )
-    assert found.fit.last_stage.model_error_floor < 0.05
-    np.testing.assert_allclose(found.fit.theta, true_theta, rtol=0.03)
+    assert fitted.fit.last_stage.model_error_floor < 0.05
+    np.testing.assert_allclose(fitted.fit.theta, true_theta, rtol=0.03)
 
 
 def test_first_stages_of_a_large_campaign_count_fewer_lines(model, true_theta, monkeypatch):

@@ -99,31 +99,26 @@ def fit_at_error_floor(
     )
     theta = start
     counted = thin_lines(campaign, schedule.stride // 2)
-    if start is not None and stages:
-        first = fit(
-            model,
-            campaign,
-            parametrisation=parametrisation,
-            starts=(start,),
-            stages=stages,
-            jobs=jobs,
-        )
-        if first.outcome == "interrupted":
-            raise KeyboardInterrupt
-        theta = first.theta
-        reached = estimate_model_error(predict(model, theta, counted), counted)
-        stages, floor = (), floor if reached is None else min(floor, reached.floor)
-    for turn in range(1, schedule.max_turns + 1):
-        current = fit(
+
+    def fit_stages(*stages: Stage) -> Fit:
+        reached = fit(
             model,
             campaign,
             parametrisation=parametrisation,
             starts=None if theta is None else (theta,),
-            stages=(*stages, schedule.stage(floor)),
+            stages=stages,
             jobs=jobs,
         )
-        if current.outcome == "interrupted":
+        if reached.outcome == "interrupted":
             raise KeyboardInterrupt
+        return reached
+
+    if start is not None and stages:
+        theta = fit_stages(*stages).theta
+        error = estimate_model_error(predict(model, theta, counted), counted)
+        stages, floor = (), floor if error is None else min(floor, error.floor)
+    for turn in range(1, schedule.max_turns + 1):
+        current = fit_stages(*stages, schedule.stage(floor))
         theta, stages = current.theta, ()
         error = estimate_model_error(predict(model, theta, counted), counted)
         if error is None:
