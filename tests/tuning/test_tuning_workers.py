@@ -203,6 +203,22 @@ def test_a_killed_worker_of_a_cluster_loses_no_call(cluster, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore")
+def test_a_worker_that_dies_after_its_answer_does_not_spoil_it(cluster, monkeypatch):
+    client_class = pytest.importorskip("distributed").Client
+    gather = client_class._gather
+
+    async def gather_and_lose(client, *given, **options):
+        answers = await gather(client, *given, **options)
+        for state in client.futures.values():
+            state.lose()
+        return answers
+
+    monkeypatch.setattr(client_class, "_gather", gather_and_lose)
+    calls = [(pow, (k, 2)) for k in range(4)]
+    assert numbers(run_calls(calls, use_cluster(cluster))) == {k: k**2 for k in range(4)}
+
+
+@pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_does_not_answer_is_refused_with_one_sentence(monkeypatch):
     pytest.importorskip("distributed", reason="Dask is not installed")
     monkeypatch.setattr("tuning.workers.executors._MAX_CONNECT_S", 0.2)

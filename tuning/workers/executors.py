@@ -8,7 +8,7 @@ functions, as effects of users do: processes and Dask send those by cloudpickle.
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -165,7 +165,31 @@ def _open_cluster(distributed: Any, address: str) -> Iterator[Submit]:
                 f"the Dask cluster at {address} has no worker: start some with "
                 f"dask worker {address} --nthreads 1"
             ) from error
-        yield client.get_executor(pure=False).submit  # impure: an equal call is made again
+        yield partial(_submit_to_cluster, client)
+
+
+def _submit_to_cluster(client: Any, function: Callable[..., Any], *given: Any) -> "Future[Any]":
+    """Return a future that passes on what the cluster answers.
+
+    Dask's own executor judges an answer by the state of its task at that time. A worker that dies
+    after its answer has changed this state, and a right answer becomes a ``TypeError``.
+    """
+    future: Future[Any] = Future()
+    task = client.submit(function, *given, pure=False)  # impure: an equal call is made again
+
+    async def pass_on() -> None:
+        try:
+            answer = await client.gather(task, asynchronous=True)
+        except CancelledError:
+            future.cancel()
+            future.set_running_or_notify_cancel()  # wakes those who wait
+        except Exception as error:
+            future.set_exception(error)
+        else:
+            future.set_result(answer)
+
+    client.loop.add_callback(pass_on)
+    return future
 
 
 @contextmanager
