@@ -3,12 +3,13 @@
 A cause that was selected before the others were known may be a proxy of them, or stand at a wrong
 place beside them. So each earlier cause is left out in turn. It is dropped if the set without it is
 as probable. Else the score test about that set proposes other causes, and the best of these
-replaces it if the set explains more (sequential replacement, Miller 2002, ch. 3).
+replaces it if the set is more probable (sequential replacement, Miller 2002, ch. 3).
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.null_model import Baseline
@@ -38,11 +39,14 @@ def reconsider_causes(
         best: set with one more cause.
         settings: sizes of the search.
     """
-    # Parts of other causes refer to the coordinates of a body's mode, which therefore stays.
-    removable = [cause for cause in best.causes[:-1] if cause.reform is None]
-    if not removable:
+    kept_causes = {
+        left_out: remaining
+        for left_out in best.causes[:-1]
+        if (remaining := _list_causes_without(left_out, best.causes, base.scene)) is not None
+    }
+    if not kept_causes:
         return search, best
-    shorter = _leave_out(base.scene, search, best, removable, settings)
+    shorter = _leave_out(base.scene, search, best, list(kept_causes.values()), settings)
     search = replace(search, refits=(*search.refits, *shorter))
     kept = best
     if is_last_material(search, best, settings) and is_more_probable(search, best, search.selected):
@@ -50,26 +54,55 @@ def reconsider_causes(
             kept = kept if is_more_probable(search, kept, refit) else refit
     if kept is not best:
         return search, kept
-    rivals = _replace_causes(base, shorter, removable, settings)
+    rivals = _replace_causes(base, shorter, list(kept_causes), settings)
     search = replace(search, refits=(*search.refits, *rivals))
-    return search, min((best, *rivals), key=lambda refit: refit.objective)
+    for rival in rivals:
+        kept = rival if is_more_probable(search, rival, kept) else kept
+    return search, kept
+
+
+def _list_causes_without(
+    left_out: Hypothesis, causes: Sequence[Hypothesis], scene: Scene
+) -> list[Hypothesis] | None:
+    """Return all causes of a set but one.
+
+    Parts of the others refer to the coordinates of a body's mode. Without that mode these causes
+    are therefore proposed anew; None if one of them is not.
+
+    Args:
+        left_out: the cause that is left out.
+        causes: the set.
+        scene: scene of the null model.
+    """
+    kept = [cause for cause in causes if cause is not left_out]
+    if left_out.reform is None:
+        return kept
+    wanted = {cause.identity for cause in kept if cause.parts and cause.spring is None}
+    proposed = {
+        hypothesis.identity: hypothesis
+        for effect in load_catalogue().values()
+        for hypothesis in effect(scene)
+        if wanted and hypothesis.identity in wanted
+    }
+    anew = [proposed.get(cause.identity) if cause.parts else cause for cause in kept]
+    return None if None in anew else [cause for cause in anew if cause is not None]
 
 
 def _leave_out(
     scene: Scene,
     search: Search,
     best: Refit,
-    removable: Sequence[Hypothesis],
+    sets: Sequence[Sequence[Hypothesis]],
     settings: DiagnosisSettings,
 ) -> list[Refit]:
-    """Return the refit without each of some causes.
+    """Return the refits of sets that lack one cause of the best one.
 
     Each starts at the error that is left where its cause is only taken away, at most that of the
     null model. At the lower floor of the best set it would settle only after many steps.
     """
     tasks = []
-    for left_out in removable:
-        kept = join_hypotheses([cause for cause in best.causes if cause is not left_out])
+    for causes in sets:
+        kept = join_hypotheses(causes)
         session = add_hypothesis(scene.session, kept)
         start = find_start(best, session, None)
         thin = thin_lines(session.campaign, settings.score_stride * scene.stride_factor)

@@ -57,9 +57,10 @@ def select_causes(
         search = replace(
             search, scores=search.scores or tuple(ranked), refits=(*search.refits, *refits)
         )
-        best = min(refits, key=lambda refit: refit.objective, default=None)
-        if best is None or not _is_promising(search, best, path, settings):
+        promising = [refit for refit in refits if _is_promising(search, refit, path, settings)]
+        if not promising:
             break
+        best = min(promising, key=lambda refit: refit.objective)
         before, (search, path) = path, reconsider_causes(base, search, best, settings)
         stalled_before, is_stalled = is_stalled, not is_more_probable(search, path, before)
         if is_acceptable(search, path, settings):
@@ -69,9 +70,9 @@ def select_causes(
     return search
 
 
-def _is_promising(search: Search, best: Refit, path: Refit, settings: DiagnosisSettings) -> bool:
-    """Return whether the search goes on from a set, be it improbable."""
-    return is_more_probable(search, best, path) or is_last_material(search, best, settings)
+def _is_promising(search: Search, refit: Refit, path: Refit, settings: DiagnosisSettings) -> bool:
+    """Return whether the search may go on from a set, be it improbable."""
+    return is_more_probable(search, refit, path) or is_last_material(search, refit, settings)
 
 
 def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:

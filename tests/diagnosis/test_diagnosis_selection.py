@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Hypothesis, build_verdict, diagnose
+from diagnosis.data_checks.candidates import build_candidates
+from diagnosis.data_checks.sensors import check_sensors
 from diagnosis.estimates import held_out_check
 from diagnosis.estimates.held_out_check import (
     admit_predictive_causes,
@@ -19,7 +21,9 @@ from diagnosis.settings import SETTINGS
 from diagnosis.verdict.established import describe_present
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import draw_imperfect, early_scene, propose_at, refit_null, refit_with
-from tuning import is_gap_visible
+from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
+from truth.machine.random_tree import draw_tree
+from tuning import is_gap_visible, open_session
 
 
 @pytest.fixture(scope="module")
@@ -121,6 +125,28 @@ def test_a_cause_at_a_wrong_place_is_replaced_once_the_others_are_known(two_effe
     }
     assert is_gap_visible(best.gap)
     assert not is_gap_visible(kept.gap)
+
+
+def test_two_wrong_sensors_of_a_body_replace_its_bending(tmp_path):
+    tree = draw_tree(72_602, 3)
+    sites = (sensor.site for place, sensor in tree.sensors() if tree.stages[place].name == "stage2")
+    places = map("sensor:{}".format, sites)
+    answers = list(zip(("sensor_gain", "sensor_position"), places, strict=False))
+    cause = Cause(tuple(Wanted(effect, place, 8.0) for effect, place in answers))
+    protocol = Protocol(nodes=(tree.first_aim(),), lines=81, resolution_hz=2.0)
+    write_campaign(draw_campaign(tree, Plan(72_602, cause, protocol=protocol)), tmp_path / "test")
+    session = open_session(tmp_path / "test")
+    scene, checks = early_scene(session), check_sensors(session.campaign, SETTINGS)
+    base = SimpleNamespace(scene=scene, checks=checks, proven=())
+    null = refit_null(scene)
+    candidates = {cause.effect: cause for cause in build_candidates(checks, session, SETTINGS)}
+    bending = refit_with(scene, null, candidates["flexible_body"])
+    best = refit_with(scene, bending, candidates["sensor_position"])
+    scores = tuple(SimpleNamespace(hypothesis=cause) for cause in candidates.values())
+    small_faults = tuple(cause.key for cause in candidates.values())
+    search = Search(null, best, scores, (bending, best), small_faults)
+    _, kept = reconsider_causes(base, search, best, SETTINGS)
+    assert {tuple(cause.site.split("@")) for cause in kept.causes} == set(answers)
 
 
 def test_a_single_cause_is_not_eliminated(tmp_path):
