@@ -16,8 +16,8 @@ from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Campaign, Complex, Real
 
 
-def compute_pulse_force(time_s: Real, duration_s: float) -> Real:
-    """Return the force of a half sine of unit peak; shape of ``time_s``."""
+def compute_pulse_force(time_s: Real, duration_s: Real | float) -> Real:
+    """Return the force of half sines of unit peak, in the shape of both arguments together."""
     inside = (time_s >= 0) & (time_s <= duration_s)
     force: Real = np.where(inside, np.sin(np.pi * time_s / duration_s), 0.0)
     return force

@@ -34,7 +34,7 @@ def build_law_hypothesis(
         start: values at which its parameters begin.
     """
     tested = TestedJoint.of_scene(scene, joint)
-    table = LawTable(tested, family)
+    table = LawTable(tested, family, start)
     prefix = f"{joint.spring}.{family.effect}"
     first = family.parameters_at(prefix, start)
     shared = (

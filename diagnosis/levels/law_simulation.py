@@ -2,17 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import rfft
 
-from diagnosis.levels.hammer_pulse import compute_pulse_force, compute_pulse_spectrum
+from diagnosis.levels.block_motion import MachineInBlocks
+from diagnosis.levels.hammer_pulse import compute_pulse_spectrum
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.restoring_laws import RestoringLaw, stack_laws
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.rounding import NEGLIGIBLE_SHARE
-from identification.words import Complex, Integers, Real
+from identification.words import Complex, Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,42 +76,31 @@ def compute_peak_stretch(transient: JointTransient, hits: SimulatedHits) -> Real
 def _integrate_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
     """Return the joint's force at every sample; (n_sample + 1, n_case n_hit).
 
-    Modes that hardly move the joint are left out. The others are scaled to their share of the
-    stretch, and kept without the joint's force of their own instant, so that a step takes two
-    products: with z the modes with it, z = free - b f gives
-
-        free_1 = D free_0 - (D b + b_before) f_0 + hammer.
+    Modes that hardly move the joint are left out. Within a block of steps the law alone is solved
+    step by step: the stretch that the state at the start of the block leaves in all its steps is
+    one product of matrices, and so is the state at its end (``block_motion``).
     """
-    rate = cases[0].transient.rate_hz
+    rate, block = cases[0].transient.rate_hz, LEVEL_SETTINGS.block_steps
     count = round(cases[0].transient.duration_s * rate)
-    modes = [case.transient.find_moving_modes() for case in cases]
-    most = max(map(len, modes))
-    modes = [case.transient.find_moving_modes(most) for case in cases]
-    steps = [_StepWeights.of(case, kept) for case, kept in zip(cases, modes, strict=True)]
-    decay, joint_before, joint_after, hammer_before, hammer_after = (
-        np.concatenate(weights, axis=1) for weights in zip(*steps, strict=True)
-    )
-    hits = decay.shape[1]
-    compliance = joint_after.sum(axis=0).real
-    joint = decay * joint_after + joint_before
-    times = np.arange(count + 1) / rate
-    pulse = np.concatenate(
-        [
-            np.tile(compute_pulse_force(times, case.hits.duration_s)[:, None], len(case.hits.peak))
-            for case in cases
-        ],
-        axis=1,
-    )
-    last = int(np.flatnonzero(pulse.any(axis=1)).max()) + 1
-    free, state = np.zeros(decay.shape, complex), law.start(hits)
-    change = np.zeros_like(free)
-    forces, largest = np.zeros((count + 1, hits)), 0.0
-    for n in range(1, count + 1):
-        free *= decay
-        free -= np.multiply(joint, forces[n - 1], out=change)
-        if n <= last:
-            free += hammer_before * pulse[n - 1] + hammer_after * pulse[n]
-        forces[n], state = law.solve(np.add.reduce(free.real, axis=0), compliance, state)
+    machines = _list_machines(cases, np.arange(count + 1) / rate)
+    hits = sum(len(machine.columns) for machine in machines)
+    compliance, kernel = np.zeros(hits), np.zeros((block, hits))
+    for machine in machines:
+        compliance[machine.columns] = machine.compliance
+        kernel[:, machine.columns] = machine.kernel[::-1, None]
+    forces, largest, state = np.zeros((count + 1, hits)), 0.0, law.start(hits)
+    last = max(machine.last for machine in machines)
+    for first in range(0, count, block):
+        free = np.zeros((block, hits))
+        for machine in machines:
+            free[:, machine.columns] = machine.look_ahead(first)
+        steps = range(1, min(block, count - first) + 1)
+        for k in steps:
+            past = np.einsum("kh,kh->h", kernel[block - k :], forces[first : first + k])
+            forces[first + k], state = law.solve(free[k - 1] - past, compliance, state)
+        n = first + len(steps)
+        for machine in machines:
+            machine.advance(forces[first:n, machine.columns])
         if n % LEVEL_SETTINGS.look_steps == 0:
             recent = float(
                 np.abs(np.diff(forces[n - LEVEL_SETTINGS.look_steps : n + 1], axis=0)).max()
@@ -126,35 +115,21 @@ def _integrate_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
     return forces
 
 
-class _StepWeights(NamedTuple):
-    """Propagation of a case over one step, of the modes' shares of the stretch; (n_mode, n_hit)."""
-
-    decay: Complex
-    joint_before: Complex
-    joint_after: Complex
-    hammer_before: Complex
-    hammer_after: Complex
-
-    @classmethod
-    def of(cls, case: LawUnderHits, kept: Integers) -> "_StepWeights":
-        """Return the weights of a case for the modes that are kept."""
-        transient, hits = case.transient, case.hits
-        step = 1 / transient.rate_hz
-        before, after = (weights[kept] for weights in transient.hold_weights)
-        readout = transient.readout[kept]
-        entry = readout[:, None] * transient.input_entry[kept][:, hits.column] * hits.peak
-        joint = readout * transient.joint_entry[kept]
-
-        def repeat(column: Complex) -> Complex:
-            return np.tile(column[:, None], len(hits.peak))
-
-        return cls(
-            repeat(np.exp(transient.poles[kept] * step)),
-            repeat(before * joint),
-            repeat(after * joint),
-            before[:, None] * entry,
-            after[:, None] * entry,
+def _list_machines(cases: Sequence[LawUnderHits], times: Real) -> list[MachineInBlocks]:
+    """Return the machines of cases at rest; ``times`` of all steps (n_step,)."""
+    grouped: dict[int, list[int]] = {}
+    for number, case in enumerate(cases):
+        grouped.setdefault(id(case.transient), []).append(number)
+    count = len(cases[0].hits.peak)
+    return [
+        MachineInBlocks.at_rest(
+            cases[numbers[0]].transient,
+            [cases[k].hits for k in numbers],
+            np.add.outer(count * np.array(numbers), np.arange(count)).ravel(),
+            times,
         )
+        for numbers in grouped.values()
+    ]
 
 
 def _transform_forces(forces: Real, freq_hz: Real, rate_hz: float) -> Complex:

@@ -31,19 +31,23 @@ class LawTable:
     """Stiffness that a law adds on every line of every test, and its derivatives.
 
     It is linear in cells of the parameters, which are logarithms of sizes: within a cell by the
-    central differences about its middle. On a finer scale the stiffness is a rough function of them
-    (where a decaying motion touches a stop for the last time), and simulations are expensive. The
-    stiffness of a test is linear in the logarithm of its peak, which varies little.
+    central differences between its ends. On a finer scale the stiffness is a rough function of them
+    (where a decaying motion touches a stop for the last time), and simulations are expensive. Where
+    it is smooth, two neighbouring cells agree at their common end but for the third derivative. The
+    start is the middle of a cell. The stiffness of a test is linear in the logarithm of its peak,
+    which varies little.
 
     Args:
         joint: linear machine and hits.
         family: of the law.
+        start: parameters of the law where its refit begins; (n_parameter - 1,).
         known: results in the last cells.
         latest: the last parameters and their results: the Parts of all tests ask for them.
     """
 
     joint: TestedJoint
     family: LawFamily
+    start: tuple[float, ...]
     known: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
     latest: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
 
@@ -61,10 +65,11 @@ class LawTable:
         kept = self.latest.get(key)
         if kept is not None:
             return kept
-        place, variance = self._coordinates(theta[:-1]), float(theta[-1])
-        cell = np.rint(place / LEVEL_SETTINGS.cell_size) + 0.0  # no -0.0, whose bytes differ
-        mean, slopes = self._simulate_cell(cell)
-        inside = np.append(place - LEVEL_SETTINGS.cell_size * cell, variance)
+        place, variance = self._coordinates(theta[:-1]) - self._origin, float(theta[-1])
+        size = 2 * LEVEL_SETTINGS.difference_step
+        cell = np.rint(place / size) + 0.0  # no -0.0, whose bytes differ
+        mean, slopes = self._simulate_cell(cell, self._origin + size * cell)
+        inside = np.append(place - size * cell, variance)
         kappa = mean + np.tensordot(inside, slopes[:-1], axes=1)
         by_theta = np.append(np.where(self._is_size, theta[:-1], 1.0), [1.0, 1.0])
         result = kappa, slopes / by_theta[:, None, None]
@@ -78,6 +83,11 @@ class LawTable:
         return np.array([*self.family.is_size, True])
 
     @cached_property
+    def _origin(self) -> Real:
+        """Coordinates of the start; hits have the estimated duration there; (n_parameter,)."""
+        return self._coordinates(np.array([*self.start, 1.0]))
+
+    @cached_property
     def _receptance(self) -> Complex:
         """h_g of the linear machine; (n_freq,)."""
         receptance: Complex = self.joint.transient().receptances(self.joint.freq_hz)[:, 0]
@@ -88,17 +98,21 @@ class LawTable:
         sizes = np.where(self._is_size, theta, 1.0)
         return np.where(self._is_size, np.log(sizes), theta)
 
-    def _simulate_cell(self, cell: Real) -> tuple[Complex, Complex]:
+    def _simulate_cell(self, cell: Real, place: Real) -> tuple[Complex, Complex]:
         """Return kappa of the mean hit in the middle of a cell, and its derivatives.
 
         Derivatives are those of the average by the coordinates, by the variance, and by the
         logarithm of the peaks; (n_parameter + 1, n_test, n_freq).
+
+        Args:
+            cell: its numbers, by which it is kept; (n_parameter,).
+            place: coordinates of its middle; (n_parameter,).
         """
         key = cell.tobytes()
         kept = self.known.get(key)
         if kept is not None:
             return kept
-        place, step = LEVEL_SETTINGS.cell_size * cell, LEVEL_SETTINGS.difference_step
+        step = LEVEL_SETTINGS.difference_step
         away = LEVEL_SETTINGS.hit_scatter * np.array([-1, 1])
         sizes, moves = np.exp(away), step * np.eye(len(place))
         places = np.array([place, *(place + moves), *(place - moves)])

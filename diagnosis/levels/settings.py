@@ -13,6 +13,8 @@ class LevelSettings:
         series_bound: of ``|lambda h|``; below it the weights of a step are taken from their series.
         negligible_mode_share: of the highest resonance of the joint's stretch: modes below it are
             not simulated.
+        block_steps: steps over which the linear machine is propagated at once; a divisor of the
+            next.
         look_steps: steps between two looks whether the joint still acts.
         quiet_share: of the largest step of the force; below it the joint acts no more.
         end_decay: logarithm of the decay of the slowest mode at the end of a simulated record.
@@ -30,9 +32,9 @@ class LevelSettings:
         variance_sigma: standard deviation of the logarithm of its square; the scatter is between
             8 and 18 %.
         level_unit: of the fitted stiffness, per unit of a level's stiffness and damping.
-        difference_step: relative, of difference quotients by a law's parameters. Where a decaying
-            motion touches a stop or slides for the last time is rough in them on a scale of 1 %.
-        cell_size: of the logarithms of a law's parameters: within a cell the law is linear in them.
+        difference_step: relative, of difference quotients by a law's parameters, and half the size
+            of the cells in which a law is linear in them. Where a decaying motion touches a stop or
+            slides for the last time is rough in them on a scale of 1 %.
         kept_cells: simulated cells in memory.
         fits_per_turn: fits of a refit, each at the error that the one before left: the next turn
             simulates the law about another machine anyway.
@@ -72,6 +74,7 @@ class LevelSettings:
     steps_per_period: int = 40
     series_bound: float = 1e-2
     negligible_mode_share: float = 1e-4
+    block_steps: int = 32
     look_steps: int = 512
     quiet_share: float = 1e-5
     end_decay: float = 7.0
@@ -87,7 +90,6 @@ class LevelSettings:
     variance_sigma: float = 0.8
     level_unit: float = 0.1
     difference_step: float = 0.05
-    cell_size: float = 0.02
     kept_cells: int = 16
     fits_per_turn: int = 2
     max_turns: int = 12

@@ -4,11 +4,16 @@ A cause that was selected before the others were known may be a proxy of them, o
 place beside them. So each earlier cause is left out in turn. It is dropped if the set without it is
 as probable. Else the score test about that set proposes other causes, and the best of these
 replaces it if the set is more probable (sequential replacement, Miller 2002, ch. 3).
+
+Beside a law, sets are compared on the tests of one level, with the law held (``one_level``). A set
+without a cause is refitted on all levels unless one level shows that the cause belongs to it. So is
+a set with another cause in its place that a verdict would list.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
@@ -22,6 +27,7 @@ from diagnosis.refits.refitting import (
     run_refits,
 )
 from diagnosis.search.fitted_sets import Search, is_last_material, is_more_probable
+from diagnosis.search.one_level import CauseSearch, has_law, hold_law, select_listed
 from diagnosis.search.refit_round import list_excluded, score_hypotheses
 from diagnosis.search.score_test import select_best_of_sites
 from diagnosis.settings import DiagnosisSettings
@@ -46,15 +52,26 @@ def reconsider_causes(
     }
     if not kept_causes:
         return search, best
-    shorter = _leave_out(base.scene, search, best, list(kept_causes.values()), settings)
-    search = replace(search, refits=(*search.refits, *shorter))
+    scene = base.scene
+    seen = CauseSearch.beside(scene, best, settings).seen
+    shorter = _leave_out(scene, search, best, list(kept_causes.values()), settings)
+    open_sets = [refit for refit in shorter if not _is_decided(search, seen, refit, settings)]
+    without = _refit_on_all_levels(scene, open_sets, settings)
+    search = replace(search, refits=(*search.refits, *without))
     kept = best
     if is_last_material(search, best, settings) and is_more_probable(search, best, search.selected):
-        for refit in shorter:
+        for refit in without:
             kept = kept if is_more_probable(search, kept, refit) else refit
     if kept is not best:
         return search, kept
-    rivals = _replace_causes(base, shorter, list(kept_causes), settings)
+    rivals: list[Refit] = []
+    for refit, left_out in zip(shorter, kept_causes, strict=True):
+        replaced = _replace_cause(base, refit, left_out, settings)
+        if has_law(refit):
+            small = tuple(map(key_of, base.checks.small))
+            listed = select_listed(refit, [seen, *replaced], search.hypotheses, small, settings)
+            replaced = [rival for rival in listed if rival is not seen]
+        rivals += _refit_on_all_levels(scene, replaced, settings)
     search = replace(search, refits=(*search.refits, *rivals))
     for rival in rivals:
         kept = rival if is_more_probable(search, rival, kept) else kept
@@ -95,7 +112,7 @@ def _leave_out(
     sets: Sequence[Sequence[Hypothesis]],
     settings: DiagnosisSettings,
 ) -> list[Refit]:
-    """Return the refits of sets that lack one cause of the best one.
+    """Return the refits of sets that lack one cause of the best one, on one level beside a law.
 
     Each starts at the error that is left where its cause is only taken away, at most that of the
     null model. At the lower floor of the best set it would settle only after many steps.
@@ -105,27 +122,54 @@ def _leave_out(
         kept = join_hypotheses(causes)
         session = add_hypothesis(scene.session, kept)
         start = find_start(best, session, None)
-        thin = thin_lines(session.campaign, settings.score_stride * scene.stride_factor)
+        task = hold_law(RefitTask(kept, session, start, search.null.floor))
+        thin = thin_lines(task.session.campaign, settings.score_stride * scene.stride_factor)
         error = estimate_model_error(predict(session.model, start, thin), thin)
-        floor = search.null.floor if error is None else min(error.floor, search.null.floor)
-        tasks.append(RefitTask(kept, session, start, floor))
+        if error is not None:
+            task = replace(task, floor=min(error.floor, task.floor))
+        tasks.append(task)
     return run_refits(scene, tasks, settings.schedule)
 
 
-def _replace_causes(
-    base: Baseline,
-    shorter: Sequence[Refit],
-    removable: Sequence[Hypothesis],
-    settings: DiagnosisSettings,
+def _is_decided(search: Search, seen: Refit, refit: Refit, settings: DiagnosisSettings) -> bool:
+    """Return whether one level shows that a cause belongs to a set beside a law.
+
+    Args:
+        search: sets of causes that were fitted.
+        seen: the set on one level.
+        refit: the set without the cause.
+        settings: what is material.
+    """
+    if not has_law(refit):
+        return False
+    view = replace(search, null=refit, selected=refit, refits=())
+    is_material = seen.is_material_step(refit, settings.min_closed)
+    return is_material and is_more_probable(view, seen, refit)
+
+
+def _refit_on_all_levels(
+    scene: Scene, refits: Sequence[Refit], settings: DiagnosisSettings
 ) -> list[Refit]:
-    """Return refits with the most promising other causes in the place of each that is left out."""
-    tasks: list[RefitTask] = []
-    for refit, left_out in zip(shorter, removable, strict=True):
-        ranked = score_hypotheses(base.scene, refit, list_excluded(base), settings)
-        rivals = [
-            score.hypothesis
-            for score in select_best_of_sites(ranked)
-            if score.hypothesis.site != left_out.site and score.hypothesis.spring is None
-        ]
-        tasks += [add_cause(refit, rival) for rival in rivals[: settings.max_variants]]
+    """Return refits on all levels, where those beside a law begin at their fits to one."""
+    tasks = []
+    for refit in refits:
+        if has_law(refit) and refit.hypothesis is not None:
+            session = add_hypothesis(scene.session, refit.hypothesis)
+            start = find_start(refit, session, None)
+            tasks.append(RefitTask(refit.hypothesis, session, start, refit.floor))
+    on_all = iter(run_refits(scene, tasks, settings.schedule))
+    return [next(on_all) if has_law(refit) else refit for refit in refits]
+
+
+def _replace_cause(
+    base: Baseline, refit: Refit, left_out: Hypothesis, settings: DiagnosisSettings
+) -> list[Refit]:
+    """Return refits with the most promising other causes in the place of one that is left out."""
+    ranked = score_hypotheses(base.scene, refit, list_excluded(base), settings)
+    rivals = [
+        score.hypothesis
+        for score in select_best_of_sites(ranked)
+        if score.hypothesis.site != left_out.site and score.hypothesis.spring is None
+    ]
+    tasks = [add_cause(refit, rival) for rival in rivals[: settings.max_variants]]
     return run_refits(base.scene, tasks, settings.schedule)

@@ -54,15 +54,10 @@ class CauseSearch:
     @classmethod
     def beside(cls, scene: Scene, current: Refit, settings: DiagnosisSettings) -> "CauseSearch":
         """Return the search for one more cause beside a set."""
-        names = [
-            parameter.name
-            for part in current.session.model.parts
-            if isinstance(part, LawPart)
-            for parameter in part.parameters
-        ]
-        if not names:
+        if not has_law(current):
             return cls(scene, current, current, settings)
-        (seen,) = run_refits(scene, [_hold_law(current, names)], settings.schedule)
+        task = RefitTask(current.hypothesis, current.session, current.fit.theta, current.floor)
+        (seen,) = run_refits(scene, [hold_law(task)], settings.schedule)
         return cls(scene, current, seen, settings)
 
     @property
@@ -117,22 +112,30 @@ class CauseSearch:
         return run_refits(self.scene, tasks, self.settings.schedule)
 
 
-def _hold_law(current: Refit, names: Sequence[str]) -> RefitTask:
-    """Return the refit of a set on the tests of the highest level, with parameters held.
+def has_law(refit: Refit) -> bool:
+    """Return whether a law is one of the causes of a refit."""
+    return any(isinstance(part, LawPart) for part in refit.session.model.parts)
 
-    Args:
-        current: the set.
-        names: parameters that are held.
-    """
-    campaign, theta = current.session.campaign, current.fit.theta
+
+def hold_law(task: RefitTask) -> RefitTask:
+    """Return a refit on the tests of the highest level, with the law held; as it is without one."""
+    campaign = task.session.campaign
+    names = [
+        parameter.name
+        for part in task.session.model.parts
+        if isinstance(part, LawPart)
+        for parameter in part.parameters
+    ]
+    if not names or task.start is None:
+        return task
     top = list_levels(campaign)[-1]
     tests = tuple(test for test in campaign.tests if test.condition.level_n == top)
     session = replace(
-        current.session,
+        task.session,
         campaign=replace(campaign, tests=tests),
-        parametrisation=hold_parameters(current.fit.parametrisation, theta, names),
+        parametrisation=hold_parameters(task.session.parametrisation, task.start, names),
     )
-    return RefitTask(current.hypothesis, session, theta, current.floor)
+    return replace(task, session=session)
 
 
 def select_listed(
