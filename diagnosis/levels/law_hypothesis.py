@@ -23,7 +23,11 @@ from mbmodel import Parameter
 
 
 def build_law_hypothesis(
-    scene: Scene, joint: JointDirection, family: LawFamily, start: tuple[float, ...]
+    scene: Scene,
+    joint: JointDirection,
+    family: LawFamily,
+    start: tuple[float, ...],
+    hits: Mapping[str, float] | None = None,
 ) -> Hypothesis:
     """Return a law of a joint direction about the linear machine of a scene.
 
@@ -32,10 +36,12 @@ def build_law_hypothesis(
         joint: direction of the joint.
         family: of the law.
         start: values at which its parameters begin.
+        hits: values at which the tolerances of the hits begin, by their names; 1 if None.
     """
     tested = TestedJoint.of_scene(scene, joint)
-    table = LawTable(tested, family, start)
     prefix = f"{joint.spring}.{family.effect}"
+    tolerances = dict(hits or {})
+    table = LawTable(tested, family, (*start, tolerances.get(f"{prefix}.hit_duration", 1.0)))
     first = family.parameters_at(prefix, start)
     shared = (
         *first,
@@ -73,7 +79,7 @@ def build_law_hypothesis(
         f"joint:{joint.stage}",
         joint.dof,
         parts=tuple(parts),
-        begin=dict(zip(names, start, strict=True)) | dict.fromkeys(believed, 1.0),
+        begin=dict(zip(names, start, strict=True)) | dict.fromkeys(believed, 1.0) | tolerances,
         bounds=_convert_bounds(first, ends) | _bound_tolerances(believed),
         believed=believed,
         follow=follow,

@@ -10,15 +10,21 @@ so that the average over hits has the stiffness
 
     kappa = c / (1 - c h_g),   c = sum |F_i|^2 c_i / sum |F_i|^2,
 
-exactly. The logarithm of a hit's size is taken as normal. Two sizes, one standard deviation to
-either side, stand for all (Gauss-Hermite rule of two points, Abramowitz and Stegun 1964, 25.4.46).
-The average is linear in the variance, which FRFs tell and the refit therefore fits.
+exactly. The logarithm of a hit's size is taken as normal; a few equally probable sizes stand for
+all. The average is taken as linear in the variance, which FRFs tell and the refit therefore fits.
+
+A single hit shows a rough function of the parameters of a law: where its decaying motion touches a
+stop or slides for the last time changes by jumps. Several sizes smooth it, as many hits of a test
+do. The stiffness in the middle of a cell is that of all places at which it is simulated: of a
+linear function on a symmetric design, their mean is the least-squares estimate (Box, Hunter and
+Hunter 2005, ch. 10).
 """
 
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.stats import norm
 
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.settings import LEVEL_SETTINGS
@@ -31,16 +37,13 @@ class LawTable:
     """Stiffness that a law adds on every line of every test, and its derivatives.
 
     It is linear in cells of the parameters, which are logarithms of sizes: within a cell by the
-    central differences between its ends. On a finer scale the stiffness is a rough function of them
-    (where a decaying motion touches a stop for the last time), and simulations are expensive. Where
-    it is smooth, two neighbouring cells agree at their common end but for the third derivative. The
-    start is the middle of a cell. The stiffness of a test is linear in the logarithm of its peak,
-    which varies little.
+    central differences between its ends, since simulations are expensive. The start is the middle
+    of a cell. The stiffness of a test is linear in the logarithm of its peak, which varies little.
 
     Args:
         joint: linear machine and hits.
         family: of the law.
-        start: parameters of the law where its refit begins; (n_parameter - 1,).
+        start: parameters of the law and relative duration where a refit begins; (n_parameter,).
         known: results in the last cells.
         latest: the last parameters and their results: the Parts of all tests ask for them.
     """
@@ -84,8 +87,8 @@ class LawTable:
 
     @cached_property
     def _origin(self) -> Real:
-        """Coordinates of the start; hits have the estimated duration there; (n_parameter,)."""
-        return self._coordinates(np.array([*self.start, 1.0]))
+        """Coordinates of the start; (n_parameter,)."""
+        return self._coordinates(np.array(self.start))
 
     @cached_property
     def _receptance(self) -> Complex:
@@ -112,23 +115,32 @@ class LawTable:
         kept = self.known.get(key)
         if kept is not None:
             return kept
-        step = LEVEL_SETTINGS.difference_step
-        away = LEVEL_SETTINGS.hit_scatter * np.array([-1, 1])
-        sizes, moves = np.exp(away), step * np.eye(len(place))
+        step, scatter = LEVEL_SETTINGS.difference_step, LEVEL_SETTINGS.hit_scatter
+        units = _list_hit_sizes(LEVEL_SETTINGS.hit_sizes)
+        sizes, moves = np.exp(scatter * units), step * np.eye(len(place))
         places = np.array([place, *(place + moves), *(place - moves)])
         places = np.where(self._is_size, np.exp(places), places)
-        cases = [(places[0], 1.0), *((theta, size) for theta in places for size in sizes)]
+        cases = [(theta, size) for theta in places for size in (1.0, *sizes)]
         kappas = self.joint.compute_stiffness(self.family, cases)
-        mean, scattered = kappas[0], kappas[1:].reshape(len(places), 2, *kappas.shape[1:])
+        kappas = kappas.reshape(len(places), 1 + len(sizes), *kappas.shape[1:])
+        mean, scattered = kappas[:, 0], kappas[:, 1:]
         with np.errstate(invalid="ignore"):  # a spring that gives way has no stiffness
             averages = average_hits(scattered, self._receptance, sizes**2)
             after, before = np.split(averages[1:], 2)
-            by_peak = (scattered[0, 1] - scattered[0, 0]) / (away[1] - away[0])
-            slopes = [*((after - before) / (2 * step)), averages[0] - mean, by_peak]
+            by_variance = (averages - mean).mean(axis=0)
+            by_peak = np.tensordot(units, scattered.mean(axis=0), axes=1) / (units @ units)
+            slopes = [*((after - before) / (2 * step)), by_variance, by_peak / scatter]
         for oldest in list(self.known)[: -LEVEL_SETTINGS.kept_cells]:
             self.known.pop(oldest, None)
-        self.known[key] = mean, np.array(slopes)
+        self.known[key] = mean.mean(axis=0), np.array(slopes)
         return self.known[key]
+
+
+def _list_hit_sizes(count: int) -> Real:
+    """Return equally probable values of a normal distribution, of mean 0 and variance 1."""
+    values = norm.ppf((np.arange(count) + 0.5) / count)
+    unit: Real = values / np.sqrt(np.mean(values**2))
+    return unit
 
 
 def average_hits(stiffness: Complex, receptance: Complex, weights: Real) -> Complex:

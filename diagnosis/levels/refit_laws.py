@@ -5,11 +5,12 @@
    the best one goes no further.
 3. The law is refitted with everything that varies. A refit moves the linear machine about which the
    law was simulated, so the law is built again about each refit, until the objective moves no more
-   or was refitted once with no visible gap left.
+   or was refitted once with no visible gap left. Each refit begins where the one before ended, with
+   the hits as it fitted them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -100,6 +101,7 @@ class _FittedLaw:
         start: where its next refit begins.
         scene: linear machine about which it is simulated.
         floor: relative model error.
+        hits: fitted tolerances of the hits, by their names.
         refit: the best one so far.
         is_settled: whether a further refit would change nothing.
     """
@@ -107,6 +109,7 @@ class _FittedLaw:
     start: LawStart
     scene: Scene
     floor: float
+    hits: dict[str, float] = field(default_factory=dict)
     refit: Refit | None = None
     is_settled: bool = False
 
@@ -124,6 +127,8 @@ class _FittedLaw:
             self.refit = refit
         self.scene = replace(about, theta=_read_values(refit, about))
         self.start, self.floor = _read_start(refit, self.start), refit.floor
+        fitted = map_values(refit.fit.parametrisation, refit.fit.theta)
+        self.hits = {name: fitted[name] for name in refit.causes[-1].believed}
 
 
 def _build_task(current: Refit, fitted: _FittedLaw) -> RefitTask:
@@ -135,7 +140,7 @@ def _build_task(current: Refit, fitted: _FittedLaw) -> RefitTask:
         if f"{start.joint.spring}.{kind}" in names:
             theta[names.index(f"{start.joint.spring}.{kind}")] = value
     scene = replace(scene, theta=theta)
-    law = build_law_hypothesis(scene, start.joint, start.family, start.theta)
+    law = build_law_hypothesis(scene, start.joint, start.family, start.theta, fitted.hits)
     session = add_hypothesis(current.session, law)
     causes = join_hypotheses((*current.causes, law))
     return RefitTask(causes, session, find_start(scene, session, law), fitted.floor)

@@ -29,6 +29,8 @@ class LevelSettings:
         peak_sigma: standard deviation of a test's peak, relative: the mean of some hits by hand.
         duration_sigma: standard deviation of the duration that the noise of FRFs tells, relative.
         hit_scatter: usual standard deviation of the momentum of single hits by hand, relative.
+        hit_sizes: sizes of hits that stand for all; with two, the stiffness of a gap stays rough by
+            4 %, with eight by 1 %.
         variance_sigma: standard deviation of the logarithm of its square; the scatter is between
             8 and 18 %.
         level_unit: of the fitted stiffness, per unit of a level's stiffness and damping.
@@ -87,6 +89,7 @@ class LevelSettings:
     peak_sigma: float = 0.05
     duration_sigma: float = 0.1
     hit_scatter: float = 0.12
+    hit_sizes: int = 4
     variance_sigma: float = 0.8
     level_unit: float = 0.1
     difference_step: float = 0.05
