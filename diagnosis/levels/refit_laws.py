@@ -6,7 +6,8 @@
 3. The law is refitted with everything that varies. A refit moves the linear machine about which the
    law was simulated, so the law is built again about each refit, until the objective moves no more
    or was refitted once with no visible gap left. Each refit begins where the one before ended, with
-   the hits as it fitted them.
+   the hits as it fitted them. The first one, about the machine with free levels, only leads to the
+   second: its law is that of a machine which the refit has left.
 """
 
 from collections.abc import Sequence
@@ -103,6 +104,7 @@ class _FittedLaw:
         floor: relative model error.
         hits: fitted tolerances of the hits, by their names.
         refit: the best one so far.
+        count: number of refits so far.
         is_settled: whether a further refit would change nothing.
     """
 
@@ -111,6 +113,7 @@ class _FittedLaw:
     floor: float
     hits: dict[str, float] = field(default_factory=dict)
     refit: Refit | None = None
+    count: int = 0
     is_settled: bool = False
 
     @property
@@ -119,11 +122,13 @@ class _FittedLaw:
         return np.inf if self.refit is None else self.refit.objective
 
     def take(self, refit: Refit, about: Scene) -> None:
-        """Keep a refit if it is better, and begin the next one where it ended."""
+        """Keep a refit if it is better or the second, and begin the next one where it ended."""
         gain = self.objective - refit.objective
         had_gap = self.refit is None or is_gap_visible(self.refit.gap)
-        self.is_settled = gain < LEVEL_SETTINGS.settled_nats or not had_gap
-        if refit.objective < self.objective:
+        self.count += 1
+        is_unchanged = self.count > 2 and gain < LEVEL_SETTINGS.settled_nats
+        self.is_settled = is_unchanged or not had_gap
+        if self.count == 2 or gain > 0:
             self.refit = refit
         self.scene = replace(about, theta=_read_values(refit, about))
         self.start, self.floor = _read_start(refit, self.start), refit.floor
