@@ -16,12 +16,6 @@ PROVEN = {
         means="{channel} holds no motion",
         confirm="look at cable and plug of {channel}, and repeat one hit",
     ),
-    "mount_resonance": Effect(
-        _propose_none,
-        noun=FAULT_PHRASES["mount_resonance"],
-        means="{place} resonates on its mounting",
-        confirm="glue or screw {place} on anew and repeat one hit: the resonance moves up",
-    ),
     "sensor_swap": Effect(
         _propose_none,
         noun=FAULT_PHRASES["sensor_swap"],

@@ -29,7 +29,7 @@ from mbmodel import HammerGainPart, HammerPart, SensorPart
 from tuning import MIN_VISIBLE_EXCESS, channel_gaps, predict, summarise_gaps
 
 # Effects that only redundant channels of a body show.
-_REDUNDANCY_EFFECTS = ("sensor_swap", "mount_resonance", BENDS)
+_REDUNDANCY_EFFECTS = ("sensor_swap", BENDS)
 # Tolerance of a sensor that each effect releases.
 _SENSOR_TOLERANCES = {effect: tolerance for effect, (tolerance, _) in RELEASED.items()} | {
     "sensor_delay": "delay"

@@ -46,17 +46,18 @@ def situation(scene):
 
 
 def stiffness(changes, n_body, nv):
-    """All changes as dynamic stiffness at bodies and joints; (n_line, n, n) each."""
+    """All changes as dynamic stiffness at bodies and joints, (n_line, n, n), and of readings."""
     bodies = np.zeros((len(LAPLACE), 6 * n_body, 6 * n_body), complex)
     joints = np.zeros((len(LAPLACE), nv, nv), complex)
+    readings = np.zeros((len(LAPLACE), 6, 1), complex)
+    totals = {"body": bodies, "joint": joints, "output": readings}
     for change in changes:
         powers = LAPLACE[:, None] ** np.arange(3)
         if change.shape is not None:
             powers = powers * change.shape(LAPLACE)[:, None]
         core = np.einsum("fk,krt->frt", powers, change.core)
-        total = bodies if change.slot == "body" else joints
-        total += change.left @ core @ change.right.T
-    return np.concatenate([bodies.ravel(), joints.ravel()])
+        totals[change.slot] += change.left @ core @ change.right.T
+    return np.concatenate([total.ravel() for total in totals.values()])
 
 
 def test_every_effect_proposes_something_with_keys_of_its_own(scene):
