@@ -9,14 +9,13 @@ channels and hits: with a share s of the noise in the variance, the residual of 
 independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error. Relative to the
 empty set with a rest ("unexplained"), the log probability is
 
-    l_S = N (c_0 - c_S) - k_S - n_S ln M,
+    l_S = N (c_0 - c_S) - k_S / 2 - n_S ln M,
 
 where n_S is the number of its causes that no redundant channels prove, and k_S that of the fitted
 parameters of all. The best of M hypotheses gains by chance; ln M is the cost of a uniform prior,
-which a fault does not pay that redundant channels prove without a model. The likelihood of a fit is
-too large, against that of new data, by a nat for each parameter (Akaike 1974). n_e and q are
-calibrated on virtual machines whose errors are known. The empty set without a rest ("none") has
-odds of
+which a fault does not pay that redundant channels prove without a model. By chance k parameters
+gain k / 2 nats on average (Wilks 1938). n_e and q are calibrated on virtual machines whose errors
+are known. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
@@ -135,7 +134,7 @@ def compute_log_odds(
     best = min(sets, key=lambda fitted: fitted.objective)
     count = constants.count_independent(best.noise_share, best.values)
     gains = np.array([null.objective - fitted.objective for fitted in sets])
-    parameters = np.array([fitted.parameter_count for fitted in sets])
+    parameters = np.array([fitted.parameter_count for fitted in sets]) / 2
     causes = np.array([evidence.price_causes(fitted.keys) for fitted in sets])
     logs: np.ndarray[tuple[int], np.dtype[np.float64]] = count * gains - parameters - causes
     return logs

@@ -60,6 +60,14 @@ def _change(**numbers: object) -> Callable[[Evidence], Evidence]:
     return lambda evidence: evidence.model_copy(update=numbers)
 
 
+def _double_parameters(evidence: Evidence) -> Evidence:
+    sets = tuple(
+        fitted.model_copy(update={"parameters": tuple(2 * count for count in fitted.parameters)})
+        for fitted in evidence.sets
+    )
+    return evidence.model_copy(update={"sets": sets})
+
+
 def _keep_single_causes(evidence: Evidence) -> Evidence:
     sets = tuple(fitted for fitted in evidence.sets if len(fitted.keys) == 1)
     return evidence.model_copy(update={"sets": sets})
@@ -68,6 +76,7 @@ def _keep_single_causes(evidence: Evidence) -> Evidence:
 RULES = {
     "all rules": Rules(),
     "parameters are free of charge": Rules(change=_change_sets(parameters=())),
+    "parameters pay a nat each": Rules(change=_double_parameters),
     "hypotheses are free of charge": Rules(change=_change(hypotheses=1)),
     "tolerances are free of charge": Rules(change=_change_sets(prior=0.0)),
     "noise counts by its share": Rules({"noise_exponent": 1.0}),

@@ -60,7 +60,7 @@ def test_the_log_odds_of_a_set_are_those_computed_by_hand():
     both = fitted((A, B), -3.0, 0.0, parameters=(4, 15))
     logs = compute_log_odds(evidence(), [first, both], CONSTANTS)
     count = 1 / (0.2**2 / 6000 + (1 - 0.2**2) / 80.0)  # at the noise share of the best set
-    expected = [count * 2.0 - 4 - np.log(50), count * 3.0 - 19 - 2 * np.log(50)]
+    expected = [count * 2.0 - 4 / 2 - np.log(50), count * 3.0 - 19 / 2 - 2 * np.log(50)]
     np.testing.assert_allclose(logs, expected)
 
 
@@ -222,8 +222,8 @@ def test_a_fault_that_redundant_channels_prove_pays_for_its_parameters_alone():
     beside = fitted((A, B), -0.6, 0.0, parameters=(6, 3))
     logs = compute_log_odds(evidence(small_faults=(A,)), [alone, beside], CONSTANTS)
     count = CONSTANTS.count_independent(0.2, 6000)
-    np.testing.assert_allclose(logs, [count * 0.1 - 6, count * 0.6 - 9 - np.log(50)])
-    sets = [fitted((A,), -0.1, 0.5, parameters=(4,))]
+    np.testing.assert_allclose(logs, [count * 0.1 - 6 / 2, count * 0.6 - 9 / 2 - np.log(50)])
+    sets = [fitted((A,), -0.1, 0.5, parameters=(8,))]
     assert dict(compute_posterior(evidence(sets), CONSTANTS).causes)[A] < 0.7
     proven = compute_posterior(evidence(sets, small_faults=(A,)), CONSTANTS)
     assert dict(proven.causes)[A] > 0.98

@@ -3,10 +3,10 @@ r"""How a diagnosis weighs fits: odds of a cause, and when tolerances explain th
 A fit without a cause leaves the gap e_0 per value, one with a cause e_1. With N independent values
 of its residual, M effects and places, and the share s = 1 / (1 + e_1) <= s_max of the noise,
 
-    l = N [ln(1 + e_0) - ln(1 + e_1)] - k - ln M,   1 / N = s^q / n + (1 - s^q) / n_e
+    l = N [ln(1 + e_0) - ln(1 + e_1)] - k / 2 - ln M,   1 / N = s^q / n + (1 - s^q) / n_e
 
 are the log odds of a cause with k parameters against "unexplained" (design effect: Kish 1965, ch.
-5.4; parameters: Akaike 1974). Those of "none" are ln(hidden / e_0) / width.
+5.4; parameters: Wilks 1938). Those of "none" are ln(hidden / e_0) / width.
 
 Among m tolerances the k farthest are chance if they are not less probable together than one
 outlier: P(k or more of m beyond the k-th) >= P(one or more of m beyond the outlier), binomial.
@@ -64,7 +64,7 @@ class Weighing:
         share = np.minimum(1 / (1 + after[:, :1]), self.max_noise_share) ** self.noise_exponent
         count = 1 / (share / self.counted_values + (1 - share) / self.error_values)
         gained = np.log1p(before)[:, None] - np.log1p(after)
-        logs: Real = count * gained - parameters - np.log(hypotheses)
+        logs: Real = count * gained - parameters / 2 - np.log(hypotheses)
         return logs
 
     def weigh_nothing(self, gap: Real) -> Real:
