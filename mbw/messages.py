@@ -11,7 +11,7 @@ from types import FrameType
 from typing import ParamSpec, TypeVar
 
 import typer
-from rich.console import Console
+from rich.console import Console, ConsoleDimensions
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -26,13 +26,29 @@ from mbw.progress_log import ProgressLog, log_status
 from mbw.streams import drop_output
 
 INTERNAL_ERROR, NOT_CONVERGED = 1, 4
+_MIN_FILE_WIDTH = 240  # characters of a table where stderr is no terminal
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 class _MessageConsole(Console):
-    """Console on stderr that falls silent once nobody reads it: the work goes on."""
+    """Console on stderr that falls silent once nobody reads it: the work goes on.
+
+    A file or a pipe has no width of its own, so that tables have room for their columns there.
+    """
+
+    @property
+    def size(self) -> ConsoleDimensions:
+        """Width and height in characters."""
+        size = super().size
+        if self.is_terminal:
+            return size
+        return ConsoleDimensions(max(size.width, _MIN_FILE_WIDTH), size.height)
+
+    @size.setter
+    def size(self, new_size: tuple[int, int]) -> None:
+        self._width, self._height = new_size
 
     def on_broken_pipe(self) -> None:
         """Drop this and all further messages."""

@@ -32,7 +32,7 @@ from diagnosis.next_test.experiments import (
     list_experiments,
 )
 from diagnosis.next_test.level_return import propose_return
-from diagnosis.next_test.unexplained import propose_unexplained_test
+from diagnosis.next_test.unexplained import list_first_mended, propose_unexplained_test
 from diagnosis.refits.refit import Refit
 from diagnosis.settings import DiagnosisSettings
 from identification.words import Campaign, Real
@@ -50,7 +50,7 @@ def propose_experiment(diagnosis: Diagnosis) -> str | None:
     if word == "none":
         return None
     if word == "unexplained" or not causes:
-        proven = [f"{_confirm_cause(cause.key)}; then " for cause in diagnosis.present.causes]
+        proven = [f"{_confirm_cause(key)}; then " for key in list_first_mended(diagnosis)]
         return "".join(proven) + propose_unexplained_test(diagnosis)
     if (experiment := propose_return(diagnosis)) is not None:
         return experiment

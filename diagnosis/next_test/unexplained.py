@@ -3,6 +3,7 @@
 from collections import Counter
 
 from diagnosis.algorithm import Diagnosis
+from diagnosis.inference.evidence import Key
 from identification.words import DIRECTIONS, Campaign, Output
 from mbmodel import Machine, parent_bodies
 
@@ -10,24 +11,37 @@ from mbmodel import Machine, parent_bodies
 def propose_unexplained_test(diagnosis: Diagnosis) -> str:
     """Return an experiment at the place of the unknown force, or at other levels.
 
+    A gap that no single place explains names no place.
+
     Args:
         diagnosis: the diagnosis.
     """
-    explained = {cause.location for cause in diagnosis.present.causes}
+    explained = {location for _, location, _ in list_first_mended(diagnosis)}
     places = [place for place, _ in diagnosis.posterior.where if place not in explained]
     place = places[0] if places else ""
     if place in diagnosis.checks.unknown:
         sensor = place.partition(":")[2]
         return f"exchange {sensor}, its cable and its amplifier with those of another and repeat"
+    if diagnosis.present.rest.spread == "everywhere":
+        place = ""
     campaign = diagnosis.session.campaign
     if len({test.condition.level_n for test in campaign.tests}) < 2:
-        where = f"{place}, where an unknown force acts" if place else "the joints"
+        where = f"; look at {place}, where an unknown force acts" if place else ""
         return (
             "repeat at a quarter and at four times the level, then at the first again: friction, "
-            "backlash and hardening change with the level and come back, a drift does not; look at "
-            f"{where}"
+            f"backlash and hardening change with the level and come back, a drift does not{where}"
         )
     return _propose_test_at(place, diagnosis.session.model.machine, campaign)
+
+
+def list_first_mended(diagnosis: Diagnosis) -> list[Key]:
+    """Return the present causes and the proven faults that would close enough of the gap."""
+    faults = (
+        key
+        for key, closed in diagnosis.present.remarks.items()
+        if closed is not None and closed >= diagnosis.settings.min_closed
+    )
+    return [*(cause.key for cause in diagnosis.present.causes), *faults]
 
 
 def _propose_test_at(place: str, machine: Machine, campaign: Campaign) -> str:

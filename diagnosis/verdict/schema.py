@@ -93,7 +93,7 @@ class RestRow(_Row):
 
 
 class RemarkRow(_Row):
-    """Proven fault that closes less than a fifth of the gap."""
+    """Proven fault that is not established, with the part of the gap that it closes alone."""
 
     effect: str
     location: str

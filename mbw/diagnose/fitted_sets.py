@@ -105,7 +105,8 @@ def _rejection(
     if any(shift is not None and shift <= settings.outlier_sigma for shift in fitted.shifts):
         return f"pull < {settings.outlier_sigma:g}"
     if not is_material:
-        return f"closes < {100 * settings.min_closed:g} %"
+        verb = "closes" if len(fitted.keys) == 1 else "the last cause adds"
+        return f"{verb} < {100 * settings.min_closed:g} %"
     if set(fitted.keys) in map(set, evidence.rejected):
         return "fails on held-out lines"
     if not evidence.admits(fitted.keys):

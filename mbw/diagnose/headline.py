@@ -34,7 +34,7 @@ def lead(result: StoredDiagnosis) -> str:
         return _nothing_missing_lead(result)
     if word == "unexplained":
         return _unexplained_lead(result)
-    rest = rest_sentence(result.verdict)
+    rest = rest_sentence(result.verdict, result.evidence)
     return " ".join(
         [_causes(result), _shrinks(result), *([f"{capitalise(rest)}."] if rest else [])]
     )
@@ -130,7 +130,7 @@ def _unexplained_lead(result: StoredDiagnosis) -> str:
             f"{retuned} the noise, with that fault corrected still {times(gap.after.excess)}, all "
             f"{_on(result)}."
         )
-    if rest := rest_sentence(result.verdict):
+    if rest := rest_sentence(result.verdict, result.evidence):
         text += f" {capitalise(rest)}."
     forces = located_forces(result)
     if result.verdict.rest is not None and result.verdict.rest.spread == "everywhere":

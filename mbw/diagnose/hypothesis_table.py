@@ -7,6 +7,7 @@ from mbw.diagnose.fitted_sets import fitted_rows, key_words, rejection_reasons
 
 _MAX_LISTED_SCORES = 8  # hypotheses without a refit
 _MAX_LISTED_SETS = 16  # sets of causes
+_MIN_ODDS_WIDTH = 18  # characters of log odds and reason, on a narrow terminal
 
 
 def hypothesis_table(diagnosis: Diagnosis) -> Table:
@@ -17,10 +18,10 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
     """
     evidence = diagnosis.evidence
     table = Table(title=f"{evidence.hypotheses} effects and places, by score and after a refit")
-    table.add_column("hypothesis", no_wrap=True)
+    table.add_column("hypothesis", overflow="fold")
     for name in ("score", "error %", "closed %"):
-        table.add_column(name, no_wrap=True, justify="right")
-    table.add_column("log odds")
+        table.add_column(name, no_wrap=True, justify="right", min_width=len(name))
+    table.add_column("log odds", min_width=_MIN_ODDS_WIDTH)
     table.caption = (
         "score and log odds: nats; error: of the model after the refit; closed: part of the gap"
     )

@@ -1,7 +1,16 @@
-"""Sentences on what remains with the established causes, and on small proven faults."""
+"""Sentences on what remains with the established causes, and on proven faults that are none."""
 
+from diagnosis.inference.evidence import Evidence
+from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import RemarkRow, RestRow, Verdict, Where
-from mbw.diagnose.sentences import capitalise, cause_words, format_probability, place_phrase
+from mbw.diagnose.fitted_sets import FittedRow, fitted_rows
+from mbw.diagnose.sentences import (
+    capitalise,
+    cause_words,
+    effect_noun,
+    format_probability,
+    place_phrase,
+)
 
 _MAX_NAMED_PLACES = 2  # places of a local rest that a sentence names
 
@@ -11,18 +20,19 @@ def model_error_words(model_error: float) -> str:
     return f"{100 * model_error:.2g} % of the motion"
 
 
-def rest_sentence(verdict: Verdict) -> str | None:
+def rest_sentence(verdict: Verdict, evidence: Evidence) -> str | None:
     """Return what remains; None where nothing significant does.
 
     Args:
         verdict: verdict with the rest.
+        evidence: fits of the single candidates.
     """
     rest = verdict.rest
     if rest is None or not rest.significant:
         return None
     error = model_error_words(rest.model_error)
     if verdict.verdict == "unexplained":
-        return _describe_unexplained(rest, error)
+        return f"{_describe_unexplained(rest, error)}{_best_candidate_words(verdict, evidence)}"
     excess = "" if rest.excess is None else f" is {rest.excess:.3g} times the noise"
     opening = f"what remains{excess}" if excess else "a significant rest remains"
     spread = (
@@ -36,29 +46,68 @@ def rest_sentence(verdict: Verdict) -> str | None:
 def _describe_unexplained(rest: RestRow, error: str) -> str:
     """Return what an unexplained gap is like: everywhere, or at one place."""
     if rest.spread == "everywhere":
-        return (
-            f"the model's error is {error} everywhere: no single effect of the catalogue explains "
-            "a fifth of it"
-        )
+        return f"the model's error is {error} everywhere: "
+    return f"the model's error is {error} at each sensor and mainly arises {_places(rest.where)}: "
+
+
+def _best_candidate_words(verdict: Verdict, evidence: Evidence) -> str:
+    """Return which single candidate closes most of the gap, and why it is not established."""
+    row = find_best_candidate(evidence)
+    if row is None or row.closed is None:
+        return "no single effect of the catalogue explains a fifth of it"
+    effect, location, _ = row.keys[0]
+    shares = [
+        cause.probability
+        for cause in verdict.causes
+        if (cause.effect, cause.location) == (effect, location)
+    ]
+    probability = max(shares, default=0.0)
+    if row.rejection:
+        why = f"it {row.rejection}"
+    elif probability < SETTINGS.min_row_probability:
+        why = f"its probability is below {100 * SETTINGS.min_row_probability:g} %"
+    else:
+        why = f"its probability is only {format_probability(probability)}"
     return (
-        f"the model's error is {error} at each sensor: it mainly arises {_places(rest.where)}, "
-        "where no effect of the catalogue explains a fifth of it"
+        f"no cause is established; the best single candidate, {effect_noun(effect)} "
+        f"{place_phrase(location)}, closes {100 * row.closed:.2g} % of the gap, but {why}"
     )
 
 
+def find_best_candidate(evidence: Evidence) -> FittedRow | None:
+    """Return the single effect that closes most of the gap; None if none closes a fifth.
+
+    An effect that a tolerance within its usual spread explains is no candidate.
+
+    Args:
+        evidence: everything that was fitted.
+    """
+    rows = [
+        row
+        for row in fitted_rows(evidence)
+        if len(row.keys) == 1
+        and row.closed is not None
+        and row.closed >= SETTINGS.min_closed
+        and not row.rejection.startswith("pull")
+    ]
+    return max(rows, key=lambda row: row.closed or 0.0, default=None)
+
+
 def remark_sentences(verdict: Verdict) -> list[str]:
-    """Return a sentence on each proven fault that closes too little to be a cause."""
+    """Return a sentence on each proven fault that is no established cause."""
     return [
-        f"{capitalise(cause_words(row))} is proven by the redundant channels, but it is no cause "
-        f"of the gap{_share_words(row)}"
+        f"{capitalise(cause_words(row))} is proven by the redundant channels{_share_words(row)}"
         for row in verdict.remarks
     ]
 
 
 def _share_words(row: RemarkRow) -> str:
     if row.closed is None:
-        return ""
-    return f": it closes {100 * max(row.closed, 0.0):.2g} % of it"
+        return ", but is not established as a cause of the gap"
+    share = f"{100 * max(row.closed, 0.0):.2g} % of the gap"
+    if row.closed < SETTINGS.min_closed:
+        return f", but it closes only {share}"
+    return f" and would close {share}: correct it first and repeat"
 
 
 def _places(where: list[Where]) -> str:

@@ -183,10 +183,12 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
         share = closed.get(number)
         part = "" if share is None else f"; closes {format_percent(share)} of the fitted lines' gap"
         SCREEN.say(f"  {row.probability:.0%} {name}{sizes}{part}")
-    for text in (rest_sentence(verdict), *level_sentences(verdict), *remark_sentences(verdict)):
+    rest = rest_sentence(verdict, diagnosis.evidence)
+    for text in (rest, *level_sentences(verdict), *remark_sentences(verdict)):
         if text is not None:
             SCREEN.say(f"  {text}")
-    if verdict.verdict == "unexplained" and verdict.where:
+    is_everywhere = verdict.rest is not None and verdict.rest.spread == "everywhere"
+    if verdict.verdict == "unexplained" and verdict.where and not is_everywhere:
         places = ", ".join(
             f"{row.location} {row.share:.0%}" for row in verdict.where[:3] if row.share is not None
         )

@@ -36,7 +36,7 @@ def rivals(tmp_path_factory):
     return session, [refit_with(scene, null, one) for one in list(EFFECTS["mass_error"](scene))[:2]]
 
 
-def found(session, refits, word, causes, where=(), present=()):
+def found(session, refits, word, causes, where=(), present=(), spread="local", remarks=()):
     """As much of a diagnosis as the next experiment reads."""
     sets = tuple(((key,), share) for key, share in causes)
     named = tuple(
@@ -47,7 +47,12 @@ def found(session, refits, word, causes, where=(), present=()):
     return SimpleNamespace(
         session=session,
         posterior=SimpleNamespace(causes=causes, where=where, sets=sets),
-        present=SimpleNamespace(word=word, causes=named),
+        present=SimpleNamespace(
+            word=word,
+            causes=named,
+            remarks=dict(remarks),
+            rest=SimpleNamespace(spread=spread),
+        ),
         search=SimpleNamespace(refit_of=by_keys.get),
         checks=SimpleNamespace(unknown=()),
         settings=SETTINGS,
@@ -174,6 +179,29 @@ def test_what_nobody_explains_is_asked_at_other_levels_where_it_pushes(rivals):
     where = [("sensor:acc1", 0.5), ("joint:a", 0.4)]
     both = propose_experiment(found(session, (), "unexplained", [(swap, 0.5)], where, (swap,)))
     assert both.index("knock") < both.index("; then repeat") < both.index("look at joint:a")
+
+
+def test_a_gap_that_is_everywhere_is_looked_at_nowhere(rivals):
+    session, _ = rivals
+    where = [("joint:stage2", 0.8)]
+    said = propose_experiment(found(session, (), "unexplained", [], where, spread="everywhere"))
+    assert said.endswith("and come back, a drift does not")
+    levels = at_two_levels(session)
+    said = propose_experiment(found(levels, (), "unexplained", [], where, spread="everywhere"))
+    assert said.startswith("look at the joints, and hit other bodies")
+
+
+def test_a_proven_fault_that_would_close_much_is_confirmed_first(rivals):
+    session, _ = rivals
+    bends = ("flexible_body", "body:stage1", None)
+    where = [("body:stage1", 0.5), ("joint:stage2", 0.3)]
+    remarks = {bends: 0.97, ("sensor_gain", "sensor:acc1", "tx"): 0.1}
+    said = propose_experiment(found(session, (), "unexplained", [], where, remarks=remarks))
+    assert said.startswith(
+        "put more sensors on stage1 and look at its shape at that frequency; then repeat at"
+    )
+    assert said.endswith("look at joint:stage2, where an unknown force acts")
+    assert "acc1" not in said
 
 
 def at_two_levels(session, silent=()):

@@ -8,12 +8,14 @@ import pytest
 from browser import data_of
 from diagnosed import diagnosed, lead_of
 
-from diagnosis.verdict.schema import CauseRow, RestRow
+from diagnosis.verdict.schema import CauseRow, RestRow, Where
 from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
+from mbw.diagnose.rest_sentences import rest_sentence
 from mbw.diagnose.schema import EstablishedRow
 from mbw.diagnose.sentences import sensor_check_sentences
 from mbw.identify.schema import FaultRow
+from tests.helpers.judged import evidence, fitted
 
 
 @pytest.fixture(scope="module")
@@ -97,10 +99,39 @@ def test_a_rest_that_is_spread_everywhere_is_said_to_be(explained):
     )
     verdict = verdict.model_copy(update={"verdict": "unexplained", "causes": []})
     shown = explained.shown.model_copy(update={"means": [], "established": []})
-    assert lead_of(render(replace(explained, verdict=verdict, shown=shown))).endswith(
+    nothing = evidence(1.0, [fitted(("drift", "joint:b"), cost=-0.3, gap=0.9)])
+    page = render(replace(explained, verdict=verdict, shown=shown, evidence=nothing))
+    assert lead_of(page).endswith(
         "The model's error is 2.1 % of the motion everywhere: no single effect of the catalogue "
         "explains a fifth of it."
     )
+
+
+@pytest.mark.parametrize(
+    ("probability", "why"),
+    [(None, "its probability is below 1 %"), (0.39, "its probability is only 39 %")],
+)
+def test_an_unexplained_gap_names_the_best_single_candidate(explained, probability, why):
+    where = [Where(location="body:a", share=0.7)]
+    rest = RestRow(excess=7.0, model_error=0.045, significant=True, spread="local", where=where)
+    rows = [] if probability is None else [fake("appendage", "body:a", None, probability)]
+    verdict = explained.verdict.model_copy(
+        update={"verdict": "unexplained", "rest": rest, "causes": rows}
+    )
+    sets = [
+        fitted(("appendage", "body:a"), cost=-0.3, gap=0.66),
+        fitted(("mass_error", "body:a"), cost=-0.2, gap=0.71),
+        fitted(("sensor_gain", "sensor:acc1"), cost=-0.2, gap=0.5, shifts=(3.1,)),
+        fitted(("appendage", "body:a"), ("drift", "joint:b"), cost=-0.4, gap=0.3),
+    ]
+    assert rest_sentence(verdict, evidence(1.0, sets)) == (
+        "the model's error is 4.5 % of the motion at each sensor and mainly arises on body a "
+        "(70 %): no cause is established; the best single candidate, a small mass on a spring on "
+        f"body a, closes 34 % of the gap, but {why}"
+    )
+    failed = evidence(1.0, sets[:1], rejected=(sets[0].keys,))
+    said = rest_sentence(verdict, failed)
+    assert said.endswith("closes 34 % of the gap, but it fails on held-out lines")
 
 
 def test_refitted_sets_are_listed_with_their_residuals(explained):

@@ -3,13 +3,14 @@
 from types import SimpleNamespace
 
 from diagnosed import diagnosed
+from rich.console import Console
 from typer.testing import CliRunner
 
 from diagnosis import Hypothesis
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.posterior import compute_log_odds
 from diagnosis.settings import SETTINGS
-from diagnosis.verdict.schema import RemarkRow
+from diagnosis.verdict.schema import RemarkRow, RestRow, Where
 from mbw.command import app
 from mbw.diagnose import verb
 from mbw.diagnose.files import read_result
@@ -105,9 +106,58 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
     assert "parallel_path at pair:stage1-stage3: stiffness" in said
     assert f"  what remains is {result.verdict.rest.excess:.3g} times the noise: the model" in said
     assert (
-        "  A wrong gain at sensor acc11, along x is proven by the redundant channels, but it is no "
-        "cause of the gap: it closes 0.4 % of it" in said
+        "  A wrong gain at sensor acc11, along x is proven by the redundant channels, but it "
+        "closes only 0.4 % of the gap\n" in said
     )
+
+
+def say_unexplained(result, capsys, monkeypatch, spread):
+    """Return what the terminal says of a gap that no cause explains."""
+    monkeypatch.setattr(SCREEN, "quiet", False)
+    where = [Where(location="joint:stage1", share=0.74)]
+    rest = RestRow(excess=6.0, model_error=0.018, significant=True, spread=spread, where=where)
+    update = {"verdict": "unexplained", "causes": [], "rest": rest, "where": where}
+    verb._say(
+        result.verdict.model_copy(update=update),
+        SimpleNamespace(
+            session=SimpleNamespace(campaign=SimpleNamespace(name="here", tests=())),
+            present=SimpleNamespace(established=[], closes={}),
+            parameters=None,
+            retuned=SimpleNamespace(unfinished=0),
+            after=None,
+            evidence=result.evidence,
+            checks=SimpleNamespace(faults=(), unknown=()),
+        ),
+    )
+    return capsys.readouterr().err
+
+
+def test_a_gap_that_is_everywhere_has_no_place(capsys, monkeypatch, tmp_path):
+    result = read_result(diagnosed("partly", tmp_path))
+    assert "  where: joint:stage1 74%" in say_unexplained(result, capsys, monkeypatch, "local")
+    said = say_unexplained(result, capsys, monkeypatch, "everywhere")
+    assert "the model's error is 1.8 % of the motion everywhere: " in said
+    assert "\n  where: " not in said
+
+
+def test_a_table_in_a_file_keeps_all_columns(capsys):
+    places = [("sensor_misalignment", "sensor:acc8"), ("parallel_path", "pair:frame-xstage")]
+    both = fitted(*places, cost=-0.3, gap=0.9)
+    SCREEN.console.print(hypothesis_table(found(evidence(1.0, [both]))))
+    said = capsys.readouterr().err
+    row = next(line for line in said.splitlines() if "acc8" in line)
+    assert "sensor_misalignment at sensor:acc8 + parallel_path at pair:frame-xstage " in row
+    assert "the last cause adds < 20 %" in row
+    assert all(name in said for name in (" score ", " error % ", " closed % ", " log odds "))
+
+
+def test_a_narrow_terminal_shows_the_numbers_of_every_row(capsys):
+    places = [("sensor_misalignment", "sensor:acc8"), ("parallel_path", "pair:frame-xstage")]
+    table = hypothesis_table(found(evidence(1.0, [fitted(*places, cost=-0.3, gap=0.9)])))
+    Console(width=80, stderr=True, force_terminal=True, color_system=None).print(table)
+    said = capsys.readouterr().err
+    assert "…" not in said
+    assert all(name in said for name in (" score ", " error % ", " closed % ", " log odds "))
 
 
 def test_a_body_may_have_any_name(capsys, monkeypatch):
