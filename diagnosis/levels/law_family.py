@@ -30,6 +30,8 @@ class LawFamily:
             stretch of the linear machine under any hit; infinite where nothing bounds it.
         stuck: stiffness of the element at rest, beside the joint's spring, for its parameters.
         law: law beside the linear machine with that stiffness, for its parameters.
+        similarity: a parameter by its number, and a power p: hits that are s times as strong show
+            what usual ones do if that parameter is s^p times as large.
         state: parameters of the verdict.
         write: elements of an MJCF that hold the law at a joint, by its name, for its parameters.
         follows_stiffness: whether the last parameter follows the fitted stiffness of the joint.
@@ -44,6 +46,7 @@ class LawFamily:
     bounds: Callable[[float, float], tuple[tuple[float, float], ...]]
     stuck: Callable[[Real], float]
     law: Callable[[Real], RestoringLaw]
+    similarity: tuple[int, float]
     state: Callable[[Real], dict[str, Value]]
     write: Callable[[str, Real], tuple[Edit | Addition, ...]]
     follows_stiffness: bool = False
@@ -164,6 +167,7 @@ FRICTION = (
         _friction_bounds,
         stuck=lambda theta: float(theta[0]),
         law=lambda theta: SlidingLaw(float(theta[0]), float(theta[1])),
+        similarity=(1, -1.0),
         state=lambda theta: {"k": float(theta[0]), "limit": float(theta[1])},
         write=_write_friction,
     ),
@@ -180,6 +184,7 @@ def _build_cubic(sign: float) -> LawFamily:
         _cubic_bounds(sign),
         stuck=lambda theta: 0.0,
         law=partial(_cubic_law, sign),
+        similarity=(0, 2.0),
         state=partial(_state_cubic, sign),
         write=partial(_write_cubic, sign),
         follows_stiffness=True,
@@ -200,6 +205,7 @@ def _build_gap(centre: float) -> LawFamily:
         _gap_bounds,
         stuck=lambda theta: 0.0,
         law=lambda theta: GapLaw(float(theta[2]), float(theta[0]), float(theta[0] * theta[1])),
+        similarity=(0, -1.0),
         state=_state_gap,
         write=_write_gap,
         follows_stiffness=True,

@@ -38,7 +38,8 @@ class LawTable:
 
     It is linear in cells of the parameters, which are logarithms of sizes: within a cell by the
     central differences between its ends, since simulations are expensive. The start is the middle
-    of a cell. The stiffness of a test is linear in the logarithm of its peak, which varies little.
+    of a cell. Hits of another peak are those of the stated one on a similar law: all motion scales
+    with them if the length or force of the law does (``LawFamily.similarity``).
 
     Args:
         joint: linear machine and hits.
@@ -116,8 +117,8 @@ class LawTable:
         if kept is not None:
             return kept
         step, scatter = LEVEL_SETTINGS.difference_step, LEVEL_SETTINGS.hit_scatter
-        units = _list_hit_sizes(LEVEL_SETTINGS.hit_sizes)
-        sizes, moves = np.exp(scatter * units), step * np.eye(len(place))
+        sizes = np.exp(scatter * _list_hit_sizes(LEVEL_SETTINGS.hit_sizes))
+        moves = step * np.eye(len(place))
         places = np.array([place, *(place + moves), *(place - moves)])
         places = np.where(self._is_size, np.exp(places), places)
         cases = [(theta, size) for theta in places for size in (1.0, *sizes)]
@@ -128,8 +129,9 @@ class LawTable:
             averages = average_hits(scattered, self._receptance, sizes**2)
             after, before = np.split(averages[1:], 2)
             by_variance = (averages - mean).mean(axis=0)
-            by_peak = np.tensordot(units, scattered.mean(axis=0), axes=1) / (units @ units)
-            slopes = [*((after - before) / (2 * step)), by_variance, by_peak / scatter]
+            by_place = (after - before) / (2 * step)
+            number, power = self.family.similarity
+            slopes = [*by_place, by_variance, power * by_place[number]]
         for oldest in list(self.known)[: -LEVEL_SETTINGS.kept_cells]:
             self.known.pop(oldest, None)
         self.known[key] = mean.mean(axis=0), np.array(slopes)

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.hypothesis import Scene
 from diagnosis.levels import tested_joint
-from diagnosis.levels.law_family import HARDENING
+from diagnosis.levels.law_family import BACKLASH, FRICTION, HARDENING
 from diagnosis.levels.law_table import LawTable, average_hits
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from tests.helpers.nonlinear_joint import JOINT
@@ -91,6 +91,24 @@ def test_within_a_cell_the_law_is_linear_and_near_its_simulation(tested):
     line = np.log(ends[1:4])
     rise = (found[2] - found[1]) / (line[1] - line[0])
     np.testing.assert_allclose(found[3] - found[2], rise * (line[2] - line[1]), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("family", "theta"),
+    [
+        (FRICTION[0], (0.4 * STIFFNESS, 30.0)),
+        (HARDENING[0], (CUBIC, STIFFNESS)),
+        (HARDENING[1], (0.01 * CUBIC, STIFFNESS)),
+        (BACKLASH[0], (2e-7, 0.3, STIFFNESS)),
+    ],
+)
+def test_stronger_hits_show_what_usual_ones_do_on_a_similar_law(tested, family, theta):
+    strength, (number, power) = 1.3, family.similarity
+    similar = np.array([*theta, 1.0])
+    similar[number] *= strength**power
+    cases = [(np.array([*theta, 1.0]), strength), (similar, 1.0)]
+    stronger, usual = tested.compute_stiffness(family, cases)
+    np.testing.assert_allclose(stronger, usual, rtol=1e-6)
 
 
 def replace_last(theta, value):
