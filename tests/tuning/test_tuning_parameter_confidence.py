@@ -219,3 +219,30 @@ def test_a_parameter_alone_is_kept_apart_from_a_combination():
     together = 1e4 * np.ones((3, 3))
     (sentence,) = directions_of(together, (1e6, 3e3, 5e2))
     assert sentence.endswith("are determined in combination only")
+
+
+def test_neighbouring_lines_that_share_an_error_determine_less(tmp_path):
+    # The standard deviation of many fits is that of smooth errors, not of as many independent ones.
+    model = at(
+        tmp_path / "one.xml",
+        '<body name="a"><inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/><joint name="a_tx" '
+        'type="slide" axis="1 0 0" stiffness="2e5" damping="1900"/><site name="acc1"/></body>',
+    )
+    random = np.random.default_rng(8)
+    centres = np.linspace(FREQ[0], FREQ[-1], 60)
+    shapes = np.exp(-(((FREQ[:, None] - centres) / 1.5) ** 2))
+    ends, stated, independent = [], [], []
+    for _ in range(40):
+        campaign = one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx")
+        (test,) = campaign.tests
+        relative = shapes @ (random.normal(size=(60, 2)) @ [0.1, 0.1j])
+        frf = test.estimate.frf
+        off = replace(frf, values=frf.values * (1 + relative)[:, None, None])
+        test = replace(test, estimate=replace(test.estimate, frf=off))
+        result, confidence = fit_with_confidence(model, replace(campaign, tests=(test,)))
+        ends.append(np.log(result.theta / model.drawn))
+        stated.append(confidence.deviation)
+        independent.append(replace(confidence, bands=None).deviation)
+    observed = np.std(ends, axis=0)
+    assert (np.mean(independent, axis=0) < 0.6 * observed).all()
+    np.testing.assert_allclose(np.mean(stated, axis=0), observed, rtol=0.35)

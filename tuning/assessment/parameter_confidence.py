@@ -11,12 +11,22 @@ Parameters without a prior have one here, so that C exists even for a parameter 
 the data. Its standard deviation is log 100 for a logarithm; otherwise log 100 units of x, or of the
 parameter's own size if that is larger.
 
+Neighbouring lines share the errors of a model, so that they determine less than as many independent
+ones. Without the b-th of B bands of lines, whose data have the slope g_b and the normal equations
+N_b, the coordinates shift by d_b = (N - N_b + D)^-1 (g_b - g), with g the mean slope. The jackknife
+of bands (Efron and Stein 1981) has the covariance
+
+    V = (B - 1) / B sum d_b d_b' + A D A,   A = (N + D)^-1.
+
+Where more than noise remains, each standard deviation is at least that of V; the correlations are
+those of C.
+
 A direction v of these coordinates is unidentifiable if its standard deviation exceeds 1 even with
 s = 1. This is a factor of 7 up or down in 95 %. If it consists of two stiffnesses, dk1 = -dk2
 leaves their sum unchanged, and d(1/k1) = -d(1/k2) leaves the sum of their compliances unchanged.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +34,7 @@ import numpy as np
 
 from identification.words import Campaign, Integers, Mask, Real
 from mbmodel import NORMAL_QUANTILE_95, Model
+from tuning.assessment.gap import is_gap_visible
 from tuning.files.schema import CorrelationRow, UnseenRow
 from tuning.fitting.fitter import Fit
 from tuning.fitting.stages import LAST_STAGE
@@ -35,6 +46,7 @@ from tuning.parametrisation.parametrisation import Parametrisation
 PLAUSIBLE_PULL_SIGMA = 4.5
 FREE_PRIOR_SD = float(np.log(100.0))  # of a logarithm without a prior, for intervals alone
 UNIDENTIFIABLE_SD = 1.0  # of a logarithm: the data do not determine what is beyond
+_N_BANDS = 16  # of lines: wider than a resonance, and enough for a deviation to 20 %
 _MIN_CORRELATION = 0.9  # of two parameters, to be reported
 _MIN_DIRECTION_SHARE = 0.25  # of a direction's largest entry, for a parameter to be named
 _MIN_SUM_COSINE = 0.98  # between a direction and that of a sum
@@ -49,12 +61,15 @@ class ParameterConfidence:
         x: coordinates at its end; (n_x,).
         normal: N at x.
         chi_square: sum |r|^2 / var / n of the data.
+        bands: g_b and N - N_b of each band, where lines share the errors of a model; None where
+            noise alone remains.
     """
 
     parametrisation: Parametrisation
     x: Real
     normal: ArrowMatrix
     chi_square: float
+    bands: tuple[tuple[Real, ArrowMatrix], ...] | None = None
 
     @property
     def variance_inflation(self) -> float:
@@ -63,13 +78,30 @@ class ParameterConfidence:
 
     @cached_property
     def covariance(self) -> Real:
-        """Covariance C of the coordinates; (n_x, n_x)."""
-        return self._posterior_covariance(self.variance_inflation)
+        """Covariance of the coordinates; (n_x, n_x)."""
+        covariance = self._posterior_covariance(self.variance_inflation)
+        if self.bands is None:
+            return covariance
+        least = np.sqrt(self._compute_variance_of_bands(self.bands))
+        ratios = np.maximum(1.0, least / np.sqrt(np.diag(covariance)))
+        return np.asarray(covariance * np.outer(ratios, ratios))
+
+    def _compute_variance_of_bands(self, bands: Sequence[tuple[Real, ArrowMatrix]]) -> Real:
+        """Return the diagonal of V; (n_x,)."""
+        mean = np.mean([slope for slope, _ in bands], axis=0)
+        precision = np.diag(self.prior_precision)
+        squares = [
+            np.square(np.linalg.solve(normal.dense() + precision, slope - mean))
+            for slope, normal in bands
+        ]
+        shared = (len(bands) - 1) / len(bands) * np.sum(squares, axis=0)
+        variance: Real = shared + np.square(self._data_covariance) @ self.prior_precision
+        return variance
 
     @cached_property
     def _data_covariance(self) -> Real:
         """Covariance for a model that fits the data to their noise (s = 1); (n_x, n_x)."""
-        return self.covariance if self.variance_inflation == 1 else self._posterior_covariance(1.0)
+        return self._posterior_covariance(1.0)
 
     @cached_property
     def prior_precision(self) -> Real:
@@ -182,7 +214,7 @@ class ParameterConfidence:
 
 
 def estimate_confidence(
-    model: Model, campaign: Campaign, fit: Fit, jobs: int = 1
+    model: Model, campaign: Campaign, fit: Fit, jobs: int = 1, *, has_model_error: bool = False
 ) -> ParameterConfidence:
     """Linearise at the end of a fit, on all lines and at the last stage's weights.
 
@@ -191,13 +223,23 @@ def estimate_confidence(
         campaign: campaign to which it was fitted.
         fit: the fit.
         jobs: threads; the result does not depend on it.
+        has_model_error: whether more than noise remains, though the weights tolerate it.
     """
     problem = (fit.last_stage or LAST_STAGE).build_misfit(
         model, campaign, fit.parametrisation, threads=jobs
     )
-    value, _, normal = problem.quadratic_model(fit.x)
-    data = value - problem.prior(fit.x)
-    return ParameterConfidence(fit.parametrisation, fit.x, normal, data / max(problem.values, 1))
+    lines = len(campaign.freq_hz)
+    bands = np.arange(lines) // max(1, -(-lines // _N_BANDS))
+    whole, *without = problem.quadratic_models_by_fold(fit.x, bands)
+    value, slope, normal = whole
+    chi_square = (value - problem.prior(fit.x)) / max(problem.values, 1)
+    is_shared = len(without) > 1 and (has_model_error or is_gap_visible(chi_square - 1))
+    of_bands = tuple(
+        (slope - without_band, normal_without) for _, without_band, normal_without in without
+    )
+    return ParameterConfidence(
+        fit.parametrisation, fit.x, normal, chi_square, of_bands if is_shared else None
+    )
 
 
 def _join_overlapping(is_member: Mask) -> list[list[int]]:
