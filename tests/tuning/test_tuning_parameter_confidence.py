@@ -242,7 +242,7 @@ def test_neighbouring_lines_that_share_an_error_determine_less(tmp_path):
         result, confidence = fit_with_confidence(model, replace(campaign, tests=(test,)))
         ends.append(np.log(result.theta / model.drawn))
         stated.append(confidence.deviation)
-        independent.append(replace(confidence, bands=None).deviation)
+        independent.append(replace(confidence, band_shifts=None).deviation)
     observed = np.std(ends, axis=0)
     assert (np.mean(independent, axis=0) < 0.6 * observed).all()
     np.testing.assert_allclose(np.mean(stated, axis=0), observed, rtol=0.35)

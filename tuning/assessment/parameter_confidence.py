@@ -26,9 +26,10 @@ s = 1. This is a factor of 7 up or down in 95 %. If it consists of two stiffness
 leaves their sum unchanged, and d(1/k1) = -d(1/k2) leaves the sum of their compliances unchanged.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -38,6 +39,7 @@ from tuning.assessment.gap import is_gap_visible
 from tuning.files.schema import CorrelationRow, UnseenRow
 from tuning.fitting.fitter import Fit
 from tuning.fitting.stages import LAST_STAGE
+from tuning.misfit.misfit import Misfit
 from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.parametrisation.parametrisation import Parametrisation
 
@@ -61,15 +63,15 @@ class ParameterConfidence:
         x: coordinates at its end; (n_x,).
         normal: N at x.
         chi_square: sum |r|^2 / var / n of the data.
-        bands: g_b and N - N_b of each band, where lines share the errors of a model; None where
-            noise alone remains.
+        band_shifts: d_b, where lines share the errors of a model; (n_band, n_x); None where noise
+            alone remains.
     """
 
     parametrisation: Parametrisation
     x: Real
     normal: ArrowMatrix
     chi_square: float
-    bands: tuple[tuple[Real, ArrowMatrix], ...] | None = None
+    band_shifts: Real | None = None
 
     @property
     def variance_inflation(self) -> float:
@@ -80,23 +82,13 @@ class ParameterConfidence:
     def covariance(self) -> Real:
         """Covariance of the coordinates; (n_x, n_x)."""
         covariance = self._posterior_covariance(self.variance_inflation)
-        if self.bands is None:
+        if self.band_shifts is None:
             return covariance
-        least = np.sqrt(self._compute_variance_of_bands(self.bands))
-        ratios = np.maximum(1.0, least / np.sqrt(np.diag(covariance)))
+        bands = len(self.band_shifts)
+        shared = (bands - 1) / bands * np.square(self.band_shifts).sum(axis=0)
+        least = shared + np.square(self._data_covariance) @ self.prior_precision
+        ratios = np.maximum(1.0, np.sqrt(least / np.diag(covariance)))
         return np.asarray(covariance * np.outer(ratios, ratios))
-
-    def _compute_variance_of_bands(self, bands: Sequence[tuple[Real, ArrowMatrix]]) -> Real:
-        """Return the diagonal of V; (n_x,)."""
-        mean = np.mean([slope for slope, _ in bands], axis=0)
-        precision = np.diag(self.prior_precision)
-        squares = [
-            np.square(np.linalg.solve(normal.dense() + precision, slope - mean))
-            for slope, normal in bands
-        ]
-        shared = (len(bands) - 1) / len(bands) * np.sum(squares, axis=0)
-        variance: Real = shared + np.square(self._data_covariance) @ self.prior_precision
-        return variance
 
     @cached_property
     def _data_covariance(self) -> Real:
@@ -225,21 +217,38 @@ def estimate_confidence(
         jobs: threads; the result does not depend on it.
         has_model_error: whether more than noise remains, though the weights tolerate it.
     """
-    problem = (fit.last_stage or LAST_STAGE).build_misfit(
-        model, campaign, fit.parametrisation, threads=jobs
-    )
-    lines = len(campaign.freq_hz)
-    bands = np.arange(lines) // max(1, -(-lines // _N_BANDS))
-    whole, *without = problem.quadratic_models_by_fold(fit.x, bands)
-    value, slope, normal = whole
+    stage = fit.last_stage or LAST_STAGE
+    problem = stage.build_misfit(model, campaign, fit.parametrisation, threads=jobs)
+    value, slope, normal = problem.quadratic_model(fit.x)
     chi_square = (value - problem.prior(fit.x)) / max(problem.values, 1)
-    is_shared = len(without) > 1 and (has_model_error or is_gap_visible(chi_square - 1))
-    of_bands = tuple(
-        (slope - without_band, normal_without) for _, without_band, normal_without in without
-    )
-    return ParameterConfidence(
-        fit.parametrisation, fit.x, normal, chi_square, of_bands if is_shared else None
-    )
+    confidence = ParameterConfidence(fit.parametrisation, fit.x, normal, chi_square)
+    lines = len(campaign.freq_hz)
+    if lines <= _N_BANDS or not (has_model_error or is_gap_visible(chi_square - 1)):
+        return confidence
+    edges = np.linspace(0, lines, _N_BANDS + 1).astype(int).tolist()
+    bands = [campaign.select_lines(slice(*span)) for span in pairwise(edges)]
+    misfits = (stage.build_misfit(model, band, fit.parametrisation, threads=jobs) for band in bands)
+    return replace(confidence, band_shifts=_list_band_shifts(confidence, slope, misfits))
+
+
+def _list_band_shifts(
+    confidence: ParameterConfidence, slope: Real, misfits: Iterable[Misfit]
+) -> Real:
+    """Return the shifts d_b without the lines of each band; (n_band, n_x).
+
+    Args:
+        confidence: confidence in the fit to all lines.
+        slope: dJ/dx of all lines, with the prior; (n_x,).
+        misfits: misfit of each band; one at a time is in memory.
+    """
+    of_prior = np.where(confidence.parametrisation.has_prior, confidence.x, 0.0)
+    precision, mean = np.diag(confidence.prior_precision), (slope - of_prior) / _N_BANDS
+    shifts = []
+    for misfit in misfits:
+        _, band_slope, band_normal = misfit.quadratic_model(confidence.x)
+        remaining = (confidence.normal - band_normal).dense() + precision
+        shifts.append(np.linalg.solve(remaining, band_slope - of_prior - mean))
+    return np.array(shifts)
 
 
 def _join_overlapping(is_member: Mask) -> list[list[int]]:
