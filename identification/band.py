@@ -34,6 +34,7 @@ _MAX_SMOOTH_SCATTER = 1 / 6
 # neighbouring lines, which then looks smooth.
 _SCATTER_STEP = 8
 _MIN_SCATTER_SAMPLES = 16  # lines for each start of such a step
+_MAX_SILENT_CUT = 0.02  # share of the lines that the band leaves out without a remark
 _MIN_SMOOTH_SHARE = 0.1  # lines that smooth FRFs add to a band, over its own
 
 
@@ -122,7 +123,7 @@ def _choose_band(campaign: Campaign, band: tuple[float, float] | None, source: P
         )
     added = extended & ~coherent
     if added.sum() < _MIN_SMOOTH_SHARE * max(coherent.sum(), 1) and coherent.any():
-        return Band(coherent, channels)
+        return Band(coherent, channels or _describe_cut(freq, coherent, below))
     low, high = freq[np.flatnonzero(added)[[0, -1]]]
     remark = (
         f"from {low:.4g} to {high:.4g} Hz the median coherence is "
@@ -130,6 +131,25 @@ def _choose_band(campaign: Campaign, band: tuple[float, float] | None, source: P
         "lines are used; check how the coherence was exported, or state a band"
     )
     return Band(extended, remark)
+
+
+def _describe_cut(freq: Real, lines: Mask, usable: Mask) -> str:
+    """Return why the band leaves many lines at the ends of the axis out; empty if few.
+
+    Args:
+        freq: frequency lines [Hz]; (n_freq,).
+        lines: lines of the band; (n_freq,).
+        usable: lines below the highest usable frequency; (n_freq,).
+    """
+    usable = usable & (freq > 0)
+    if (usable & ~lines).sum() <= _MAX_SILENT_CUT * usable.sum():
+        return ""
+    (low, high), (first, last) = (freq[np.flatnonzero(mask)[[0, -1]]] for mask in (lines, usable))
+    return (
+        f"the band is {low:.4g} to {high:.4g} Hz of {first:.4g} to {last:.4g} Hz, because the "
+        f"median coherence of the channels falls to {_MIN_BAND_COHERENCE} beyond it; state a band "
+        "to use other lines"
+    )
 
 
 def _median_coherence(tests: list[Test], below: Mask) -> tuple[Real, str]:

@@ -63,12 +63,13 @@ def read_arrays(
     if coherence is not None:
         real = real_coherence(f"{path}: {names[1]}", np.asarray(coherence))
         coherence = _freq_first(path, names[1], real, shape)
-        _refuse_nan(path, names[1], coherence, responses, inputs)
-    _refuse_nan(path, names[0], values, responses, inputs)
     if not (np.isfinite(freq_hz).all() and (np.diff(freq_hz) > 0).all() and freq_hz.size):
         raise InputError(
             f"{path}: {names[2]} does not increase strictly: sort it and drop repeated lines"
         )
+    for name, table in ((names[1], coherence), (names[0], values)):
+        if table is not None:
+            _refuse_nan(path, name, table, freq_hz, responses, inputs)
     units = parse_frf_units(path, quantity, unit)
     return FrfTable(
         freq_hz=freq_hz,
@@ -95,15 +96,35 @@ def _freq_first(
     path: Path, name: str, array: np.ndarray, shape: tuple[int, int, int]
 ) -> np.ndarray:
     """Return an array with the axes (freq, out, in) of the given shape."""
+    stored = array.shape
     if array.ndim == 2 and shape[2] == 1:
-        array = array[:, :, None] if array.shape == shape[:2] else array[:, None, :]
+        array = array[:, :, None] if stored == shape[:2] else array[:, None, :]
     if array.shape == shape:
         return array
     if array.shape == (*shape[1:], shape[0]):
         return np.moveaxis(array, 2, 0)
-    raise InputError(
-        f"{path}: {name} has shape {array.shape}, but {shape[1]} channels, {shape[2]} references "
-        f"and {shape[0]} frequencies need {(*shape[1:], shape[0])}: correct channels or references"
+    raise InputError(f"{path}: {_describe_other_shape(name, stored, shape)}")
+
+
+def _describe_other_shape(name: str, stored: tuple[int, ...], shape: tuple[int, int, int]) -> str:
+    """Return what the shape of an array shows: other lines, another order of axes, or neither."""
+    lines, outputs, inputs = shape
+    across = shape[1 : len(stored)] if inputs == 1 else shape[1:]
+    if across in (stored[1:], stored[:-1]):
+        count = stored[0] if stored[1:] == across else stored[-1]
+        return (
+            f"{name} has {count} lines, and the file has {lines} frequencies: save the same lines "
+            "of both"
+        )
+    usual = (outputs, inputs, lines)
+    if sorted(stored) == sorted(shape):
+        return (
+            f"{name} has shape {stored}, its axes are in another order: save them as (out, in, "
+            f"freq), {usual}, or as (freq, out, in), {shape}"
+        )
+    return (
+        f"{name} has shape {stored}, but {outputs} channels, {inputs} references and {lines} "
+        f"frequencies need {usual}: correct channels or references"
     )
 
 
@@ -111,14 +132,16 @@ def _refuse_nan(
     path: Path,
     name: str,
     array: Complex | Real,
+    freq_hz: Real,
     responses: tuple[Output, ...],
     inputs: tuple[Input, ...],
 ) -> None:
-    """Refuse an array with NaN or values beyond any measurement; name its line and channel."""
+    """Refuse an array with NaN or values beyond any measurement; name frequency and channel."""
     bad = np.argwhere(~(np.abs(array) <= MAX_INPUT_MAGNITUDE))  # also true for NaN
     if bad.size:
         line, row, column = bad[0]
         raise InputError(
-            f"{path}: {name} holds NaN, infinity or a value beyond {MAX_INPUT_MAGNITUDE:g} at line "
-            f"{line}, response {responses[row]}, reference {inputs[column]}: export it again"
+            f"{path}: {name} holds NaN, infinity or a value beyond {MAX_INPUT_MAGNITUDE:g} at "
+            f"{freq_hz[line]:g} Hz, response {responses[row]}, reference {inputs[column]}: export "
+            "it again"
         )

@@ -30,6 +30,13 @@ function bodeTraces(x, {size, angle}, name, line, extra = {}) {
           {...common, y: angle, yaxis: "y2", showlegend: false, hovertemplate: "%{x:.5g} Hz: %{y:.1f}°" + tail}];
 }
 
+// Return the outlines of an interval of the magnitude, shaded in between; a logarithmic axis has no zero.
+function bandTraces(x, low, high, name, color, extra = {}) {
+  const common = {type: "scatter", mode: "lines", x, legendgroup: name, showlegend: false, hoverinfo: "skip", line: {color, width: 0}, ...extra};
+  return [{...common, y: Array.from(low, (v, k) => high[k] > 0 ? Math.max(v, 1e-4 * high[k]) : null)},
+          {...common, y: Array.from(high, v => v > 0 ? v : null), fill: "tonexty", fillcolor: color + "33"}];
+}
+
 function bodeAxes(sizes, title, [top, middle] = [0.36, [0, 0.3]]) {
   return {yaxis: {type: "log", domain: [top, 1], gridcolor: GRID, exponentformat: "power", ...logAxis(sizes), title: {text: title}},
     yaxis2: {domain: middle, range: [-190, 190], tickvals: [-180, -90, 0, 90, 180], gridcolor: GRID, zeroline: false, title: {text: "phase / °"}}};

@@ -61,9 +61,14 @@ def format_four_digits(value: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def format_percent(value: float) -> str:
-    """Return a ratio in per cent, with three significant digits."""
-    return f"{100 * value:.3g} %"
+def format_digits(value: float, digits: int) -> str:
+    """Return a number with some significant digits and no exponent, such as ``120``."""
+    return f"{float(f'{value:.{digits}g}'):.15g}"
+
+
+def format_percent(value: float, digits: int = 3) -> str:
+    """Return a ratio in per cent, with three significant digits by default."""
+    return f"{format_digits(100 * value, digits)} %"
 
 
 def format_shift(drawn: float, value: float, unit: str) -> str:

@@ -46,6 +46,8 @@ class Curves:
         before: FRFs of the machine without what is put on it, nan where it lacks a label;
             (n_curve, n_freq); without curves where there is nothing to compare with.
         remark: what is left out or went wrong; empty if nothing.
+        interval: both ends of the 95 % interval of each magnitude, (n_curve, n_freq); None for
+            none.
     """
 
     freq_hz: Real
@@ -57,6 +59,23 @@ class Curves:
     pairs: tuple[Pair, ...]
     before: Complex
     remark: str = ""
+    interval: tuple[Real, Real] | None = None
+
+    def with_interval(self, request: FrfRequest, ends: tuple[Real, Real]) -> "Curves":
+        """Return the curves with the 95 % intervals of their magnitudes.
+
+        Args:
+            request: outputs and inputs of the intervals.
+            ends: both ends on the lines of the curves; (n_freq, n_out, n_in) each.
+        """
+        places = [
+            (request.outputs.index(out), request.inputs.index(inp)) for out, inp in self.pairs
+        ]
+        shape = (len(places), len(self.freq_hz))
+        low, high = (
+            np.array([values[:, out, inp] for out, inp in places]).reshape(shape) for values in ends
+        )
+        return replace(self, interval=(low, high))
 
 
 def requested_curves(model: Model, modes: Sequence[Modes], request: FrfRequest) -> Curves:

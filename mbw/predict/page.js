@@ -81,6 +81,9 @@ const tick = mode => mode.name || (mode.frequency < 10 ? mode.frequency.toFixed(
 const BODE = DATA.bode, FREQ = floats(BODE.freq), FRFS = floats(BODE.values), MANY = 10;
 const BEFORE = BODE.before ? floats(BODE.before) : null;  // of the machine alone, where something is put on it
 
+const LOW = BODE.low && floats(BODE.low), HIGH = BODE.high && floats(BODE.high);  // 95 % intervals of a tuning
+const ends = (values, k) => values.subarray(k * FREQ.length, (k + 1) * FREQ.length);
+
 function bode() {
   const chosen = BODE.labels.map((label, k) => k).filter(k => state.curves === "all" || BODE.groups[k] === state.curves);
   const units = [...new Set(chosen.map(k => BODE.units[k]))], data = [], sizes = [];
@@ -88,7 +91,9 @@ function bode() {
     const values = polar(complexes(FRFS, k, FREQ.length)), hidden = n >= MANY;
     const name = BODE.labels[k] + (units.length > 1 ? " [" + BODE.units[k] + "]" : "");
     if (!hidden) sizes.push(values.size);
-    data.push(...bodeTraces(FREQ, values, name, {color: HUES[n % HUES.length], width: 1.4}, {visible: hidden ? "legendonly" : true}));
+    const extra = {visible: hidden ? "legendonly" : true};
+    if (HIGH) data.push(...bandTraces(FREQ, ends(LOW, k), ends(HIGH, k), name, HUES[n % HUES.length], extra));
+    data.push(...bodeTraces(FREQ, values, name, {color: HUES[n % HUES.length], width: 1.4}, extra));
     if (!BEFORE) return;
     const alone = polar(complexes(BEFORE, k, FREQ.length));
     if (!hidden) sizes.push(alone.size);
@@ -133,7 +138,8 @@ function panels() {
   buttons(kinds, "rows", [["each", "each direction"], ["whole", "stages"]], heat);
   if (COLUMNS.length < MODES.length) kinds.append(element("span", "the lowest " + COLUMNS.length + " of " + MODES.length + " modes", {className: "soft"}));
   const legend = "Solid: with what is put on the machine. Dotted: the machine alone. Between magnitude and phase: natural frequencies, before in grey, after in black. ";
-  byId("bode-remark").textContent = (BEFORE ? legend : "") + BODE.remark;
+  const shaded = "Shaded: 95 % interval of the magnitude, from the tuning. ";
+  byId("bode-remark").textContent = (HIGH ? shaded : "") + (BEFORE ? legend : "") + BODE.remark;
   heat();
   if (!BODE.labels.length) return;
   state.curves = BODE.labels.length <= MANY ? "all" : groups[0];

@@ -12,6 +12,7 @@ from mbmodel.geometry.surfaces import MachineGeometry
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
 from mbw.page.picture import picture_data
 from mbw.predict.before_after import comparison_section
+from mbw.predict.curves import Curves
 from mbw.predict.outcome import Outcome
 from mbw.predict.prediction import Prediction, largest_shares
 from mbw.predict.state_space_check import check_curves, check_section
@@ -82,10 +83,19 @@ def _data(outcome: Outcome, geometry: MachineGeometry) -> dict[str, object]:
             "units": curves.units,
             "values": pack_complex(curves.values),
             "remark": curves.remark,
+            **_interval(curves),
             **_before(outcome),
         },
         "check": None if check is None else check_curves(check, prediction.machine),
     }
+
+
+def _interval(curves: Curves) -> dict[str, object]:
+    """Return both ends of the intervals of the magnitudes; nothing without intervals."""
+    if curves.interval is None:
+        return {}
+    low, high = curves.interval
+    return {"low": pack_real(low), "high": pack_real(high)}
 
 
 def _before(outcome: Outcome) -> dict[str, object]:

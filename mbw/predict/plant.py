@@ -1,6 +1,6 @@
 """The plant with its uncertainty: bands, samples, uncertain plant and weight, from a tuning."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from mbmodel import (
     frf_bands,
     joint_parts,
 )
+from mbw.page.numbers import format_percent
 from mbw.predict.alternative_plants import alternatives_sentence, read_alternatives
 from mbw.predict.machines import Machines
 from mbw.predict.plant_files import (
@@ -80,6 +81,25 @@ class PlantResult:
         if self.alternatives is not None:
             return self.alternatives.magnitude_interval()
         return None if self.bands is None else self.bands.magnitude_interval()
+
+    def find_interval_at(self, freq_hz: Real) -> tuple[Real, Real] | None:
+        """Return the ends of the 95 % interval at other lines; None without bands.
+
+        Args:
+            freq_hz: frequency lines [Hz]; (n_freq,).
+
+        Returns:
+            Both ends of |H|; (n_freq, n_out, n_in) each.
+        """
+        if self.posterior is None or self.frfs is None or not self.request.bands:
+            return None
+        frfs = replace(self.frfs, freq_hz=freq_hz)
+        bands = frf_bands(self.posterior, frfs)
+        if self.request.diagnosed is None:
+            return bands.magnitude_interval()
+        return read_alternatives(
+            self.request.diagnosed, self.posterior, frfs, bands
+        ).magnitude_interval()
 
     def write_into(self, place: Path) -> None:
         """Write bands, samples and weight into the folder of the result.
@@ -194,9 +214,9 @@ def compute_plant(
         row = _bands_row(plant, bands, posterior)
         plant.rows["bands"] = row
         plant.sentences.append(
-            f"bands: the 95 % interval of the magnitude is +-{100 * row.median:.2g} % in the "
-            f"median and at most +-{100 * row.most:.2g} % at 95 % of the frequency lines; "
-            + _model_error_phrase(row)
+            f"bands: the 95 % interval of the magnitude is +-{format_percent(row.median, 2)} in "
+            f"the median and at most +-{format_percent(row.most, 2)} at 95 % of the frequency "
+            "lines; " + _model_error_phrase(row)
         )
         if row.remark:
             plant.sentences.append(f"bands: {row.remark}")
@@ -248,6 +268,6 @@ def _weight_sentence(row: WeightRow) -> str:
     units = "" if row.has_one_unit else _MIXED_UNITS
     return (
         f"weight: |W| of order {row.order} bounds the held-out error at the inputs, "
-        f"{100 * row.median:.2g} % in the median and {100 * row.largest:.2g} % at most, from above "
-        f"within a factor of {row.ratio:.3g}{units}"
+        f"{format_percent(row.median, 2)} in the median and {format_percent(row.largest, 2)} at "
+        f"most, from above within a factor of {row.ratio:.3g}{units}"
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from identification.words import UsageError
-from mbmodel import COMBINED_NAME, STAGE_COPY_NAME
+from mbmodel import COMBINED_NAME, STAGE_COPY_NAME, FrfRequest
 from mbmodel.geometry.surfaces import machine_geometry
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
@@ -157,6 +157,7 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
             for remark in outcome.remarks:
                 SCREEN.say(remark)
             plant = compute_plant(machines, machine_request.path, frfs, targets.plant)
+            outcome = _add_interval(outcome, frfs, plant)
             study = study_plant(
                 machines.model.machine,
                 machines.model,
@@ -179,6 +180,17 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
             print_frf(machines.model, frfs, plant.interval if targets.plant.bands else None)
         if output is not None:
             _say_where(output.path, machines, targets)
+
+
+def _add_interval(outcome: Outcome, frfs: FrfRequest | None, plant: PlantResult) -> Outcome:
+    """Return the outcome whose curves have the intervals of the plant, if there are any."""
+    curves = outcome.curves
+    if curves is None or frfs is None:
+        return outcome
+    ends = plant.find_interval_at(curves.freq_hz)
+    if ends is None:
+        return outcome
+    return replace(outcome, curves=curves.with_interval(frfs, ends))
 
 
 def _write_files(

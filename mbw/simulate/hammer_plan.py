@@ -34,9 +34,10 @@ from tuning import open_campaign
 _DEFAULT_LEVEL_N = 200.0
 _DEFAULT_HITS = 10
 _RECORDER_RATE_HZ = 512.0
-_DEFAULT_BLOCK_SAMPLES = 2048
-_MODES_OF_BAND = 12  # modes that the default band holds where they lie above 200 Hz
-_BAND_OVER_MODES = 1.5  # upper limit of the default band over the highest of those modes
+_BAND_OVER_MODES = 1.2  # upper limit of the default band over the highest mode
+# Longest record by default: slow modes need time, fast ones many samples.
+_MAX_BLOCK_S, _MAX_BLOCK_PERIODS = 4.0, 800
+_MIN_BLOCK_SAMPLES, _MAX_BLOCK_SAMPLES = 2048, 16384
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
     if options.like is None:
         files = _files(machine, options, suffix)
         rate = options.rate_hz or _default_rate(machine)
-        block, stated = options.block_s or _DEFAULT_BLOCK_SAMPLES / rate, Tolerance()
+        block, stated = options.block_s or _default_block(machine, rate), Tolerance()
     else:
         files, rate, block, stated = _imitate(options, suffix)
         rate, block = options.rate_hz or rate, options.block_s or block
@@ -203,12 +204,22 @@ def _refuse_empty_band(machine: Machine, rate_hz: float) -> None:
 
 
 def _default_rate(machine: Machine) -> float:
-    """Return 512 Hz if a mode lies below 200 Hz; else a rate whose band holds twelve modes."""
+    """Return 512 Hz, or more for a band that holds all modes of the machine."""
     natural = _find_natural_frequencies(machine)
-    if not natural.size or natural[0] < BAND_SHARE * _RECORDER_RATE_HZ:
-        return _RECORDER_RATE_HZ
-    top = _BAND_OVER_MODES * natural[:_MODES_OF_BAND][-1]
-    return float(np.ceil(top / BAND_SHARE))
+    top = _BAND_OVER_MODES * natural.max(initial=0.0)
+    return max(_RECORDER_RATE_HZ, float(np.ceil(top / BAND_SHARE)))
+
+
+def _default_block(machine: Machine, rate_hz: float) -> float:
+    """Return the length of a record [s]: 4 s, less for fast modes, of a power of two samples.
+
+    It has 2048 to 16384 samples at any rate.
+    """
+    natural = _find_natural_frequencies(machine)
+    periods = _MAX_BLOCK_PERIODS / natural[0] if natural.size else np.inf
+    samples = rate_hz * min(_MAX_BLOCK_S, periods)
+    limited = np.clip(samples, _MIN_BLOCK_SAMPLES, _MAX_BLOCK_SAMPLES)
+    return float(2.0 ** round(np.log2(limited)) / rate_hz)
 
 
 def _imitate(

@@ -44,7 +44,8 @@ def simulate(  # noqa: PLR0913  # one for each option
     rate: Annotated[
         float | None,
         typer.Option(
-            metavar="HZ", help="Samples per second. Default: 512, or more for faster modes."
+            metavar="HZ",
+            help="Samples per second. Default: 512, or more: all modes lie below rate / 2.56.",
         ),
     ] = None,
     block: Annotated[

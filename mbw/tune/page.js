@@ -26,7 +26,7 @@ function decades(channel) {
   for (const kind of ["drawn", "tuned"])
     for (const v of curve(kind, channel, "magnitude")) if (v > top) top = v;
   const range = [Math.log10(low) - 0.35, Math.log10(top) + 0.15];
-  return {range, dtick: range[1] - range[0] > 1.3 ? 1 : "D1"};
+  return {range, dtick: range[1] - range[0] > 1.3 ? 1 : "D2"};
 }
 
 const state = {body: DATA.bodies[0], file: DATA.files[0], view: "magnitude"};
@@ -39,8 +39,10 @@ function draw() {
   const chosen = DATA.channels.map((c, i) => ({...c, i}))
     .filter(c => c.body === state.body && c.file === state.file);
   const rows = [...new Set(chosen.map(c => c.direction))], columns = [...new Set(chosen.map(c => c.reference))];
+  // The labels of a column's values take 40 pixels beside the plot to its left.
+  const width = document.getElementById("overlay").clientWidth || 1100, xgap = Math.min(0.5, Math.max(0.12, 40 * columns.length / width));
   const traces = [], layout = {
-    grid: {rows: rows.length, columns: columns.length, pattern: "independent", xgap: 0.12, ygap: 0.16},
+    grid: {rows: rows.length, columns: columns.length, pattern: "independent", xgap, ygap: 0.16},
     height: 60 + 175 * rows.length, margin: {l: 62, r: 12, t: 48, b: 44}, showlegend: false, font: FONT,
     paper_bgcolor: "white", plot_bgcolor: "white", annotations: []
   };
@@ -52,7 +54,7 @@ function draw() {
     const last = r === rows.length - 1;
     layout["xaxis" + tag] = {showgrid: true, gridcolor: "#eef1f5", ticks: "outside", showticklabels: last,
       matches: n === 1 ? undefined : "x", title: last ? {text: "Hz", standoff: 4} : undefined, zeroline: false};
-    layout["yaxis" + tag] = {type: state.view === "phase" ? "linear" : "log", gridcolor: "#eef1f5", zeroline: false,
+    layout["yaxis" + tag] = {type: state.view === "phase" ? "linear" : "log", gridcolor: "#eef1f5", zeroline: false, tickfont: {size: 10},
       exponentformat: "power", title: c === 0 || unit !== unitOf(direction, columns[0]) ?
       {text: direction + " / " + (state.view === "phase" ? "°" : unit), standoff: 4, font: {size: 11}} : undefined};
     if (state.view !== "phase" && channel) Object.assign(layout["yaxis" + tag], decades(channel.i));

@@ -9,6 +9,7 @@ from tuning import TunedFile
 from tuning.files.schema import ParameterRow
 
 _BAR_OCTAVES = 2.0  # range of a bar on either side of the nominal value: a factor of 4
+_MAX_BAR_FACTOR = 2.0**_BAR_OCTAVES
 
 
 def parameter_rows(summary: TunedFile) -> str:
@@ -56,7 +57,7 @@ def _interval(row: ParameterRow) -> str:
 def _bar(row: ParameterRow, factor: float) -> str:
     """Return the factor as a bar from ÷4 to ×4 with its interval as a whisker.
 
-    The bar of an unidentifiable parameter is hatched.
+    The bar of an unidentifiable parameter is hatched. A factor beyond the bar stands at its end.
     """
     if not row.seen:
         return '<span class="bar hatched"><b></b></span>'
@@ -67,10 +68,15 @@ def _bar(row: ParameterRow, factor: float) -> str:
     whisker = ""
     if row.low is not None and row.high is not None:
         low, high = sorted((_place(row.low / row.drawn), _place(row.high / row.drawn)))
-        whisker = f'<u style="left:{low:.2f}%;width:{high - low:.2f}%"></u>'
+        whisker = f'<u style="left:{low:.2f}%;width:{high - low:.2f}%"></u>' if high > low else ""
+    beyond = ""
+    if factor > _MAX_BAR_FACTOR:
+        beyond = f'<em class="above">&times;{factor:.3g} ▸</em>'
+    elif factor < 1 / _MAX_BAR_FACTOR:
+        beyond = f'<em class="below">◂ &divide;{1 / factor:.3g}</em>'
     return (
         f'<span class="bar"><i style="left:{left:.1f}%;width:{width:.1f}%"></i><b></b>'
-        f"{whisker}</span>"
+        f"{whisker}{beyond}</span>"
     )
 
 

@@ -69,10 +69,10 @@ def _dirty_rows() -> list[Sequence[object]]:
 
 
 def _intervals_row() -> Sequence[object]:
-    """Return how often 95 % intervals of tuned stiffness hold the truth."""
+    """Return how often 95 % intervals of tuned stiffness of exact machines hold the truth."""
     stiffness = bench_rows("coverage")[0]
     return (
-        "95 % intervals of tuned stiffness that hold the truth",
+        "95 % intervals of tuned stiffness of exact machines that hold the truth",
         f"{stiffness['coverage %']:.1f} % [{stiffness['from']:.1f}, {stiffness['to']:.1f}]",
         stiffness["n"],
         "coverage",

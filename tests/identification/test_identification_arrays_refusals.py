@@ -47,7 +47,25 @@ def test_a_table_of_another_shape_is_refused_with_both_shapes(path, options):
 @pytest.mark.parametrize("order", [(0, 2, 1), (1, 0, 2), (2, 0, 1), (2, 1, 0)])
 def test_axes_in_no_known_order_are_refused(path, order):
     save_frfs(path, np.transpose(tables()[0], order))
-    assert "shape" in refusal(path)
+    shape = tuple((7, 5, 2)[axis] for axis in order)
+    assert (
+        f"{NAMES[path.suffix][0]} has shape {shape}, its axes are in another order: save them as "
+        "(out, in, freq), (5, 2, 7), or as (freq, out, in), (7, 5, 2)" in refusal(path)
+    )
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_other_lines_than_frequencies_are_counted(path, is_first):
+    values = tables()[0]
+    save_frfs(path, values if is_first else np.moveaxis(values, 0, 2), freq=FREQ[:-3])
+    message = refusal(path)
+    assert f"{NAMES[path.suffix][0]} has 7 lines, and the file has 4 frequencies: save" in message
+    assert "channels" not in message
+
+
+def test_other_lines_of_a_single_reference_are_counted(path):
+    save_frfs(path, tables()[0][:, :, 0], freq=FREQ[:-3])
+    assert "has 7 lines, and the file has 4 freq" in refusal(path, references=["11:+z"])
 
 
 def test_coherences_of_another_shape_are_refused(path):
@@ -64,7 +82,7 @@ def test_a_value_that_is_no_number_is_named_by_line_and_channel(path, bad, name)
     save_frfs(path, *both)
     message = refusal(path)
     assert NAMES[path.suffix][name] in message
-    assert "line 3, response 7:-ty, reference 3:-tx" in message
+    assert "at 3 Hz, response 7:-ty, reference 3:-tx" in message
 
 
 @pytest.mark.parametrize(

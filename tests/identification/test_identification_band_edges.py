@@ -97,7 +97,20 @@ def test_noise_that_an_exponential_window_makes_smooth_extends_no_band():
     values = np.fft.rfft(noise)[: len(FREQ)]
     campaign = select_band(a_campaign(values, step(20.0, 300.0)))
     assert campaign.freq_hz[-1] == pytest.approx(300.0, abs=0.32)
-    assert campaign.remarks == ()
+    (remark,) = campaign.remarks
+    assert "smooth" not in remark
+
+
+def test_a_band_that_leaves_many_lines_out_says_which_and_why():
+    (remark,) = select_band(a_noisy(step(20.0, 300.0))).remarks
+    first, last = FREQ[FREQ > 0][[0, -1]]
+    assert remark.startswith("the band is ")
+    low, high = (float(remark.split()[k]) for k in (3, 5))
+    assert (low, high) == pytest.approx((20.0, 300.0), abs=0.4)
+    assert f"Hz of {first:.4g} to {last:.4g} Hz, because the median coherence" in remark
+    few = step(20.0, 300.0)
+    few[0.01 * last < FREQ] = 0.95
+    assert select_band(a_noisy(few)).remarks == ()
 
 
 def test_a_stated_band_needs_no_remark():

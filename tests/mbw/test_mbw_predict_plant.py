@@ -14,6 +14,7 @@ import control
 import numpy as np
 import pytest
 import scipy.io
+from browser import CHROMIUM, GL, browse, data_of, unpacked
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
@@ -103,6 +104,46 @@ def test_bands_are_written_with_the_frfs_and_their_names(tuned, tmp_path, frfs):
     assert row["median"] == pytest.approx(np.median(shown))
     assert 1e-3 < row["median"] < 0.1
     assert "95 % interval" in result.stderr
+
+
+PROBE = """<script>setTimeout(() => {
+  const shaded = byId("bode").data.filter(t => t.fill === "tonexty").map(t => t.y.length);
+  const fills = document.querySelectorAll("#bode .js-fill").length;
+  const said = byId("bode-remark").textContent;
+  const found = JSON.stringify({shaded, fills, said, faults: FAULTS});
+  document.body.append(element("pre", found, {id: "found"}));
+}, 3000);</script>"""
+
+
+def test_the_page_shades_the_interval_of_every_magnitude(tuned, tmp_path):
+    predict(tuned, "--bands", "--out", tmp_path)
+    page, bands = (tmp_path / "predict.html").read_text("utf-8"), load(tmp_path / "bands.npz")
+    bode = data_of(page)["bode"]
+    freq = unpacked(bode["freq"])
+    shown = {end: unpacked(bode[end]).reshape(4, -1) for end in ("low", "high")}
+    common = [np.flatnonzero(np.isclose(freq, line, rtol=1e-6)) for line in bands["freq_hz"]]
+    lines = [k for k, places in enumerate(common) if len(places) == 1]
+    assert len(lines) > 50
+    places = [common[k][0] for k in lines]
+    pairs = [label.split(" / ") for label in bode["labels"]]
+    for row, (out, inp) in enumerate(pairs):
+        cell = list(bands["outputs"]).index(out), list(bands["inputs"]).index(inp)
+        for end, values in shown.items():
+            np.testing.assert_allclose(
+                values[row, places], bands[end][lines][:, *cell], rtol=1e-4, atol=1e-9
+            )
+    if CHROMIUM is None:
+        pytest.skip("Chromium is not installed")
+    found = browse(page, tmp_path, *GL, probe=PROBE)
+    assert found["faults"] == []
+    assert found["shaded"] == [len(freq)] * 4
+    assert found["fills"] == 4
+    assert found["said"].startswith("Shaded: 95 % interval of the magnitude")
+
+
+def test_the_page_of_a_model_without_a_tuning_shades_nothing(tuned, tmp_path):
+    predict(tuned / "tuned.xml", "--out", tmp_path)
+    assert "high" not in data_of((tmp_path / "predict.html").read_text("utf-8"))["bode"]
 
 
 def test_the_csv_has_the_ends_of_the_intervals(tuned, tmp_path):

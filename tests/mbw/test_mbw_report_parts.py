@@ -10,7 +10,7 @@ from campaign_folder import write_folder
 from typer.testing import CliRunner
 
 from mbw.command import app
-from mbw.page.numbers import format_four_digits, format_shift, format_tolerance
+from mbw.page.numbers import format_four_digits, format_percent, format_shift, format_tolerance
 from mbw.tune.convergence import badges, identifiability_section, starts_section
 from mbw.tune.page import render
 from mbw.tune.parameters import interval_note, parameter_rows
@@ -107,6 +107,24 @@ def test_an_interval_beyond_the_scale_ends_with_it(summary):
     assert '<u style="left:0.00%;width:100.00%">' in row_of(parameter_rows(wide), name)
 
 
+@pytest.mark.parametrize(
+    ("factor", "mark"),
+    [
+        (22.9, '<em class="above">&times;22.9 ▸</em>'),
+        (0.01, '<em class="below">◂ &divide;100</em>'),
+        (3.9, ""),
+        (0.26, ""),
+    ],
+)
+def test_a_factor_beyond_the_scale_stands_at_its_end(summary, factor, mark):
+    name = "head_tx.damping"
+    ends = {"low": 0.98 * factor, "high": 1.02 * factor}
+    html = row_of(parameter_rows(with_row(summary, name, tuned=factor, drawn=1.0, **ends)), name)
+    assert (mark or "</span></td>") in html
+    assert ("<em" in html) == bool(mark)
+    assert ("<u" in html) == (not mark)
+
+
 def test_a_freed_displacement_has_no_factor_and_an_interrupted_tuning_no_interval(summary):
     free = with_row(summary, "head.com_x", prior=None, pull=None)
     html = row_of(parameter_rows(free), "head.com_x")
@@ -153,6 +171,15 @@ def test_the_table_has_the_ten_largest_pulls_and_marks_the_impossible(summary):
     assert "keeps all within 2.5" in pulls_note(far)
     assert "keeps all within 2.5" not in pulls_note(summary)
     assert "class=bad" not in pulls_table(with_row(summary, "acc4.rotation_y", pull=3.4))
+
+
+def test_percentages_have_no_exponent():
+    assert [format_percent(value, 2) for value in (1.0, 1.234, 0.0712)] == [
+        "100 %", "120 %", "7.1 %",
+    ]  # fmt: skip
+    assert [format_percent(value) for value in (12.344, 0.12345, -0.5)] == [
+        "1230 %", "12.3 %", "-50 %",
+    ]  # fmt: skip
 
 
 def test_numbers_are_in_units_that_a_workshop_reads():
@@ -225,6 +252,16 @@ def test_the_band_is_that_of_the_result_and_the_inputs_are_named(result):
 PROBE = """<script>setTimeout(() => {
   const marks = [...document.querySelectorAll("#pulls .points path")].map(p => p.style.stroke);
   const labels = [...document.querySelectorAll("#pulls .annotation-text")].map(t => t.textContent);
+  const left = document.getElementById("pulls").getBoundingClientRect().left;
+  const clipped = [...document.querySelectorAll("#pulls .ytick text")]
+    .filter(t => t.getBoundingClientRect().left < left).map(t => t.textContent);
+  const steps = [...document.querySelectorAll("#pulls .xtick text")].map(t => t.textContent);
+  const overlay = document.getElementById("overlay"), start = overlay.getBoundingClientRect().left;
+  const ends = Object.entries(overlay._fullLayout).filter(([key]) => /^xaxis/.test(key))
+    .map(([_, axis]) => start + axis._offset + axis._length);
+  const values = [...overlay.querySelectorAll("g[class^=y][class$=tick] text")]
+    .map(t => t.getBoundingClientRect());
+  const crossing = values.filter(b => ends.some(end => b.left < end && end < b.right)).length;
   const wide = document.documentElement.scrollWidth;
   const fills = document.querySelectorAll("#overlay .js-fill").length;
   [...document.querySelectorAll("#choose button")].find(b => b.textContent === "phase").click();
@@ -234,7 +271,8 @@ PROBE = """<script>setTimeout(() => {
   const hit = boxes.some((a, i) => boxes.slice(i + 1).some(b => a.left < b.right && b.left < a.right
     && a.top < b.bottom && b.top < a.bottom));
   const pre = document.createElement("pre"); pre.id = "found";
-  pre.textContent = JSON.stringify({faults: FAULTS, marks, labels, wide, fills, hit, phase});
+  pre.textContent = JSON.stringify({faults: FAULTS, marks, labels, wide, fills, hit, phase, clipped,
+    steps, values: values.length, crossing});
   document.body.append(pre);
 }, 3000);</script>"""
 
@@ -248,11 +286,23 @@ def test_in_a_browser_the_impossible_pull_is_red_and_named_and_every_motion_has_
     assert found["faults"] == []
     assert len(found["marks"]) == 130
     assert sum(mark == "rgb(180, 35, 24)" for mark in found["marks"]) == 1
-    assert found["labels"] == ["acc4.rotation_y"]
+    assert found["labels"] == ["acc4.rotation_y -15.0"]
+    steps = {step.replace("\u2212", "-") for step in found["steps"]}
+    assert steps == {"0", "+2", "-2", "+4", "-4", "+10", "-10"}
+    assert found["clipped"] == []
     assert not found["hit"]
     assert found["fills"] == 6 * 3  # sensors that are off read a little of every direction
     assert found["phase"] == 0
     assert found["wide"] <= 1280
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_in_a_narrow_window_the_values_of_a_plot_stay_beside_its_neighbour(result, tmp_path):
+    found = browse(render(result), tmp_path, "--window-size=640,1600", probe=PROBE)
+    assert found["values"] > 18
+    assert found["crossing"] == 0
+    assert found["clipped"] == []
+    assert "+10" not in found["steps"]
 
 
 def test_intervals_say_what_they_presume(summary, result):

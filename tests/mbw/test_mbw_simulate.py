@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import tomllib
 
 import numpy as np
@@ -17,10 +18,14 @@ from mbmodel import (
     GapSpring,
     JenkinsElement,
     PolynomialSpring,
+    as_drawn,
+    load_machine,
+    model_modes,
     read_nonlinear_joints,
     write_nonlinear_joints,
 )
 from mbw.command import app
+from mbw.simulate import hammer_plan
 from mbw.simulate.hammer_plan import _record_names
 from tuning import open_campaign
 
@@ -260,6 +265,26 @@ def test_a_played_signal_becomes_a_moving_picture_and_a_page(model, tmp_path, mo
     assert "estimated error" in page
     assert '"label": "acc3:+tx"' in page
     assert "--animate" in run(model, "--hammer", "3", "--animate", target, code=2)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 0.05, 1.0, 30.0, 1e4])
+def test_the_default_rate_holds_all_modes_and_the_record_the_slow_ones(tmp_path, factor):
+    scaled = re.sub(
+        r'(stiffness|damping)="([^"]+)"',
+        lambda found: f'{found[1]}="{float(found[2].split()[0]) * factor:.9g}"',
+        MJCF,
+    )
+    (tmp_path / "scaled.xml").write_text(scaled, encoding="utf-8")
+    machine = load_machine(tmp_path / "scaled.xml")
+    modes = model_modes(as_drawn(machine), as_drawn(machine).drawn)
+    natural = modes.freq_hz[modes.oscillates]
+    rate = hammer_plan._default_rate(machine)
+    assert rate == max(512.0, np.ceil(1.2 * 2.56 * max(natural, default=0.0)))
+    block = hammer_plan._default_block(machine, rate)
+    assert np.log2(block * rate) == pytest.approx(round(np.log2(block * rate)), abs=1e-9)
+    assert 2048 <= round(block * rate) <= 16384
+    if rate == 512.0:
+        assert block == 4.0
 
 
 def test_files_of_one_name_in_several_folders_stay_apart():

@@ -15,8 +15,12 @@ from truth.campaign.draw import draw_drawing
 from truth.campaign.file_formats import model_xml
 from truth.machine.random_tree import draw_tree
 from tuning import open_session
-from tuning.checks.data_against_model import compare_with_model
-from tuning.checks.export_faults import StatedExport
+from tuning.checks.data_against_model import (
+    _closest_faults,
+    _CurveAgreement,
+    compare_with_model,
+)
+from tuning.checks.export_faults import StatedExport, list_faults
 
 FREQ = np.arange(2.0, 242.0, 1.0)
 HEALTHY = range(30)
@@ -138,6 +142,16 @@ def test_another_frequency_unit_is_named(random_case, seed, unit, axis):
     model, campaign = random_case(seed)
     (finding,) = compare(model, as_exported(campaign, axis=axis))
     assert f'set frequency_unit = "{unit}" in' in finding.sentence
+
+
+def test_a_rare_frequency_unit_is_named_only_where_nothing_else_explains_the_file():
+    agreement = _CurveAgreement(0.2, 0.9, 0.0, 2.0)
+    faults = {fault.remedy: fault for fault in list_faults(StatedExport("accelerance"))}
+    unit, rare = faults['unit = "g/N"'], faults['frequency_unit = "rpm"']
+    better = replace(agreement, loss=0.1)
+    rows = _closest_faults([(unit, agreement), (rare, better)])
+    assert [fault for fault, _ in rows] == [unit]
+    assert [fault for fault, _ in _closest_faults([(rare, better)])] == [rare]
 
 
 def test_an_unexplained_factor_is_a_remark(random_case):

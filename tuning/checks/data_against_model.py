@@ -180,10 +180,14 @@ def _compare_file(model: Model, campaign: Campaign, stated: StatedExport) -> Exp
 def _closest_faults(
     rows: list[tuple[ExportFault, _CurveAgreement]],
 ) -> list[tuple[ExportFault, _CurveAgreement]]:
-    """Return the faults whose losses cannot be told from the smallest, in their order."""
+    """Return the faults whose losses cannot be told from the smallest, in their order.
+
+    A rare fault is named only where no usual one explains the file.
+    """
     best = min((agreement.loss for _, agreement in rows), default=0.0)
     close = [row for row in rows if row[1].loss <= best + _EXPORT_LIMITS.max_tie]
-    return sorted(close, key=lambda row: row[1].loss)
+    usual = [row for row in close if not row[0].is_rare]
+    return sorted(usual or close, key=lambda row: row[1].loss)
 
 
 def _is_certain(fault: ExportFault, null: _CurveAgreement, agreement: _CurveAgreement) -> bool:

@@ -19,6 +19,7 @@ from identification.words import DERIVATIVE_ORDER, Quantity, Real
 
 _MIN_LOG_FACTOR = np.log(2)  # ln of the smallest common factor that is a fault
 _MILLIMETRE = 1e-3  # m
+_RARE_FREQUENCY_UNITS = ("rpm",)  # of order analyses, hardly ever of FRFs
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class ExportFault:
         log_factor: ln of the values as read over the true ones.
         order: order of the true quantity minus that of the stated one.
         axis: frequencies as read over the true ones.
+        is_rare: whether FRFs are hardly ever exported so.
     """
 
     reason: str
@@ -57,6 +59,7 @@ class ExportFault:
     log_factor: float = 0.0
     order: int = 0
     axis: float = 1.0
+    is_rare: bool = False
 
     def level_change(self, log_freq: Real, quantity: Quantity) -> Real:
         """Return what the fault adds to the level at frequencies as read.
@@ -131,6 +134,7 @@ def _axis_faults(stated: StatedExport) -> list[ExportFault]:
             f"frequencies in {unit} were read as {read_as}",
             f'frequency_unit = "{unit}"',
             axis=read_hz / hertz,
+            is_rare=unit in _RARE_FREQUENCY_UNITS,
         )
         for unit, hertz in FREQUENCY_UNITS_HZ.items()
         if unit != read_as
