@@ -105,7 +105,7 @@ def _rejection(
     if any(shift is not None and shift <= settings.outlier_sigma for shift in fitted.shifts):
         return f"pull < {settings.outlier_sigma:g}"
     if not is_material:
-        verb = "closes" if len(fitted.keys) == 1 else "the last cause adds"
+        verb = "closes" if len(fitted.keys) == 1 else "one cause adds"
         return f"{verb} < {100 * settings.min_closed:g} %"
     if set(fitted.keys) in map(set, evidence.rejected):
         return "fails on held-out lines"

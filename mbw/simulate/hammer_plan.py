@@ -36,8 +36,8 @@ _DEFAULT_HITS = 10
 _RECORDER_RATE_HZ = 512.0
 _BAND_OVER_MODES = 1.2  # upper limit of the default band over the highest mode
 # Longest record by default: slow modes need time, fast ones many samples.
-_MAX_BLOCK_S, _MAX_BLOCK_PERIODS = 4.0, 800
-_MIN_BLOCK_SAMPLES, _MAX_BLOCK_SAMPLES = 2048, 16384
+_MAX_RECORD_S, _MAX_RECORD_PERIODS = 4.0, 800
+_MIN_RECORD_SAMPLES, _MAX_RECORD_SAMPLES = 2048, 16384
 
 
 @dataclass(frozen=True)
@@ -216,9 +216,9 @@ def _default_block(machine: Machine, rate_hz: float) -> float:
     It has 2048 to 16384 samples at any rate.
     """
     natural = _find_natural_frequencies(machine)
-    periods = _MAX_BLOCK_PERIODS / natural[0] if natural.size else np.inf
-    samples = rate_hz * min(_MAX_BLOCK_S, periods)
-    limited = np.clip(samples, _MIN_BLOCK_SAMPLES, _MAX_BLOCK_SAMPLES)
+    periods = _MAX_RECORD_PERIODS / natural[0] if natural.size else np.inf
+    samples = rate_hz * min(_MAX_RECORD_S, periods)
+    limited = np.clip(samples, _MIN_RECORD_SAMPLES, _MAX_RECORD_SAMPLES)
     return float(2.0 ** round(np.log2(limited)) / rate_hz)
 
 

@@ -147,7 +147,7 @@ def test_a_table_in_a_file_keeps_all_columns(capsys):
     said = capsys.readouterr().err
     row = next(line for line in said.splitlines() if "acc8" in line)
     assert "sensor_misalignment at sensor:acc8 + parallel_path at pair:frame-xstage " in row
-    assert "the last cause adds < 20 %" in row
+    assert "one cause adds < 20 %" in row
     assert all(name in said for name in (" score ", " error % ", " closed % ", " log odds "))
 
 
