@@ -15,6 +15,7 @@ from identification.readers.layout import read_layout
 from identification.solid import (
     FAULT_PHRASES,
     MIN_REDUNDANT_CHANNELS,
+    MOUNT_ENDS,
     BendingShape,
     BodyCheck,
     Fault,
@@ -32,6 +33,7 @@ from identification.solid import (
 __all__ = [
     "FAULT_PHRASES",
     "MIN_REDUNDANT_CHANNELS",
+    "MOUNT_ENDS",
     "BendingShape",
     "BodyCheck",
     "CampaignSettings",

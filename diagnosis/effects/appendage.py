@@ -17,7 +17,12 @@ import numpy as np
 
 from diagnosis.effects.points import name_vector
 from diagnosis.effects.resonator import build_resonator, build_resonator_slope
-from diagnosis.effects.scales import ARM_UNIT_M, LOG_UNIT, MASS_SHARE_UNIT
+from diagnosis.effects.scales import (
+    ARM_UNIT_M,
+    LOG_FREQUENCY_UNIT,
+    LOG_UNIT,
+    MASS_SHARE_UNIT,
+)
 from diagnosis.effects.spring_laws import Shape
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Vague, Value
 from diagnosis.rounding import NEGLIGIBLE_SHARE
@@ -32,7 +37,6 @@ from mbmodel import (
     transport,
 )
 
-_LOG_FREQUENCY_UNIT = 0.05  # of the logarithm, and of its scan: less than a resonance is wide
 _SCAN_DAMPING_RATIO = 0.03  # of scanned appendages, and where their damping starts
 
 
@@ -42,7 +46,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     band = scene.session.campaign.freq_hz
     lowest, highest = (share * float(band[-1]) for share in scene.settings.appendage_ends)
     lowest = max(float(band[band > 0].min()), lowest)
-    steps = max(0, round(float(np.log(highest / lowest)) / _LOG_FREQUENCY_UNIT))
+    steps = max(0, round(float(np.log(highest / lowest)) / LOG_FREQUENCY_UNIT))
     frequencies = np.geomspace(lowest, highest, steps + 1).tolist()
     for number, body in enumerate(machine.layout.bodies):
         if not machine.body_mass[6 * number, 6 * number] > 0:
@@ -112,7 +116,7 @@ class _Appendage:
     def part(self) -> AddedPart:
         """Part with the appendage."""
         units = [f"{self._mass_unit:g} kg"] * 3
-        units += [f"{_LOG_FREQUENCY_UNIT:.0%}", f"{LOG_UNIT:.0%}"] + [f"{ARM_UNIT_M:g} m"] * 3
+        units += [f"{LOG_FREQUENCY_UNIT:.0%}", f"{LOG_UNIT:.0%}"] + [f"{ARM_UNIT_M:g} m"] * 3
         names = (*self.mass_names, *self.resonance_names, *self.place_names)
         parameters = tuple(
             Parameter(name, 0.0, unit, positive=False)
@@ -125,7 +129,7 @@ class _Appendage:
 
     def _resonance(self, theta: Real) -> tuple[float, float]:
         """Return the natural frequency [rad/s] and the damping ratio."""
-        omega = 2 * np.pi * self.frequency * float(np.exp(_LOG_FREQUENCY_UNIT * theta[3]))
+        omega = 2 * np.pi * self.frequency * float(np.exp(LOG_FREQUENCY_UNIT * theta[3]))
         return omega, _SCAN_DAMPING_RATIO * float(np.exp(LOG_UNIT * theta[4]))
 
     def find_bounds(
@@ -142,7 +146,7 @@ class _Appendage:
             radii: largest distance from the centre of mass [radii of gyration].
         """
         frequency, damping = self.resonance_names
-        ends = np.log(np.array([lowest, highest]) / self.frequency) / _LOG_FREQUENCY_UNIT
+        ends = np.log(np.array([lowest, highest]) / self.frequency) / LOG_FREQUENCY_UNIT
         widest = float(np.log(np.sqrt(0.5) / _SCAN_DAMPING_RATIO)) / LOG_UNIT
         inertia = self._inertia
         gyration = float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
@@ -177,7 +181,7 @@ class _Appendage:
         changes = [self._build_change(core, build_resonator(omega, zeta))]
         if theta[:3].any():
             rates = np.array([[2 * zeta * omega, 2 * omega**2], [2 * zeta * omega, 0.0]])
-            rates *= [[_LOG_FREQUENCY_UNIT], [LOG_UNIT]]
+            rates *= [[LOG_FREQUENCY_UNIT], [LOG_UNIT]]
             for place, (linear, constant) in enumerate(rates.tolist(), start=3):
                 sensitivity = np.zeros((8, 6, 6))
                 sensitivity[place] = moved.T @ momentum

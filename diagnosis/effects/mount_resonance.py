@@ -22,25 +22,21 @@ from functools import lru_cache
 import numpy as np
 
 from diagnosis.effects.points import list_sensors
-from diagnosis.effects.scales import LOG_UNIT, MAX_LOG_STEPS
+from diagnosis.effects.scales import LOG_FREQUENCY_UNIT, LOG_UNIT, MAX_LOG_STEPS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification import FAULT_PHRASES
+from diagnosis.settings import DiagnosisSettings
+from identification import FAULT_PHRASES, MOUNT_ENDS
 from identification.words import Complex, Dof, Real
 from mbmodel import AddedPart, Change, Parameter
 
-_DAMPING = 0.05  # ratio z of the scan: of wax and magnets 0.01 to 0.1
-# Frequencies of the scan over the highest line: a lower mounting transmits little of the band, and
-# a higher one is a small gain that grows with frequency.
-_LOWEST, _ABOVE_BAND, _HIGHEST = 0.4, 1.2, 4.0
-_STEP_ABOVE_BAND = 1.5
+_DAMPING = LOG_FREQUENCY_UNIT  # ratio z of the scan: of wax and magnets 0.01 to 0.1
 
 Shape = Callable[[Complex], Complex]
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each sensor and frequency of the scan."""
-    highest = float(scene.session.campaign.freq_hz[-1])
-    frequencies = [ratio * highest for ratio in _list_ratios()]
+    frequencies = _scan(float(scene.session.campaign.freq_hz[-1]), scene.settings)
     measured = {dof.point for dof in scene.session.campaign.outputs if isinstance(dof, Dof)}
     for site in list_sensors(scene):
         if site in measured:
@@ -48,13 +44,20 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 yield _Mounting(f"{site}.mounting{number}", site, frequency).propose()
 
 
-@lru_cache(1)
-def _list_ratios() -> tuple[float, ...]:
-    """Return the frequencies of the scan over the highest line."""
-    steps = int(np.ceil(np.log(_ABOVE_BAND / _LOWEST) / (2 * _DAMPING)))
-    above = int(np.ceil(np.log(_HIGHEST / _ABOVE_BAND) / np.log(_STEP_ABOVE_BAND)))
-    dense = np.geomspace(_LOWEST, _ABOVE_BAND, steps + 1)
-    return (*dense.tolist(), *np.geomspace(_ABOVE_BAND, _HIGHEST, above + 1)[1:].tolist())
+def _scan(highest: float, settings: DiagnosisSettings) -> list[float]:
+    """Return the frequencies of the scan [Hz].
+
+    Args:
+        highest: highest line [Hz].
+        settings: end of the band of steps of 2 z, over the highest line.
+    """
+    low, high = (ratio * highest for ratio in MOUNT_ENDS)
+    above = settings.appendage_ends[1] * highest
+    steps = int(np.ceil(np.log(above / low) / (2 * _DAMPING)))
+    return [
+        *np.geomspace(low, above, steps + 1).tolist(),
+        *np.geomspace(above, high, 4)[1:].tolist(),
+    ]
 
 
 @dataclass(frozen=True, eq=False)

@@ -183,8 +183,7 @@ def fit_parameters(
     If little but noise remains, the final fit counts all lines. Tolerances are unbounded unless one
     of them then shifts by an improbable amount: among 300 tolerances some exceed the bound of 2.5
     standard deviations by chance, and shift the parameters by several of theirs. If more than noise
-    remains, the values of the residual are correlated. The covariance is then that of the number of
-    independent ones, or that of bands of lines if it is larger (``tuning.estimate_confidence``).
+    remains, the covariance is that of the number of independent values, or of bands of lines.
 
     Args:
         refit: the refit.
@@ -216,12 +215,8 @@ def fit_parameters(
                 break
         confidence = estimate_confidence(model, thin_lines(campaign, stride_factor), fitted)
     else:
-        confidence = estimate_confidence(
-            model,
-            thin_lines(campaign, settings.schedule.stride // 2 * stride_factor),
-            fitted,
-            has_model_error=True,
-        )
+        thin = thin_lines(campaign, settings.schedule.stride // 2 * stride_factor)
+        confidence = estimate_confidence(model, thin, fitted, has_model_error=True)
         shared = refit.statistics.values / refit.statistics.effective_values
         confidence = replace(confidence, chi_square=max(confidence.chi_square, shared))
     return FittedParameters(

@@ -158,8 +158,9 @@ def _state_gap(theta: Real) -> dict[str, Value]:
     return {"gap": float(gap), "preload": float(preload)}
 
 
-FRICTION = (
-    LawFamily(
+def _build_friction() -> LawFamily:
+    """Return a spring and a slider in series beside the joint's spring."""
+    return LawFamily(
         "friction",
         (("k", "N/m or N m/rad"), ("limit", "N or N m")),
         (True, True),
@@ -170,8 +171,10 @@ FRICTION = (
         similarity=(1, -1.0),
         state=lambda theta: {"k": float(theta[0]), "limit": float(theta[1])},
         write=_write_friction,
-    ),
-)
+    )
+
+
+FRICTION = (_build_friction(),)
 
 
 def _build_cubic(sign: float) -> LawFamily:

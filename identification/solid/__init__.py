@@ -9,12 +9,13 @@ from identification.solid.reduction import (
     reduce_to_bodies,
     reduction_covariance,
 )
-from identification.solid.sensor_faults import delay_response, mount_response
+from identification.solid.sensor_faults import MOUNT_ENDS, delay_response, mount_response
 from identification.solid.sentences import FAULT_PHRASES, exchange_phrase
 
 __all__ = [
     "FAULT_PHRASES",
     "MIN_REDUNDANT_CHANNELS",
+    "MOUNT_ENDS",
     "BendingShape",
     "BodyCheck",
     "Fault",

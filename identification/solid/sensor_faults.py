@@ -39,7 +39,9 @@ _SCAN_NATS = {"sensor_delay": 4.0, "mount_resonance": 6.0}
 SHAPE_EFFECTS = ("flexible_body", "sensor_unknown")
 _N_DELAYS = 16  # delays up to a phase of 2 rad, of both signs
 _N_MOUNTS = 18  # frequencies of a mount
-_MIN_MOUNT_FREQUENCY = 0.4  # lowest frequency of a mount over the highest line
+# Frequencies of a mount over the highest line: a lower one transmits little of the band, a higher
+# one is a small gain.
+MOUNT_ENDS = (0.4, 5.0)
 _SCANNED_DAMPINGS = (0.03, 0.15)  # damping ratios of a mount
 
 
@@ -254,7 +256,7 @@ def min_parameters(hypothesis: FaultHypothesis, freq_hz: Real) -> tuple[float, .
     A mount of a lower frequency would read nothing in most of the band.
     """
     if hypothesis.effect == "mount_resonance":
-        return _MIN_MOUNT_FREQUENCY * float(freq_hz[-1]), 1e-3
+        return MOUNT_ENDS[0] * float(freq_hz[-1]), 1e-3
     return (1e-3 / (2 * np.pi * float(freq_hz[-1])),)
 
 
@@ -271,9 +273,7 @@ def _mount_grid(top: float) -> tuple[tuple[float, ...], ...]:
     A mount of a lower frequency transmits little in most of the band.
     """
     return tuple(
-        (float(f), z)
-        for f in np.geomspace(_MIN_MOUNT_FREQUENCY, 5.0, _N_MOUNTS) * top
-        for z in _SCANNED_DAMPINGS
+        (float(f), z) for f in np.geomspace(*MOUNT_ENDS, _N_MOUNTS) * top for z in _SCANNED_DAMPINGS
     )
 
 

@@ -89,7 +89,7 @@ def test_who_is_told_the_effect_reaches_what_was_reached(case):
 
 def test_what_only_spare_channels_show_is_not_excluded_where_there_are_none(case):
     _, _, found = case
-    beside = {"sensor_delay", "sensor_swap", "mount_resonance", "flexible_body"}
+    beside = {"sensor_delay", "sensor_swap", "flexible_body"}
     assert not beside & set(build_verdict(found).not_testable)
     first, *others = found.checks.bodies
     checks = replace(found.checks, bodies=(replace(first, redundant=1), *others))

@@ -29,9 +29,9 @@ def refusal(campaign, tmp_path):
 @pytest.mark.parametrize(
     ("name", "place", "value", "sentence"),
     [
-        ("FRFs", (0, 0, 30), 1e300, "a value beyond 1e+30 at line 30, response 1:+tx"),
-        ("FRFs", (3, 1, 7), -1e200, "a value beyond 1e+30 at line 7, response 2:+tx"),
-        ("FRFs", ..., 1e250, "a value beyond 1e+30 at line 0, response 1:+tx"),
+        ("FRFs", (0, 0, 30), 1e300, "a value beyond 1e+30 at 45.3361 Hz, response 1:+tx"),
+        ("FRFs", (3, 1, 7), -1e200, "a value beyond 1e+30 at 14.4118 Hz, response 2:+tx"),
+        ("FRFs", ..., 1e250, "a value beyond 1e+30 at 5 Hz, response 1:+tx"),
         ("freqs", (0, -1), 1e12, "freq_hz is 1e+12 at index (119,), beyond 1e+08"),
     ],
 )

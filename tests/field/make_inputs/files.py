@@ -119,8 +119,8 @@ def _arrays():
     write_case(
         "files/nan_frf",
         "an FRF value that is not a number",
-        "exit 3, naming line, response and reference",
-        [identify(exit_code=3, says=["t.npz", "line 30"])],
+        "exit 3, naming frequency, response and reference",
+        [identify(exit_code=3, says=["t.npz", "15.5 Hz"])],
         array_files(bad, coherence),
     )
 
