@@ -98,10 +98,10 @@ class MachineInBlocks:
         return np.hstack([self._powers[1:].real, -self._powers[1:].imag])
 
     @cached_property
-    def _left_by_forces(self) -> Complex:
+    def _states_by_forces(self) -> Complex:
         """State at the end of a block by its forces; (n_mode, n_step)."""
-        left: Complex = (self._powers[-2::-1] * self.joint).T
-        return left
+        states: Complex = (self._powers[-2::-1] * self.joint).T
+        return states
 
     @cached_property
     def kernel(self) -> Real:
@@ -129,6 +129,6 @@ class MachineInBlocks:
         return free
 
     def advance(self, forces: Real) -> None:
-        """Add what the forces of a block leave; (n_step, n_hit)."""
-        left = self._left_by_forces[:, -len(forces) :]
-        self.state -= (left.real @ forces) + 1j * (left.imag @ forces)
+        """Change the state by the forces of the joint in a block; (n_step, n_hit)."""
+        states = self._states_by_forces[:, -len(forces) :]
+        self.state -= (states.real @ forces) + 1j * (states.imag @ forces)

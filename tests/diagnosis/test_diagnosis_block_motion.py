@@ -26,13 +26,13 @@ def test_blocks_of_steps_are_one_step_after_the_other():
     forces[0] = 0.0
 
     moving = MachineInBlocks.at_rest(machine, hits, np.arange(3), times)
-    found = []
+    in_blocks = []
     for first in range(0, count, LEVEL_SETTINGS.block_steps):
         steps = min(LEVEL_SETTINGS.block_steps, count - first)
         free = moving.look_ahead(first)
         for k in range(1, steps + 1):
             past = sum(moving.kernel[k - 1 - m] * forces[first + m] for m in range(k))
-            found.append(free[k - 1] - past - moving.compliance * forces[first + k])
+            in_blocks.append(free[k - 1] - past - moving.compliance * forces[first + k])
         moving.advance(forces[first : first + steps])
 
     decay = np.exp(poles / RATE_HZ)[:, None]
@@ -44,4 +44,4 @@ def test_blocks_of_steps_are_one_step_after_the_other():
         inward = [entry[:, [0, 1, 1]] * driven[k] - np.outer(joint, forces[k]) for k in (n - 1, n)]
         state = decay * state + before * inward[0] + after * inward[1]
         stretch.append((readout @ state).real)
-    np.testing.assert_allclose(found, stretch, atol=1e-12 * np.abs(stretch).max())
+    np.testing.assert_allclose(in_blocks, stretch, atol=1e-12 * np.abs(stretch).max())

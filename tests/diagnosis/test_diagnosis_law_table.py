@@ -81,16 +81,18 @@ def test_within_a_cell_the_law_is_linear_and_near_its_simulation(tested):
     start = np.array([CUBIC, STIFFNESS, 1.0, 0.0])
     ends = (0.9, 0.96, 1.0, 1.04, 1.1)
     table = LawTable(tested, HARDENING[0], (CUBIC, STIFFNESS, 1.0))
-    found = [table.at(start * np.array([factor, 1.0, 1.0, 1.0]))[0] for factor in ends]
+    stiffness_at_ends = [table.at(start * np.array([factor, 1.0, 1.0, 1.0]))[0] for factor in ends]
     assert len(table.known) == 3
     exact = tested.compute_stiffness(
         HARDENING[0], [(np.array([factor * CUBIC, STIFFNESS, 1.0]), 1.0) for factor in ends]
     )
-    for near, true in zip(found, exact, strict=True):
+    for near, true in zip(stiffness_at_ends, exact, strict=True):
         assert np.linalg.norm(near - true) < 0.03 * np.linalg.norm(exact[4] - exact[0])
     line = np.log(ends[1:4])
-    rise = (found[2] - found[1]) / (line[1] - line[0])
-    np.testing.assert_allclose(found[3] - found[2], rise * (line[2] - line[1]), rtol=1e-6)
+    rise = (stiffness_at_ends[2] - stiffness_at_ends[1]) / (line[1] - line[0])
+    np.testing.assert_allclose(
+        stiffness_at_ends[3] - stiffness_at_ends[2], rise * (line[2] - line[1]), rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize(

@@ -135,8 +135,8 @@ def test_hits_whose_spectrum_is_flat_have_the_usual_duration(block):
 def test_receptances_are_those_of_one_mass():
     laplace = 2j * np.pi * FREQ_HZ
     expected = 1 / (MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS)
-    found = build_transient().receptances(FREQ_HZ)
-    np.testing.assert_allclose(found, np.stack([expected, expected], 1), rtol=2e-4)
+    receptances = build_transient().receptances(FREQ_HZ)
+    np.testing.assert_allclose(receptances, np.stack([expected, expected], 1), rtol=2e-4)
 
 
 def test_receptances_of_a_mass_in_a_loop_hold_its_controller_and_delay():

@@ -134,11 +134,11 @@ def test_the_page_shades_the_interval_of_every_magnitude(tuned, tmp_path):
             )
     if CHROMIUM is None:
         pytest.skip("Chromium is not installed")
-    found = browse(page, tmp_path, *GL, probe=PROBE)
-    assert found["faults"] == []
-    assert found["shaded"] == [len(freq)] * 4
-    assert found["fills"] == 4
-    assert found["said"].startswith("Shaded: 95 % interval of the magnitude")
+    drawn_page = browse(page, tmp_path, *GL, probe=PROBE)
+    assert drawn_page["faults"] == []
+    assert drawn_page["shaded"] == [len(freq)] * 4
+    assert drawn_page["fills"] == 4
+    assert drawn_page["said"].startswith("Shaded: 95 % interval of the magnitude")
 
 
 def test_the_page_of_a_model_without_a_tuning_shades_nothing(tuned, tmp_path):

@@ -298,11 +298,11 @@ def test_in_a_browser_the_impossible_pull_is_red_and_named_and_every_motion_has_
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_in_a_narrow_window_the_values_of_a_plot_stay_beside_its_neighbour(result, tmp_path):
-    found = browse(render(result), tmp_path, "--window-size=640,1600", probe=PROBE)
-    assert found["values"] > 18
-    assert found["crossing"] == 0
-    assert found["clipped"] == []
-    assert "+10" not in found["steps"]
+    narrow_page = browse(render(result), tmp_path, "--window-size=640,1600", probe=PROBE)
+    assert narrow_page["values"] > 18
+    assert narrow_page["crossing"] == 0
+    assert narrow_page["clipped"] == []
+    assert "+10" not in narrow_page["steps"]
 
 
 def test_intervals_say_what_they_presume(summary, result):
