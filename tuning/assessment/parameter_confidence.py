@@ -16,14 +16,10 @@ ones. Without the b-th of B bands of lines, whose data have the slope g_b and th
 N_b, the coordinates shift by d_b = (N - N_b + D)^-1 (g_b - g), with g the mean slope. The jackknife
 of bands (Efron and Stein 1981) has the covariance
 
-    V = (B - 1) / B sum d_b d_b' + A D A,   A = (N + D)^-1.
+    V = (B - 1) / B sum d_b d_b'.
 
-Where more than noise remains, each standard deviation is at least that of V; the correlations are
-those of C.
-
-A direction v of these coordinates is unidentifiable if its standard deviation exceeds 1 even with
-s = 1. This is a factor of 7 up or down in 95 %. If it consists of two stiffnesses, dk1 = -dk2
-leaves their sum unchanged, and d(1/k1) = -d(1/k2) leaves the sum of their compliances unchanged.
+Where more than noise remains, the covariance is C + V. What the data determine in combination, such
+as a sum of stiffnesses, stays as certain as the bands agree on it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -85,10 +81,8 @@ class ParameterConfidence:
         if self.band_shifts is None:
             return covariance
         bands = len(self.band_shifts)
-        shared = (bands - 1) / bands * np.square(self.band_shifts).sum(axis=0)
-        least = shared + np.square(self._data_covariance) @ self.prior_precision
-        ratios = np.maximum(1.0, np.sqrt(least / np.diag(covariance)))
-        return np.asarray(covariance * np.outer(ratios, ratios))
+        shared = (bands - 1) / bands * self.band_shifts.T @ self.band_shifts
+        return np.asarray(covariance + shared)
 
     @cached_property
     def _data_covariance(self) -> Real:
