@@ -100,20 +100,22 @@ def test_ends_of_a_positive_number_are_those_of_its_logarithm(case):
     assert middle / low == pytest.approx(high / middle, rel=1e-6)
 
 
-def test_shared_errors_widen_intervals_by_the_root_of_values_over_independent_ones(case):
+def test_variance_of_intervals_is_linear_in_values_over_independent_ones(case):
     _, null, *_ = case
     name = next(n for n in null.fit.parametrisation.names if n.endswith(".damping"))
     one = Hypothesis("missing_dof", "joint:a", state=lambda at: {"damping": at[name]})
 
-    def width(share):
+    def variance(share):  # that of the weights, and a constant: the jackknife's over bands of lines
         count = share * null.statistics.values
         shared = replace(null.statistics, noise_share=0.5, effective_values=count)
         low, high = fit_parameters(replace(null, statistics=shared)).estimate_intervals(one)[
             "damping"
         ]
-        return np.log(high / low)
+        return np.log(high / low) ** 2
 
-    assert width(1 / 400) == pytest.approx(2 * width(1 / 100), rel=0.1)
+    few, fewer, fewest = (variance(1 / values) for values in (100, 200, 400))
+    assert fewest - fewer == pytest.approx(2 * (fewer - few), rel=0.1)
+    assert fewer - few > 0.1 * few
 
 
 def varied(varies, x, place, by):
