@@ -41,14 +41,18 @@ def build_law_hypothesis(
     tested = TestedJoint.of_scene(scene, joint)
     prefix = f"{joint.spring}.{family.effect}"
     tolerances = dict(hits or {})
-    table = LawTable(tested, family, (*start, tolerances.get(f"{prefix}.hit_duration", 1.0)))
     first = family.parameters_at(prefix, start)
+    followers = _list_followers(scene, tested, joint, family, prefix)
+    linear = tuple(parameter.drawn for parameter in followers.values())
+    duration = tolerances.get(f"{prefix}.hit_duration", 1.0)
+    table = LawTable(tested, family, (*start, *linear, duration), tuple(followers))
     shared = (
         *first,
+        *followers.values(),
         Parameter(f"{prefix}.hit_duration", 1.0, "of the estimated one"),
         Parameter(f"{prefix}.hit_variance", 1.0, "of the usual one"),
     )
-    follow: dict[str, str] = {}
+    follow = {p.name: f"{joint.spring}.{kind}" for kind, p in followers.items()}
     if family.follows_stiffness:
         follow[first[-1].name] = f"{joint.spring}.stiffness"
     deviations = LEVEL_SETTINGS.duration_sigma, LEVEL_SETTINGS.variance_sigma
@@ -85,6 +89,20 @@ def build_law_hypothesis(
         follow=follow,
         state=state,
     )
+
+
+def _list_followers(
+    scene: Scene, tested: TestedJoint, joint: JointDirection, family: LawFamily, prefix: str
+) -> dict[str, Parameter]:
+    """Return a parameter for the joint's spring or damper that varies beside those of the law."""
+    tuned = {parameter.name for parameter in scene.model.parameters}
+    spring = ("stiffness", tested.stiffness, "N/m or N m/rad")
+    damper = ("damping", tested.damping, "N s/m or N m s/rad")
+    return {
+        kind: Parameter(f"{prefix}.linear_{kind}", value, unit)
+        for kind, value, unit in ((damper,) if family.follows_stiffness else (spring, damper))
+        if f"{joint.spring}.{kind}" in tuned and value > 0
+    }
 
 
 def _convert_bounds(

@@ -137,14 +137,21 @@ def _transform_forces(forces: Real, freq_hz: Real, rate_hz: float) -> Complex:
 
     i w X is the transform of the steps, each spread over one sample.
     """
-    steps = np.diff(forces, axis=0)
+    count, hits = len(forces) - 1, forces.shape[1]
     laplace = 2j * np.pi * freq_hz
-    places = freq_hz * len(steps) / rate_hz
+    places = freq_hz * count / rate_hz
     nearest = np.rint(places).astype(int)
     if np.allclose(places, nearest, atol=NEGLIGIBLE_SHARE):
-        sums = rfft(np.ascontiguousarray(steps.T))[:, nearest].T
+        width = LEVEL_SETTINGS.transformed_hits
+        sums = np.concatenate(
+            [
+                rfft(np.diff(forces[:, first : first + width], axis=0), axis=0)[nearest]
+                for first in range(0, hits, width)
+            ],
+            axis=1,
+        )
     else:  # lines that are no multiples of their smallest distance
-        times = np.arange(len(steps)) / rate_hz
+        times, steps = np.arange(count) / rate_hz, np.diff(forces, axis=0)
         sums = np.array([np.exp(-s * times) @ steps for s in laplace])
     spread = -np.expm1(-laplace / rate_hz) * rate_hz / laplace**2
     transform: Complex = (sums * spread[:, None]).T

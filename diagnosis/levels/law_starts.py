@@ -38,6 +38,7 @@ class LawStart:
         theta: its parameters.
         parallel: stiffness and damping of the joint's linear spring and damper in parallel; (2,).
         cost: -ln L of the FRFs with it per value, but for a constant [nats].
+        floor: relative model error that it leaves.
     """
 
     joint: JointDirection
@@ -45,6 +46,7 @@ class LawStart:
     theta: tuple[float, ...]
     parallel: Real
     cost: float
+    floor: float
 
 
 def fit_starts(
@@ -118,14 +120,15 @@ class _LawFit:
         return cls(joint, tested, update, float(peaks[is_low].max()), float(peaks.max()))
 
     def list_starts(self, family: LawFamily, stiffest: float, least_damping: float) -> list[Real]:
-        """Return the values at which a family may begin."""
+        """Return where a family may begin: any level's least damping, and the lowest level's."""
         stiffness = self.tested.stiffness if family.softest_is_linear else stiffest
         starts = []
         for theta in family.starts(stiffness, self.middle_stretch):
             parameters = np.array(theta[: family.count])
             stiff = stiffness - family.stuck(parameters)
-            values = np.array([*parameters, stiff, least_damping])
-            starts.append(self.limit(family, values))
+            for damping in (least_damping, self.tested.damping):
+                values = np.array([*parameters, stiff, damping])
+                starts.append(self.limit(family, values))
         return starts
 
     def evaluate(self, tried: Sequence[tuple[LawFamily, Real]]) -> list[_TriedLaw | None]:
@@ -171,8 +174,14 @@ def _fit_effect(alone: _LawFit, effect: str, stiffest: float, least_damping: flo
     points = _fit_points(alone, best[: LEVEL_SETTINGS.fitted_families])
     point = min(points, key=lambda point: point.error.cost)
     theta = point.family.complete(point.values[:-2], float(point.values[-2]))
-    cost = point.error.cost / point.error.values
-    return LawStart(alone.joint, point.family, tuple(theta.tolist()), point.values[-2:], cost)
+    return LawStart(
+        alone.joint,
+        point.family,
+        tuple(theta.tolist()),
+        point.values[-2:],
+        cost=point.error.cost / point.error.values,
+        floor=point.error.floor,
+    )
 
 
 def _fit_points(alone: _LawFit, points: list[_TriedLaw]) -> list[_TriedLaw]:

@@ -13,6 +13,10 @@ so that the average over hits has the stiffness
 exactly. The logarithm of a hit's size is taken as normal; a few equally probable sizes stand for
 all. The average is taken as linear in the variance, which FRFs tell and the refit therefore fits.
 
+The motion that sets kappa depends on the joint's linear spring and damper, which are fitted with
+the law. The table follows both: a fit that took kappa as it was would trade the law against them,
+and would end where the true slope is not zero.
+
 A single hit shows a rough function of the parameters of a law: where its decaying motion touches a
 stop or slides for the last time changes by jumps. Several sizes smooth it, as many hits of a test
 do. The stiffness in the middle of a cell is that of all places at which it is simulated: of a
@@ -44,7 +48,9 @@ class LawTable:
     Args:
         joint: linear machine and hits.
         family: of the law.
-        start: parameters of the law and relative duration where a refit begins; (n_parameter,).
+        start: where a refit begins: parameters of the law, values of the joint's linear spring or
+            damper that it follows, relative duration; (n_parameter,).
+        followed: which of "stiffness" and "damping" stand there beside the parameters of the law.
         known: results in the last cells.
         latest: the last parameters and their results: the Parts of all tests ask for them.
     """
@@ -52,6 +58,7 @@ class LawTable:
     joint: TestedJoint
     family: LawFamily
     start: tuple[float, ...]
+    followed: tuple[str, ...] = ()
     known: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
     latest: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
 
@@ -59,7 +66,7 @@ class LawTable:
         """Return kappa at the stated peaks (n_test, n_freq), and its derivatives.
 
         Args:
-            theta: parameters of the law, the relative duration, and the relative variance of hits.
+            theta: parameters as in ``start``, then the relative variance of hits.
 
         Returns:
             kappa, and its derivatives by theta, then by the logarithm of each test's peak;
@@ -70,7 +77,7 @@ class LawTable:
         if kept is not None:
             return kept
         place, variance = self._coordinates(theta[:-1]) - self._origin, float(theta[-1])
-        size = 2 * LEVEL_SETTINGS.difference_step
+        size = 2 * self._steps
         cell = np.rint(place / size) + 0.0  # no -0.0, whose bytes differ
         mean, slopes = self._simulate_cell(cell, self._origin + size * cell)
         inside = np.append(place - size * cell, variance)
@@ -83,8 +90,15 @@ class LawTable:
 
     @property
     def _is_size(self) -> Mask:
-        """Which parameters are positive sizes, as the duration is; (n_parameter,)."""
-        return np.array([*self.family.is_size, True])
+        """Which parameters are positive sizes; those of all joints and hits are; (n_parameter,)."""
+        return np.array([*self.family.is_size, *(True for _ in self.followed), True])
+
+    @cached_property
+    def _steps(self) -> Real:
+        """Steps of difference quotients by each coordinate; (n_parameter,)."""
+        names = *(name for name, _ in self.family.parameters), *self.followed, "duration"
+        step, linear = LEVEL_SETTINGS.difference_step, LEVEL_SETTINGS.linear_step
+        return np.array([linear if name == "stiffness" else step for name in names])
 
     @cached_property
     def _origin(self) -> Real:
@@ -96,6 +110,26 @@ class LawTable:
         """h_g of the linear machine; (n_freq,)."""
         receptance: Complex = self.joint.transient().receptances(self.joint.freq_hz)[:, 0]
         return receptance
+
+    def _read_linear(self, place: Real) -> Real:
+        """Return stiffness and damping of the joint's linear spring and damper; (2,)."""
+        count = len(self.family.parameters)
+        values = {"stiffness": self.joint.stiffness, "damping": self.joint.damping}
+        if self.family.follows_stiffness:
+            values["stiffness"] = float(place[count - 1])
+        values |= zip(self.followed, place[count:-1].tolist(), strict=True)
+        return np.array([values["stiffness"], values["damping"]])
+
+    def _compute_receptances(self, springs: Real) -> Complex:
+        """Return h_g of the machine with each linear spring and damper; (n_case, n_freq).
+
+        Args:
+            springs: stiffness and damping of each; (n_case, 2).
+        """
+        stiffness, damping = (springs - (self.joint.stiffness, self.joint.damping)).T[:, :, None]
+        added = stiffness + 2j * np.pi * self.joint.freq_hz * damping
+        receptances: Complex = self._receptance / (1 + added * self._receptance)
+        return receptances
 
     def _coordinates(self, theta: Real) -> Real:
         """Return logarithms of sizes, other parameters as they are; (n_parameter,)."""
@@ -116,20 +150,25 @@ class LawTable:
         kept = self.known.get(key)
         if kept is not None:
             return kept
-        step, scatter = LEVEL_SETTINGS.difference_step, LEVEL_SETTINGS.hit_scatter
+        scatter = LEVEL_SETTINGS.hit_scatter
         sizes = np.exp(scatter * _list_hit_sizes(LEVEL_SETTINGS.hit_sizes))
-        moves = step * np.eye(len(place))
+        moves = np.diag(self._steps)
         places = np.array([place, *(place + moves), *(place - moves)])
         places = np.where(self._is_size, np.exp(places), places)
-        cases = [(theta, size) for theta in places for size in (1.0, *sizes)]
+        springs = np.array([self._read_linear(theta) for theta in places])
+        cases = [
+            (theta, size, linear)
+            for theta, linear in zip(places, springs, strict=True)
+            for size in (1.0, *sizes)
+        ]
         kappas = self.joint.compute_stiffness(self.family, cases)
         kappas = kappas.reshape(len(places), 1 + len(sizes), *kappas.shape[1:])
         mean, scattered = kappas[:, 0], kappas[:, 1:]
         with np.errstate(invalid="ignore"):  # a spring that gives way has no stiffness
-            averages = average_hits(scattered, self._receptance, sizes**2)
+            averages = average_hits(scattered, self._compute_receptances(springs), sizes**2)
             after, before = np.split(averages[1:], 2)
             by_variance = (averages - mean).mean(axis=0)
-            by_place = (after - before) / (2 * step)
+            by_place = (after - before) / (2 * self._steps[:, None, None])
             number, power = self.family.similarity
             slopes = [*by_place, by_variance, power * by_place[number]]
         for oldest in list(self.known)[: -LEVEL_SETTINGS.kept_cells]:
@@ -150,10 +189,10 @@ def average_hits(stiffness: Complex, receptance: Complex, weights: Real) -> Comp
 
     Args:
         stiffness: kappa under each hit; (n_case, n_hit, n_test, n_freq).
-        receptance: h_g; (n_freq,).
+        receptance: h_g in each case; (n_case, n_freq).
         weights: of each hit, its number times the power of its force; (n_hit,).
     """
-    shown = stiffness / (1 + stiffness * receptance)
+    shown = stiffness / (1 + stiffness * receptance[:, None, None])
     mean = np.einsum("h,chtf->ctf", weights / weights.sum(), shown)
-    average: Complex = mean / (1 - mean * receptance)
+    average: Complex = mean / (1 - mean * receptance[:, None])
     return average

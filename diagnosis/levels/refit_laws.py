@@ -2,12 +2,14 @@
 
 1. The joint direction is refitted with a stiffness and damping of its own at each level.
 2. Each law is fitted with the rest of that machine held (``law_starts``). A law that is far behind
-   the best one goes no further.
+   the best one goes no further. No law is refitted unless it or the free levels promise enough:
+   free levels are linear, and tell where a law acts, but not how much a gap explains.
 3. The law is refitted with everything that varies. A refit moves the linear machine about which the
    law was simulated, so the law is built again about each refit, until the objective moves no more
    or was refitted once with no visible gap left. Each refit begins where the one before ended, with
    the hits as it fitted them. The first one, about the machine with free levels, only leads to the
-   second: its law is that of a machine which the refit has left.
+   second: its law is that of a machine which the refit has left. Laws are therefore compared after
+   the second one.
 """
 
 from collections.abc import Sequence
@@ -42,7 +44,7 @@ def refit_laws(
     scene: Scene,
     current: Refit,
     hypotheses: Sequence[Hypothesis],
-    null_gap: float,
+    null_floor: float,
     rivals: Sequence[Refit],
     settings: DiagnosisSettings,
 ) -> list[Refit]:
@@ -52,8 +54,9 @@ def refit_laws(
         scene: scene of the null model.
         current: refit from which they begin.
         hypotheses: scored hypotheses of ``free_each_level``.
-        null_gap: of the null model: free levels that do not close a fifth of it need no law.
-        rivals: refits of linear causes: no law is simulated whose free levels are far behind.
+        null_floor: model error of the null model: laws are refitted if free levels or a start take
+            a fifth of its square away.
+        rivals: refits of linear causes: no law is refitted if they gain far more.
         settings: schedules, and that fifth.
 
     Returns:
@@ -66,22 +69,21 @@ def refit_laws(
     tasks = [add_cause(current, free_each_level(about, joint, "level")) for joint in joints]
     free = dict(zip(joints, run_refits(scene, tasks, settings.schedule), strict=True))
     joint = min(joints, key=lambda joint: free[joint].objective)
-    if current.gap - free[joint].gap < settings.min_closed * null_gap:
-        return []
-    best = min((rival.objective for rival in rivals), default=np.inf)
-    gain = current.objective - free[joint].objective
-    if gain < LEVEL_SETTINGS.min_gain_share * (current.objective - best):
-        return []
     nearby = replace(about, theta=_read_values(free[joint], about))
     effects = list(dict.fromkeys(h.effect for h in hypotheses if h.spring == joint))
-    laws = [
-        _FittedLaw(start, nearby, free[joint].floor)
-        for start in _find_starts(nearby, free[joint], joint, effects)
-    ]
+    starts = _find_starts(nearby, free[joint], joint, effects)
+    floor = min(free[joint].floor, *(start.floor for start in starts))
+    if current.floor**2 - floor**2 < settings.min_closed * null_floor**2:
+        return []
+    best = min((rival.cost for rival in rivals), default=np.inf)
+    gain = current.cost - min(free[joint].cost, *(start.cost for start in starts))
+    if gain < LEVEL_SETTINGS.min_gain_share * (current.cost - best):
+        return []
+    laws = [_FittedLaw(start, nearby, start.floor) for start in starts]
     schedule = replace(settings.schedule, max_turns=LEVEL_SETTINGS.fits_per_turn)
     for turn in range(LEVEL_SETTINGS.max_turns):
         working = [law for law in laws if not law.is_settled]
-        if turn:
+        if turn > 1:
             best = min(law.objective for law in laws)
             working = [
                 law for law in working if law.objective < best + LEVEL_SETTINGS.max_behind_nats

@@ -15,6 +15,7 @@ class LevelSettings:
             not simulated.
         block_steps: steps over which the linear machine is propagated at once; a divisor of the
             next.
+        transformed_hits: hits whose forces are transformed at once; all of them leave the cache.
         look_steps: steps between two looks whether the joint still acts.
         quiet_share: of the largest step of the force; below it the joint acts no more.
         end_decay: logarithm of the decay of the slowest mode at the end of a simulated record.
@@ -37,6 +38,8 @@ class LevelSettings:
         difference_step: relative, of difference quotients by a law's parameters, and half the size
             of the cells in which a law is linear in them. Where a decaying motion touches a stop or
             slides for the last time is rough in them on a scale of 1 %.
+        linear_step: relative step of difference quotients by a joint's linear stiffness. It shifts
+            resonances by up to half as much, which must stay within their width.
         kept_cells: simulated cells in memory.
         fits_per_turn: fits of a refit, each at the error that the one before left: the next turn
             simulates the law about another machine anyway.
@@ -44,8 +47,8 @@ class LevelSettings:
         settled_nats: per value: a turn that lowers the objective by less is the last one.
         max_start_behind_nats: per value: a law that is farther behind the best one before the
             machine is refitted about it is not refitted.
-        max_behind_nats: per value: a law that is farther behind the best one is refitted once.
-        min_gain_share: of what the best linear cause gains: free levels that gain less need no law.
+        max_behind_nats: per value: a law that is farther behind the best one is refitted twice.
+        min_gain_share: of what the best linear cause gains: laws that gain less are not refitted.
         min_own_share: of the stiffness at the lowest level that a joint's own spring begins with.
         start_stride: every so manyth line counts where starts are sought.
         start_steps_per_period: of simulations where starts are sought, within 2 % of exact ones.
@@ -77,6 +80,7 @@ class LevelSettings:
     series_bound: float = 1e-2
     negligible_mode_share: float = 1e-4
     block_steps: int = 32
+    transformed_hits: int = 32
     look_steps: int = 512
     quiet_share: float = 1e-5
     end_decay: float = 7.0
@@ -93,6 +97,7 @@ class LevelSettings:
     variance_sigma: float = 0.8
     level_unit: float = 0.1
     difference_step: float = 0.05
+    linear_step: float = 0.01
     kept_cells: int = 16
     fits_per_turn: int = 2
     max_turns: int = 12

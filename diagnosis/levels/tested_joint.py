@@ -94,22 +94,29 @@ class TestedJoint:
             self.steps_per_period,
         )
 
-    def compute_stiffness(self, family: LawFamily, cases: Sequence[tuple[Real, float]]) -> Complex:
+    def compute_stiffness(
+        self, family: LawFamily, cases: Sequence[tuple[Real, float, Real]]
+    ) -> Complex:
         """Return what laws add to the joint's stiffness in each test; (n_case, n_test, n_freq).
 
         Tests with the same hits, as those of several set-ups, are simulated once.
 
         Args:
             family: of the laws.
-            cases: parameters of each law and the duration of the hits over the estimated one;
-                peak of the hits over the stated one.
+            cases: parameters of each law and, as the last one, the duration of the hits over the
+                estimated one; peak of the hits over the stated one; stiffness and damping of the
+                joint's linear spring and damper (2,).
         """
-        stuck = [family.stuck(theta[:-1]) for theta, _ in cases]
-        machines = {stiffness: self.transient(stiffness) for stiffness in dict.fromkeys(stuck)}
+        stuck = [family.stuck(theta[:-1]) for theta, _, _ in cases]
+        springs = [
+            (float(linear[0]) - self.stiffness + stiffness, float(linear[1]) - self.damping)
+            for stiffness, (_, _, linear) in zip(stuck, cases, strict=True)
+        ]
+        machines = {added: self.transient(*added) for added in dict.fromkeys(springs)}
         different, place = self._list_different_hits()
         laws = [
             LawUnderHits(
-                machines[stiffness],
+                machines[added],
                 family.law(theta[:-1]),
                 SimulatedHits(
                     different.column,
@@ -117,7 +124,7 @@ class TestedJoint:
                     float(theta[-1]) * self.hits.duration_s,
                 ),
             )
-            for stiffness, (theta, peak) in zip(stuck, cases, strict=True)
+            for added, (theta, peak, _) in zip(springs, cases, strict=True)
         ]
         kappa = compute_equivalent_stiffness(laws, self.freq_hz)
         return np.array(stuck)[:, None, None] + kappa[:, place]

@@ -96,6 +96,25 @@ def test_the_law_that_is_there_has_the_best_start(block, effect, force, paramete
     assert min(rivals) > best.cost + 0.1
 
 
+def test_a_gap_is_seen_beside_a_damper_that_free_levels_left_too_large(block):
+    gap = 1.2e-7
+    scene = scene_of(block, lambda q: -STIFFNESS * np.clip(q, -gap, gap))
+    names = [parameter.name for parameter in scene.model.parameters]
+    theta = scene.theta.copy()
+    theta[names.index("block_tz.stiffness")] *= 0.3
+    theta[names.index("block_tz.damping")] *= 3.0
+    starts = fit_starts(
+        replace(scene, theta=theta),
+        JOINT,
+        ("friction", "backlash", "hardening"),
+        stiffest=0.9 * STIFFNESS,
+        least_damping=0.1 * DAMPING,
+    )
+    best = min(starts, key=lambda start: start.cost)
+    assert best.family.effect == "backlash"
+    assert best.theta[0] == pytest.approx(gap, rel=0.15)
+
+
 def test_modes_that_do_not_move_the_joint_are_not_simulated(monkeypatch):
     far = 2 * np.pi * 90.0
     matrices = Matrices(

@@ -12,6 +12,7 @@ from diagnosis.levels.law_table import LawTable, average_hits
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from tests.helpers.nonlinear_joint import JOINT
 from tests.helpers.nonlinear_mass import (
+    DAMPING,
     STIFFNESS,
     level_campaign,
     nonlinear_block,
@@ -19,6 +20,7 @@ from tests.helpers.nonlinear_mass import (
 )
 
 CUBIC = 1.5e15
+LINEAR = np.array([STIFFNESS, DAMPING])  # of the joint
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +45,7 @@ def test_the_average_of_hits_is_that_of_h1():
 
     readings = frf(kappa[0, :, 0]) * force
     h1 = (readings * force.conj()).sum(axis=0) / (np.abs(force) ** 2).sum(axis=0)
-    average = average_hits(kappa, receptance, np.abs(force[:, 0]) ** 2)
+    average = average_hits(kappa, receptance[None], np.abs(force[:, 0]) ** 2)
     np.testing.assert_allclose(frf(average[0, 0]), h1, rtol=1e-12)
 
 
@@ -54,15 +56,15 @@ def test_hits_that_scatter_show_the_average_of_many(tested):
     scatter = LEVEL_SETTINGS.hit_scatter
     points, weights = np.polynomial.hermite_e.hermegauss(15)
     sizes = np.exp(scatter * points)
-    kappas = tested.compute_stiffness(HARDENING[0], [(theta[:3], size) for size in sizes])
+    kappas = tested.compute_stiffness(HARDENING[0], [(theta[:3], size, LINEAR) for size in sizes])
     receptance = tested.transient().receptances(tested.freq_hz)[:, 0]
-    (many,) = average_hits(kappas[None], receptance, weights * sizes**2)
+    (many,) = average_hits(kappas[None], receptance[None], weights * sizes**2)
     mean, _ = table.at(replace_last(theta, 0.0))
     shown, single, expected = (kappa / (1 + kappa * receptance) for kappa in (found, mean, many))
     strong = np.abs(tested.hits.peak) == 200.0
     off = np.linalg.norm(shown[strong] - expected[strong])
     assert off < 0.2 * np.linalg.norm(single[strong] - expected[strong])
-    np.testing.assert_allclose(mean, kappas[7], atol=2e-3 * np.abs(kappas[7]).max())
+    np.testing.assert_allclose(mean, kappas[7], atol=3e-3 * np.abs(kappas[7]).max())
 
 
 def test_no_scatter_is_the_mean_hit_and_the_variance_counts_linearly(tested):
@@ -84,7 +86,7 @@ def test_within_a_cell_the_law_is_linear_and_near_its_simulation(tested):
     stiffness_at_ends = [table.at(start * np.array([factor, 1.0, 1.0, 1.0]))[0] for factor in ends]
     assert len(table.known) == 3
     exact = tested.compute_stiffness(
-        HARDENING[0], [(np.array([factor * CUBIC, STIFFNESS, 1.0]), 1.0) for factor in ends]
+        HARDENING[0], [(np.array([factor * CUBIC, STIFFNESS, 1.0]), 1.0, LINEAR) for factor in ends]
     )
     for near, true in zip(stiffness_at_ends, exact, strict=True):
         assert np.linalg.norm(near - true) < 0.03 * np.linalg.norm(exact[4] - exact[0])
@@ -108,9 +110,60 @@ def test_stronger_hits_show_what_usual_ones_do_on_a_similar_law(tested, family, 
     strength, (number, power) = 1.3, family.similarity
     similar = np.array([*theta, 1.0])
     similar[number] *= strength**power
-    cases = [(np.array([*theta, 1.0]), strength), (similar, 1.0)]
+    cases = [(np.array([*theta, 1.0]), strength, LINEAR), (similar, 1.0, LINEAR)]
     stronger, usual = tested.compute_stiffness(family, cases)
     np.testing.assert_allclose(stronger, usual, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("family", "theta"),
+    [
+        (FRICTION[0], (0.4 * STIFFNESS, 30.0)),
+        (HARDENING[0], (CUBIC, 1.05 * STIFFNESS)),
+        (BACKLASH[0], (2e-7, 0.3, 1.05 * STIFFNESS)),
+    ],
+)
+def test_a_law_beside_another_spring_is_that_of_the_machine_with_it(tested, family, theta):
+    spring = np.array([1.05 * STIFFNESS, 0.8 * DAMPING])
+    values = np.array([*theta, 1.0])
+    added = spring - LINEAR
+    along = np.outer(tested.direction, tested.direction)
+    matrices = replace(
+        tested.matrices,
+        stiffness=tested.matrices.stiffness + added[0] * along,
+        damping=tested.matrices.damping + added[1] * along,
+    )
+    moved = replace(tested, matrices=matrices, stiffness=spring[0], damping=spring[1])
+    found = tested.compute_stiffness(family, [(values, 1.0, spring)])
+    expected = moved.compute_stiffness(family, [(values, 1.0, spring)])
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
+    unmoved = tested.compute_stiffness(family, [(values, 1.0, LINEAR)])
+    assert np.linalg.norm(unmoved - expected) > 1e-3 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize(
+    ("family", "start", "followed"),
+    [
+        (FRICTION[0], (0.4 * STIFFNESS, 30.0), ("stiffness", "damping")),
+        (HARDENING[0], (CUBIC, STIFFNESS), ("damping",)),
+    ],
+)
+def test_a_table_follows_spring_and_damper_of_the_joint(tested, family, start, followed):
+    linear = LINEAR[2 - len(followed) :]
+    table = LawTable(tested, family, (*start, *linear, 1.0), followed)
+    slopes = table.at(np.array([*start, *linear, 1.0, 0.0]))[1]
+    last = len(start) + len(followed) - 1
+    for kind, share in enumerate((0.003, 0.02)):
+        step = share * LINEAR * np.eye(2)[kind]
+        cases = []
+        for sign in (-1, 1):
+            values = np.array([*start, 1.0])
+            if family.follows_stiffness:
+                values[len(start) - 1] += sign * step[0]
+            cases.append((values, 1.0, LINEAR + sign * step))
+        softer, stiffer = tested.compute_stiffness(family, cases)
+        quotient, slope = (stiffer - softer) / (2 * step[kind]), slopes[last - 1 + kind]
+        assert np.linalg.norm(slope - quotient) < 0.3 * np.linalg.norm(quotient)
 
 
 def replace_last(theta, value):

@@ -198,14 +198,15 @@ def test_slopes_of_a_law_are_difference_quotients(block, family):
     start = family.starts(STIFFNESS, 1e-5)[2]
     hypothesis = build_law_hypothesis(scene, JOINT, family, start)
     part = hypothesis.parts[-1]
-    theta = np.array([*start, 1.0, 1.0, 1.0])
+    theta = np.array([parameter.drawn for parameter in part.parameters])
     context = PartContext(block.machine, next(iter(part.conditions)))
     laplace = 2j * np.pi * FREQ_HZ[::3]
     linear = MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS + family.stuck(theta[:-3])
     (change,) = part.changes(theta, context)
     stiff = linear - family.stuck(theta[:-3]) + change.shape(laplace)
     for k, slope in enumerate(part.slopes(theta, context)):
-        step = 0.03 * (abs(theta[k]) or 1.0)
+        share = 0.003 if "stiffness" in part.parameters[k].name else 0.03  # within a cell
+        step = share * (abs(theta[k]) or 1.0)
         ends = []
         for sign in (1, -1):
             moved = theta.copy()
@@ -253,7 +254,9 @@ def test_tests_with_the_same_hits_have_one_stiffness(block):
     session = session_of(block, replace(campaign, tests=tuple(twice)))
     tested = tested_joint.TestedJoint.of_scene(Scene(session, session.model.drawn), JOINT)
     theta = np.array([2e14, STIFFNESS, 1.0])
-    stiffness = tested.compute_stiffness(HARDENING[0], [(theta, 1.0)])
+    stiffness = tested.compute_stiffness(
+        HARDENING[0], [(theta, 1.0, np.array([STIFFNESS, DAMPING]))]
+    )
     case = LawUnderHits(tested.transient(), CubicLaw(2e14), tested.hits)
     expected = compute_equivalent_stiffness([case], tested.freq_hz)
     np.testing.assert_allclose(stiffness, expected, rtol=1e-9)
