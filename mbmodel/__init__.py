@@ -4,6 +4,7 @@
 """
 
 from mbmodel.additions import (
+    carried_mass_element,
     joint_coupling_writer,
     link_elements,
     released_joint_elements,
@@ -171,6 +172,7 @@ __all__ = [
     "assemble_uncertain_plant",
     "body_parts",
     "bound_magnitudes",
+    "carried_mass_element",
     "channel_parts",
     "closed_loop_dynamics",
     "combine",

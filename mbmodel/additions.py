@@ -188,6 +188,44 @@ def suspended_mass_elements(
     )
 
 
+def carried_mass_element(
+    name: str, machine: Machine, body: str, along: tuple[Real, Real], sizes: Real
+) -> Addition:
+    """Return a mass that slides along an axis of a body, and is rigid across it.
+
+    The mass is a child of the body, without weight.
+
+    Args:
+        name: of the addition.
+        machine: as drawn.
+        body: name of the body that carries it.
+        along: a point of the body and the unit vector, in world axes [m]; (3,) each.
+        sizes: mass [kg], stiffness [N/m], damping [N s/m].
+    """
+    point, axis = along
+    mass, stiffness, damping = sizes.tolist()
+    slide: Values = {
+        "name": f"{name}.slide",
+        "type": "slide",
+        "axis": tuple((machine.drawing.bodies[body].frame.T @ axis).tolist()),
+        "stiffness": stiffness,
+        "damping": damping,
+        **_NO_DEFAULTS,
+    }
+    inertia: Values = {
+        "pos": "0 0 0",
+        "mass": mass,
+        "diaginertia": (mass * _GYRATION_RADIUS_M**2,) * 3,
+    }
+    frame: Values = {
+        "name": name,
+        "pos": _local_position(machine, body, point),
+        "gravcomp": "1",
+    }
+    children = (Element("inertial", inertia), Element("joint", slide))
+    return Addition(name, body, Element("body", frame, children))
+
+
 def released_joint_elements(
     name: str, machine: Machine, axle: Axle, sizes: Real
 ) -> tuple[Addition, ...]:

@@ -86,16 +86,18 @@ class AddedPart:
         return _scaled_changes(fraction, self.derivatives(theta)) if fraction else ()
 
     def write(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
-        """Return elements that hold it; additional mass is written with its body instead."""
+        """Return elements that hold it, beside additional mass, which is written with its body."""
         changed = [
             parameter.name
             for parameter, value in zip(self.parameters, theta, strict=True)
             if value != parameter.drawn
         ]
-        if not changed or self.weighs is not None:
+        if not changed:
             return ()
         if self.written is not None:
             return self.written(theta)
+        if self.weighs is not None:
+            return ()
         return tuple(NotInMjcf(name, self._reason(theta)) for name in changed)
 
     def _reason(self, theta: Real) -> str:

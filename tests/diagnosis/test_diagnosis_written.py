@@ -54,6 +54,8 @@ def sized(scene, one):
         theta[[own[name] for name in turned]] *= 0.1
     if one.effect == "mass_error":
         theta[own[one.coordinates[0]]] = 20.0
+    if one.effect == "appendage":  # along all axes; a test of its own has the rigid part
+        theta[[own[name] for name in own if name.endswith((".across", ".counted"))]] = 0.0
     if one.effect == "missing_dof":
         theta[own[one.coordinates[0]]] = 1e3
     return model, theta
@@ -88,6 +90,8 @@ def test_what_moves_along_one_axis_is_hung_at_the_nearest_place_on_it(scene, tmp
     theta[x], theta[y], theta[z] = 3.0, 1e-6, 0.0
     place = [name for part in one.parts for p in part.parameters if "position" in (name := p.name)]
     theta[[own[name] for name in place]] = 40.0, 0.2, -0.1
+    rigid = [name for name in own if name.endswith((".across", ".counted"))]
+    theta[[own[name] for name in rigid]] = 0.0
     expected, found = answers(scene, model, theta, tmp_path / "hung.xml")
     assert np.abs(found - expected).max() < 1e-5 * np.abs(expected).max()  # y is left out
     body = one.location.partition(":")[2]
@@ -101,6 +105,20 @@ def test_what_moves_along_one_axis_is_hung_at_the_nearest_place_on_it(scene, tmp
     said = one.state({name: theta[k] for name, k in own.items()})["position"]
     assert isinstance(said, Vague)
     np.testing.assert_allclose(said, at - centre, atol=1e-12)
+
+
+@pytest.mark.parametrize(("across", "counted"), [(1.0, 0.0), (1.0, 1.0), (0.4, 0.3)])
+def test_a_box_that_is_rigid_across_its_axis_is_carried(scene, tmp_path, across, counted):
+    one = next(one for one in EFFECTS["appendage"](scene))
+    model, theta = sized(scene, one)
+    own = {parameter.name: k for k, parameter in enumerate(model.parameters)}
+    appendage = one.scored[0].removesuffix(".mass_x")
+    numbers = {"mass_x": 3.0, "mass_y": 0.0, "mass_z": 0.0, "across": across, "counted": counted}
+    numbers |= {"position_x": 0.5, "position_y": 0.2, "position_z": -0.1}
+    for name, value in numbers.items():
+        theta[own[f"{appendage}.{name}"]] = value
+    expected, found = answers(scene, model, theta, tmp_path / "box.xml")
+    assert np.abs(found - expected).max() < 1e-5 * np.abs(expected).max()
 
 
 def test_every_link_is_springs_and_dampers_that_mjcf_holds(scene):

@@ -39,6 +39,20 @@ def test_an_appendage_is_the_tuned_mass_damper_of_the_textbook(one_body, hammers
         np.testing.assert_allclose(H[:, other, other], plain[:, other, other], rtol=1e-12)
 
 
+@pytest.mark.parametrize("counted", [0.0, 1.0])
+def test_a_box_on_flexures_adds_its_mass_across_its_axis(one_body, hammers_at, counted):
+    # Along the axis m R(s); across it m s^2; less m s^2 in all axes that the body holds already.
+    stage = one_body.stages[0]
+    effect = Appendage("table", axis=0, frequency=30.0, across=1.0, counted=counted, **SIX)
+    w2 = 2 * np.pi * 30.0
+    spring = w2**2 + 2j * W * 0.02 * w2
+    felt = np.array([spring / (spring - W**2), 1.0 + 0 * W, 1.0 + 0 * W]).T - counted
+    H = frf(one_body, hammers_at(0, stage.com), effect)
+    for axis, joint in enumerate(stage.joints[:3]):
+        Z = joint.stiffness + 1j * W * joint.damping - W**2 * (stage.mass + 6.0 * felt[:, axis])
+        np.testing.assert_allclose(H[:, axis, axis], -(W**2) / Z, rtol=1e-10)
+
+
 def test_an_appendage_lets_the_rigid_directions_be(two_bodies, hammers_at):
     lower, upper = two_bodies.stages
     station = replace(two_bodies, stages=(lower, replace(upper, joints=upper.joints[:3])))

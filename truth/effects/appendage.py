@@ -14,6 +14,7 @@ MASS_RATIO = (0.03, 0.10)
 FREQUENCY_HZ = (30.0, 150.0)
 DAMPING_RATIO = (0.01, 0.03)
 LIMITS = (1e-4, 0.5)  # of the body's mass
+KINDS = ((1.0, 0.0), (1.0, 1.0), (0.0, 0.0), (0.0, 0.0))  # across, counted: boxes, then cables
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class Appendage(Sized):
 
         m v'' + c (v' - u') + k (v - u) = 0,   k = m (2 pi f)^2,   c = 2 zeta m 2 pi f
 
-    and the body feels k (v - u) + c (v' - u'). In the other directions the mass is not felt.
+    and the body feels k (v - u) + c (v' - u'). Across the axis a cable's mass is not felt; a box
+    on flexures is rigid there. The nominal body may hold the mass of the box, as a rigid part.
 
     Args:
         body: name of the body.
@@ -33,6 +35,8 @@ class Appendage(Sized):
         size: m over the body's mass.
         frequency: f with the body held still [Hz].
         damping: ratio zeta with the body held still.
+        across: share of m that moves with the body across the axis.
+        counted: share of m that the nominal body's mass holds.
     """
 
     body: str
@@ -40,6 +44,8 @@ class Appendage(Sized):
     axis: int
     frequency: float
     damping: float
+    across: float = 0.0
+    counted: float = 0.0
     limits = LIMITS
 
     def __post_init__(self) -> None:
@@ -67,11 +73,13 @@ class Appendage(Sized):
         omega, mass = 2 * np.pi * self.frequency, self.size * self.body_mass
         index = tested.station.index(self.body)
         com = tested.station.stages[index].com
-        stretch = -body_motion(added, tested, index, com)[self.axis]
+        motion = body_motion(added, tested, index, com)[:3]
+        stretch = -motion[self.axis]
         stretch[-1] = 1.0
         spring = mass * np.outer(stretch, stretch)
-        inertia = np.zeros_like(spring)
-        inertia[-1, -1] = mass
+        beside = np.delete(motion, self.axis, axis=0)
+        inertia = mass * (self.across * beside.T @ beside - self.counted * motion.T @ motion)
+        inertia[-1, -1] += mass
         return added.with_matrices(inertia, 2 * self.damping * omega * spring, omega**2 * spring)
 
 
@@ -84,6 +92,7 @@ def draw_appendage(
     if index is None:
         return None
     stage = stages[index]
+    (kinds,) = random.spawn(1)  # the draws of what follows stay as they were
     return Appendage(
         body=stage.name,
         body_mass=stage.mass,
@@ -91,4 +100,5 @@ def draw_appendage(
         size=random.uniform(*MASS_RATIO),
         frequency=scene.pace * random.uniform(*FREQUENCY_HZ),
         damping=random.uniform(*DAMPING_RATIO),
+        **dict(zip(("across", "counted"), KINDS[kinds.integers(len(KINDS))], strict=True)),
     )

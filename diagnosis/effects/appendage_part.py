@@ -1,0 +1,242 @@
+"""Dynamic stiffness of a small mass on a spring, and how it is written into an MJCF.
+
+A mass m on a spring of natural frequency w0 and damping ratio zeta moves along one axis of a body.
+It adds to the body's dynamic stiffness along that axis
+
+    m R(s),   R = s^2 S / (s^2 + S),   S = 2 zeta w0 s + w0^2.
+
+Far below w0 this is the inertia of a mass, far above w0 it vanishes. The three world axes have a
+mass each, m_a, so that the appendage may move along one axis or along all. With M the largest of
+these, a rigid part adds along each axis
+
+    r_a s^2,   r_a = across (M - m_a) - counted M.
+
+``across`` is 0 if the appendage is felt along its axes alone, such as a hanging cable, and 1 if it
+is rigid across them, such as a box on flexures. ``counted`` is 1 if the nominal body's mass holds
+the appendage already. ``resonator.py`` has R.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.effects.appendage_masses import (
+    find_rigid_masses,
+    find_rigid_slopes,
+    find_single_axis,
+)
+from diagnosis.effects.points import name_vector
+from diagnosis.effects.resonator import build_resonator, build_resonator_slope
+from diagnosis.effects.scales import (
+    ARM_UNIT_M,
+    LOG_FREQUENCY_UNIT,
+    LOG_UNIT,
+    MASS_SHARE_UNIT,
+)
+from diagnosis.effects.spring_laws import Shape
+from diagnosis.hypothesis import Vague, Value
+from diagnosis.rounding import NEGLIGIBLE_SHARE
+from identification.words import Real
+from mbmodel import (
+    AddedPart,
+    Addition,
+    Change,
+    Machine,
+    NotInMjcf,
+    Parameter,
+    carried_mass_element,
+    suspended_mass_elements,
+    transport,
+)
+
+SCAN_DAMPING_RATIO = 0.03  # of scanned appendages, and where their damping starts
+
+
+@dataclass(frozen=True, eq=False)
+class AppendagePart:
+    """Masses along three axes at one point, on springs of one frequency and damping.
+
+    With G = [1, -[p]x] the motion of the point p per motion of the body, it adds
+    G' diag(m) G R(s) + G' diag(r) G s^2. Parameters: m (3), frequency, damping, p (3), across and
+    counted.
+
+    Args:
+        machine: machine that carries it.
+        number: number of the body.
+        name: prefix of its parameters.
+        frequency: natural frequency of the scan [Hz].
+        frame: coordinates of the body among those of all bodies; (6 n_body, 6).
+    """
+
+    machine: Machine
+    number: int
+    name: str
+    frequency: float
+    frame: Real
+
+    @property
+    def mass_names(self) -> tuple[str, ...]:
+        """Names of the masses along the world axes."""
+        return name_vector(f"{self.name}.mass_")
+
+    @property
+    def place_names(self) -> tuple[str, ...]:
+        """Names of the components of the place, from the centre of mass."""
+        return name_vector(f"{self.name}.position_")
+
+    @property
+    def rigid_names(self) -> tuple[str, str]:
+        """Names of the shares of the rigid part."""
+        return f"{self.name}.across", f"{self.name}.counted"
+
+    @property
+    def resonance_names(self) -> tuple[str, str]:
+        """Names of frequency and damping."""
+        return f"{self.name}.frequency", f"{self.name}.damping"
+
+    @property
+    def inertia(self) -> Real:
+        """Spatial inertia of the body; (6, 6)."""
+        span = slice(6 * self.number, 6 * self.number + 6)
+        inertia: Real = self.machine.body_mass[span, span]
+        return inertia
+
+    @property
+    def _mass_unit(self) -> float:
+        return MASS_SHARE_UNIT * float(self.inertia[0, 0])
+
+    def build(self) -> AddedPart:
+        """Return the Part."""
+        units = [f"{self._mass_unit:g} kg"] * 3
+        units += [f"{LOG_FREQUENCY_UNIT:.0%}", f"{LOG_UNIT:.0%}"] + [f"{ARM_UNIT_M:g} m"] * 3
+        units += ["1"] * 2
+        names = (*self.mass_names, *self.resonance_names, *self.place_names, *self.rigid_names)
+        parameters = tuple(
+            Parameter(name, 0.0, unit, positive=False)
+            for name, unit in zip(names, units, strict=True)
+        )
+        location = f"body:{self.machine.layout.bodies[self.number]}"
+        return AddedPart(
+            location,
+            parameters,
+            self.compute_change,
+            self.compute_slopes,
+            written=self.write,
+            weighs=self.weigh,
+        )
+
+    def _resonance(self, theta: Real) -> tuple[float, float]:
+        """Return the natural frequency [rad/s] and the damping ratio."""
+        omega = 2 * np.pi * self.frequency * float(np.exp(LOG_FREQUENCY_UNIT * theta[3]))
+        return omega, SCAN_DAMPING_RATIO * float(np.exp(LOG_UNIT * theta[4]))
+
+    def _build_change(self, core: Real, shape: Shape | None) -> Change:
+        """Return the change by a core at s^0 with a shape, or at s^2 without one."""
+        whole = np.zeros((*core.shape[:-2], 3, 6, 6))
+        whole[..., 2 if shape is None else 0, :, :] = core
+        return Change("body", self.frame, self.frame, whole, shape=shape)
+
+    def compute_change(self, theta: Real) -> tuple[Change, ...]:
+        """Return the change by all three masses on their springs, and by their rigid part."""
+        moved = transport(ARM_UNIT_M * theta[5:8])[:3]
+        sprung, rigid = (
+            self._mass_unit * moved.T @ (masses[:, None] * moved)
+            for masses in (theta[:3], find_rigid_masses(theta))
+        )
+        resonator = build_resonator(*self._resonance(theta))
+        return self._build_change(sprung, resonator), self._build_change(rigid, None)
+
+    def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
+        """Return the slopes by masses and place, of the rigid part, by frequency and damping."""
+        omega, zeta = self._resonance(theta)
+        sprung_slopes = np.eye(3, len(theta))
+        changes = [
+            self._build_change(
+                self._find_slopes(theta, theta[:3], sprung_slopes), build_resonator(omega, zeta)
+            ),
+            self._build_change(
+                self._find_slopes(theta, find_rigid_masses(theta), find_rigid_slopes(theta)), None
+            ),
+        ]
+        if theta[:3].any():
+            moved = transport(ARM_UNIT_M * theta[5:8])[:3]
+            core = self._mass_unit * moved.T @ (theta[:3, None] * moved)
+            rates = np.array([[2 * zeta * omega, 2 * omega**2], [2 * zeta * omega, 0.0]])
+            rates *= [[LOG_FREQUENCY_UNIT], [LOG_UNIT]]
+            for place, (linear, constant) in enumerate(rates.tolist(), start=3):
+                sensitivity = np.zeros((len(theta), 6, 6))
+                sensitivity[place] = core
+                shape = build_resonator_slope(omega, zeta, (linear, constant))
+                changes.append(self._build_change(sensitivity, shape))
+        return tuple(changes)
+
+    def _find_slopes(self, theta: Real, masses: Real, slopes: Real) -> Real:
+        """Return the slopes of G' diag(masses) G; (n_parameter, 6, 6).
+
+        Args:
+            theta: parameters; (n_parameter,).
+            masses: masses along the axes; (3,).
+            slopes: their slopes; (3, n_parameter).
+        """
+        moved = transport(ARM_UNIT_M * theta[5:8])[:3]
+        core: Real = np.einsum("ai,ap,aj->pij", moved, slopes, moved)
+        momentum = masses[:, None] * moved
+        for k, direction in enumerate(np.eye(3)):
+            turned = transport(ARM_UNIT_M * direction)[:3] - np.eye(3, 6)
+            core[5 + k] += turned.T @ momentum + momentum.T @ turned
+        return self._mass_unit * core
+
+    def weigh(self, theta: Real) -> Real:
+        """Return the spatial inertia that the nominal body counts already, negative; (6, 6)."""
+        moved = transport(ARM_UNIT_M * theta[5:8])[:3]
+        counted: Real = -self._mass_unit * theta[9] * theta[:3].max() * moved.T @ moved
+        return counted
+
+    def write(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
+        """Return bodies on slides: beside the axis without inertia, and rigid across it."""
+        omega, zeta = self._resonance(theta)
+        masses, place = self._mass_unit * theta[:3], ARM_UNIT_M * theta[5:8]
+        layout = self.machine.layout
+        body, centre = layout.bodies[self.number], layout.centres[self.number]
+        single = find_single_axis(masses)
+        across = float(theta[8]) if single.any() and theta[8] > NEGLIGIBLE_SHARE else 0.0
+        additions: list[Addition | NotInMjcf] = []
+        if theta[8] > across + NEGLIGIBLE_SHARE:
+            reason = "the appendage is soft along several axes and rigid across them"
+            additions.append(NotInMjcf(self.rigid_names[0], reason))
+        for axis in np.flatnonzero(masses > NEGLIGIBLE_SHARE * masses.max()):
+            name, direction = f"{body}.appendage_{'xyz'[axis]}", np.eye(3)[axis]
+            sizes = masses[axis] * np.array([1.0, omega**2, 2 * zeta * omega])
+            nearest = np.where(single, 0.0, place) if single[axis] else place
+            hung, fixed = ((centre + arm, direction) for arm in (nearest, place))
+            if across < 1 - NEGLIGIBLE_SHARE:
+                free = (1 - across) * sizes
+                additions += suspended_mass_elements(name, self.machine, body, hung, free)
+            if across:
+                carried = across * sizes
+                additions.append(
+                    carried_mass_element(f"{name}_rigid", self.machine, body, fixed, carried)
+                )
+        return tuple(additions)
+
+    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
+        """Return the parameters of the verdict."""
+        omega, zeta = self._resonance(
+            np.array([0.0] * 3 + [fitted[name] for name in self.resonance_names])
+        )
+        masses = np.array([fitted[name] for name in self.mass_names])
+        place = np.array([ARM_UNIT_M * fitted[name] for name in self.place_names])
+        single = find_single_axis(masses)
+        nearest = np.where(single, 0.0, place).tolist()
+        return {
+            "mass": self._mass_unit * float(masses.max()),
+            "frequency": omega / (2 * np.pi),
+            "damping": zeta,
+            "position": Vague(nearest) if single.any() else tuple(nearest),
+        }
+
+    def find_axis(self, fitted: Mapping[str, float]) -> str | None:
+        """Return the axis, such as ``tx``, of an appendage that moves along one axis alone."""
+        single = find_single_axis(np.array([fitted[name] for name in self.mass_names]))
+        return f"t{'xyz'[int(np.argmax(single))]}" if single.any() else None
