@@ -19,7 +19,7 @@ from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.search.collect import collect_evidence
 from diagnosis.search.confounded import find_confounded
 from diagnosis.search.fitted_sets import Search
-from diagnosis.search.selection import refit_null_model, select_causes
+from diagnosis.search.selection import admit_outliers_beside_causes, refit_null_model, select_causes
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from diagnosis.verdict.established import Present, describe_present
 from tuning import Checkpoint, Gap, Session, channel_gaps, predict, summarise_gaps
@@ -131,6 +131,7 @@ def diagnose(
     base = fit_baseline(data, jobs, settings, record)
     search = select_causes(base, settings, say)
     search = refit_null_model(base, search, settings)
+    search = admit_outliers_beside_causes(base, search, settings)
     say("unknown forces at every place")
     evidence = collect_evidence(base, search, data.unsteady, settings)
     say("the gap on held-out lines")

@@ -2,21 +2,19 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-from scipy.stats import binom, norm
-
 from diagnosis.data_checks.candidates import build_gross_hypotheses
 from diagnosis.data_checks.check_data import CheckedData
 from diagnosis.data_checks.sensors import SensorChecks
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.refit_record import RefitRecord
 from diagnosis.refits.measured import count_measured_frfs
+from diagnosis.refits.outlying_tolerances import admit_outliers
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import RefitTask, find_start, run_refits
 from diagnosis.settings import DiagnosisSettings
 from identification import lines_are_independent
 from mbmodel import RigidDirection
-from tuning import STAGES, TOLERANCE_BOUND_SIGMA, Session, fit, random_starts
+from tuning import STAGES, Session, fit, random_starts
 
 _START_FLOOR = STAGES[2].model_error_floor  # of the nominal model
 
@@ -51,7 +49,7 @@ def fit_baseline(
     """
     scene = set_scene(data.session, data.checks, data.directions, jobs, settings)
     scene = replace(scene, record=record)
-    null = admit_outliers(scene, fit_null_model(scene, settings), settings)
+    (null,) = admit_outliers(scene, [fit_null_model(scene, settings)], settings)
     proven = build_gross_hypotheses(data.checks, data.session)
     scene = replace(scene, session=null.session, theta=null.fit.theta)
     return Baseline(scene, null, data.checks, proven)
@@ -132,36 +130,3 @@ def refit_from(
         scene, [RefitTask(None, null.session, start, null.floor)], settings.schedule
     )
     return min(null, refit, key=lambda candidate: candidate.objective)
-
-
-def admit_outliers(scene: Scene, null: Refit, settings: DiagnosisSettings) -> Refit:
-    """Return the null model with wider bounds on outlying tolerances, if they lower its objective.
-
-    Among hundreds of tolerances some exceed their bounds of 2.5 standard deviations by chance. Left
-    at the bound, such a tolerance would look like an effect. Those at a bound are fitted up to
-    ``outlier_sigma``. One that ends there too is a fault, which no tolerance may hide. So are
-    several that are improbable together: the binomial probability that k of n tolerances shift as
-    far as the k-th largest must not be below that of one beyond ``outlier_sigma``.
-
-    Args:
-        scene: campaign and nominal model.
-        null: null model.
-        settings: schedule, and the largest outlier.
-    """
-    varies, outlier = null.session.parametrisation, settings.outlier_sigma
-    wider = varies.widen_bounds(varies.coordinates_at_bound(null.fit.x), outlier)
-    widened = (wider.lower < varies.lower) | (wider.upper > varies.upper)
-    if not widened.any():
-        return null
-    session = replace(null.session, parametrisation=wider)
-    task = RefitTask(None, session, null.fit.theta, null.floor)
-    (refit,) = run_refits(scene, [task], settings.schedule)
-    shifts = -np.sort(-np.abs(refit.fit.x[wider.has_prior]))
-    beyond = shifts[shifts > TOLERANCE_BOUND_SIGMA]
-    counts = np.arange(len(beyond))
-    by_chance = binom.sf(counts, len(shifts), 2 * norm.sf(beyond))
-    least = binom.sf(0, len(shifts), 2 * norm.sf(outlier))
-    is_fault = bool(
-        (wider.coordinates_at_bound(refit.fit.x) & widened).any() or (by_chance < least).any()
-    )
-    return null if is_fault or null.objective <= refit.objective else refit

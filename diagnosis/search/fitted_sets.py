@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence, Key
 from diagnosis.inference.posterior import compute_log_odds, select_material_sets
@@ -61,15 +63,38 @@ def is_acceptable(search: Search, refit: Refit, settings: DiagnosisSettings) -> 
 
 def is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
     """Return whether the posterior prefers a set to another one."""
-    sets = [summarise_refit(candidate) for candidate in (*search.refits, refit)]
+    first, second = _compute_log_odds(search, [refit, base], (*search.refits, refit))
+    return first > second
+
+
+def find_leading(search: Search, settings: DiagnosisSettings) -> list[Refit]:
+    """Return the most probable refit and those confounded with it, if a verdict would list them.
+
+    Their odds are then at least ``min_row_probability`` relative to no cause.
+    """
+    logs = _compute_log_odds(search, search.refits, search.refits)
+    least = max(max(logs, default=0.0) - settings.twin_nats, np.log(settings.min_row_probability))
+    return [refit for refit, log in zip(search.refits, logs, strict=True) if log >= least]
+
+
+def _compute_log_odds(
+    search: Search, chosen: Sequence[Refit], refits: Sequence[Refit]
+) -> list[float]:
+    """Return the log odds of chosen sets.
+
+    Args:
+        search: sets of causes that were fitted.
+        chosen: the sets.
+        refits: all sets.
+    """
     evidence = Evidence(
         small_faults=search.small_faults,
         null=summarise_refit(search.null),
-        sets=tuple(sets),
+        sets=tuple(map(summarise_refit, refits)),
         hypotheses=search.hypotheses,
         variance=find_variance_source(search.null.session.campaign),
     )
-    first, second = compute_log_odds(
-        evidence, [summarise_refit(refit), summarise_refit(base)], load_calibration()
+    logs = compute_log_odds(
+        evidence, [summarise_refit(refit) for refit in chosen], load_calibration()
     )
-    return bool(first > second)
+    return logs.tolist()

@@ -16,11 +16,13 @@ from dataclasses import replace
 
 from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.inference.evidence import Key
-from diagnosis.null_model import Baseline, admit_outliers, refit_from
+from diagnosis.null_model import Baseline, refit_from
+from diagnosis.refits.outlying_tolerances import admit_outliers
 from diagnosis.refits.refit import Refit
 from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import (
     Search,
+    find_leading,
     is_acceptable,
     is_last_material,
     is_more_probable,
@@ -81,5 +83,23 @@ def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings
     if best is None:
         return search
     null = refit_from(base.scene, search.null, best, settings)
-    null = null if null is search.null else admit_outliers(base.scene, null, settings)
+    if null is not search.null:
+        (null,) = admit_outliers(base.scene, [null], settings)
     return replace(search, null=null, selected=search.selected if search.selected.causes else null)
+
+
+def admit_outliers_beside_causes(
+    base: Baseline, search: Search, settings: DiagnosisSettings
+) -> Search:
+    """Return the search with outlying tolerances admitted in the sets that lead.
+
+    These are the most probable set and those that are confounded with it. Tolerances held at their
+    bounds would count as an error of the model beside the causes, and hide a small effect.
+    """
+    leading = find_leading(search, settings)
+    admitted = dict(
+        zip(map(id, leading), admit_outliers(base.scene, leading, settings), strict=True)
+    )
+    refits = tuple(admitted.get(id(refit), refit) for refit in search.refits)
+    selected = admitted.get(id(search.selected), search.selected)
+    return replace(search, refits=refits, selected=selected)

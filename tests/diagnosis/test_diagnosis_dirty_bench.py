@@ -172,11 +172,11 @@ def test_a_wrong_force_channel_is_named_or_within_its_tolerance(
 )
 def test_a_fault_of_the_force_channel_is_that_with_its_tolerance(effect, parameter):
     design = Design("force", (effect,), parameter=parameter, tree=True)
-    answer = tomllib.loads(draw(design, EARLIER - 3).answer.decode())
+    answer = tomllib.loads(draw(design, EARLIER[0] - 3).answer.decode())
     assert answer["effect"] == effect
     assert answer["parameters"][parameter[0]] == pytest.approx(parameter[1])
-    assert beside_tolerance(design, EARLIER - 3)[1] != pytest.approx(parameter[1])
-    assert beside_tolerance(SINGLE, EARLIER - 3) is None
+    assert beside_tolerance(design, EARLIER[0] - 3)[1] != pytest.approx(parameter[1])
+    assert beside_tolerance(SINGLE, EARLIER[0] - 3) is None
 
 
 def test_two_engines_are_compared_on_the_same_campaigns():
@@ -200,13 +200,13 @@ def test_rows_that_are_left_out_are_counted():
 def test_a_drawn_campaign_stays_and_its_answer_lies_apart(tmp_path, monkeypatch):
     monkeypatch.setenv("CAMPAIGNS", str(tmp_path))
     design = Design("single", ("gyroscopic",), 2.0, 5.0, tree=True)
-    stored = ensure(design, EARLIER - 2)
+    stored = ensure(design, EARLIER[0] - 2)
     assert (stored.folder / "campaign.toml").is_file()
     assert not (stored.folder / "answer.toml").exists()
     assert weakest_ratio(stored.answer) == pytest.approx(2.0, rel=0.3)
     assert any(item.startswith("structural_damping@joint:") for item in dirt_items(stored.answer))
     monkeypatch.setattr(dirty_campaigns, "draw", None)  # it is not drawn again
-    assert ensure(design, EARLIER - 2) == stored
+    assert ensure(design, EARLIER[0] - 2) == stored
 
 
 def test_a_machine_without_a_place_gives_way_to_the_next(tmp_path, monkeypatch):

@@ -12,7 +12,8 @@ from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import mask_channels
 from diagnosis.estimates.intervals import fit_parameters
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.null_model import admit_outliers, fit_null_model, refit_from
+from diagnosis.null_model import fit_null_model, refit_from
+from diagnosis.refits.outlying_tolerances import admit_outliers
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import add_cause, add_hypothesis, find_start, run_refits
 from diagnosis.search.score_test import compute_cosines, scores
@@ -240,15 +241,20 @@ def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tm
     scene = early_scene(session)
     null = refit_null(scene)
     assert null.gap > 0.5
-    admitted = admit_outliers(scene, null, SETTINGS)
+    (admitted,) = admit_outliers(scene, [null], SETTINGS)
     assert admitted.gap < 0.1
     shifts = np.abs(admitted.fit.x[admitted.session.parametrisation.has_prior])
     assert 3 < shifts.max() < 4
     # What was no outlier keeps its bound, and a shift beyond the largest outlier is a fault.
     widened = admitted.session.parametrisation.upper > null.session.parametrisation.upper
     assert 1 <= widened.sum() < 20
-    assert admit_outliers(scene, null, replace(SETTINGS, outlier_sigma=2.8)) is null
-    assert admit_outliers(scene, admitted, SETTINGS) is admitted
+    assert admit_outliers(scene, [null], replace(SETTINGS, outlier_sigma=2.8)) == [null]
+    assert admit_outliers(scene, [admitted], SETTINGS) == [admitted]
+    # Beside a cause too, which otherwise looks as if the model had errors beside it.
+    stiffer = refit_with(scene, null, only(scene, "structural_damping")[0])
+    (beside,) = admit_outliers(scene, [stiffer], SETTINGS)
+    assert beside.keys == stiffer.keys
+    assert beside.gap < 0.1 < stiffer.gap
     # The same tolerances released are that outlier too, as unlikely as one alone.
     (turned,) = propose_at(scene, "sensor_misalignment", "sensor:acc11")
     released = refit_with(scene, null, turned)

@@ -19,7 +19,8 @@ def dirty_table() -> str:
 
 def dirty_earlier_table() -> str:
     """Rates of the engines before, on campaigns of which some shaped the one of today."""
-    rows = figures(list(of(f"dirty.{EARLIER}").values()), [])
+    earlier = [row for first in EARLIER for row in of(f"dirty.{first}").values()]
+    rows = figures(earlier, [])
     cells = [(row["figure"], significant(row["value"], 3), row["n"]) for row in rows]
     return table(("Figure", "Value", "n [95 % interval]"), cells)
 
