@@ -14,6 +14,8 @@ others is checked (cross-validation of a log score: Stone 1974, Gneiting and Raf
 that is hardly visible on held-out lines, the fits alone decide.
 """
 
+from dataclasses import replace
+
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
@@ -41,13 +43,15 @@ def admit_predictive_causes(
         posterior = compute_posterior(evidence, settings=settings)
         best = find_present(search, evidence, posterior, settings)
         gaps = estimate_gaps(base, whole, search.null, best, settings)
-        if not best.causes or gaps.after is None:
+        after = gaps.after
+        if not best.causes or after is None:
             return evidence, posterior, gaps
         before: HeldOutGap | None = gaps.retuned
         if base.proven:  # corrected in every set: they are no merit of the further causes
             before = estimate_gaps(base, whole, search.null, search.null, settings).after
+            gaps = replace(gaps, corrected=before)
         price = evidence.price_causes(best.keys)
-        if before is None or predicts_held_out(before, gaps.after, price):
+        if before is None or predicts_held_out(before, after, price):
             return evidence, posterior, gaps
         evidence = evidence.model_copy(update={"rejected": (*evidence.rejected, best.keys)})
 

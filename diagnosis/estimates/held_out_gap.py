@@ -96,11 +96,14 @@ class GapEstimates:
         retuned: gap of the null model.
         after: gap with all causes; None without a cause.
         parameters: parameters of the fit with all causes; None without a cause.
+        corrected: gap of the null model where the proven faults are corrected, beside further
+            causes; None without such causes, or without proven faults.
     """
 
     retuned: HeldOutGap
     after: HeldOutGap | None
     parameters: FittedParameters | None
+    corrected: HeldOutGap | None = None
 
 
 def estimate_gaps(

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap
+from diagnosis.estimates.held_out_gap import GapEstimates
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import Evidence, Key
 from diagnosis.inference.posterior import Posterior, compute_force_shares, read_site
@@ -23,7 +23,8 @@ from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
 from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import DiagnosisSettings
-from tuning import TOLERANCE_BOUND_SIGMA, channel_gaps, is_gap_visible, predict, summarise_gaps
+from diagnosis.verdict.closed_by_proven import find_closed_by_proven
+from tuning import is_gap_visible
 
 Word = Literal["none", "explained", "several", "partly", "unexplained"]
 Spread = Literal["local", "everywhere"]
@@ -114,7 +115,7 @@ def describe_present(
         settings: thresholds.
     """
     refit = find_present(search, evidence, posterior, settings)
-    closes = _find_closed_by_proven(base, gaps) | _find_closed_by_causes(search, refit)
+    closes = find_closed_by_proven(base, gaps) | _find_closed_by_causes(search, refit)
     causes = (*base.proven, *refit.causes)
     established = tuple(
         cause.key
@@ -176,36 +177,6 @@ def _find_closed_alone(search: Search, key: Key) -> float | None:
     if refit is None or search.null.gap <= 0:
         return None
     return float(1 - refit.gap / search.null.gap)
-
-
-def _find_closed_by_proven(base: Baseline, gaps: GapEstimates) -> dict[Key, float]:
-    """Return the part of the gap that each proven fault closes, relative to uncorrected data."""
-    after = gaps.after
-    if not base.proven or after is None:
-        return {}
-    before, least = gaps.retuned.gap.excess, after.gap.excess
-    if before is None or least is None or before <= 1:
-        return {cause.key: 1.0 for cause in base.proven}
-    closed = {}
-    for cause in base.proven:
-        without = _find_excess_without(cause, after, gaps.retuned)
-        is_known = without is not None and cause.is_modelled and cause.reform is None
-        share = (without**2 - least**2) / (before**2 - 1) if is_known and without else 1.0
-        closed[cause.key] = float(share)
-    return closed
-
-
-def _find_excess_without(cause: Hypothesis, after: HeldOutGap, retuned: HeldOutGap) -> float | None:
-    """Return the excess with all causes but one, whose tolerances are clipped to their bounds."""
-    refit, campaign = after.refit, after.campaign
-    parametrisation = refit.fit.parametrisation
-    released = np.isin(np.array(parametrisation.names), cause.release)
-    bounded = np.clip(refit.fit.x, -TOLERANCE_BOUND_SIGMA, TOLERANCE_BOUND_SIGMA)
-    theta = parametrisation.theta(np.where(released, bounded, refit.fit.x))
-    if cause.correct is not None:
-        campaign = retuned.campaign
-    predicted = predict(refit.session.model, theta, campaign)
-    return summarise_gaps(channel_gaps(predicted, campaign)).excess
 
 
 def _describe_rest(

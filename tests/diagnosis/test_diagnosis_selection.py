@@ -18,6 +18,7 @@ from diagnosis.estimates.held_out_check import (
 from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import SETTINGS
+from diagnosis.verdict.closed_by_proven import divide_closed_gap
 from diagnosis.verdict.established import describe_present
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import draw_imperfect, early_scene, propose_at, refit_null, refit_with
@@ -187,3 +188,17 @@ def test_on_a_machine_that_lacks_nothing_no_set_is_selected(tmp_path):
     assert found.present.word == "none"
     assert found.search.selected.causes == ()
     assert found.present.causes == ()
+
+
+def test_a_fault_that_misleads_the_null_model_closes_its_gap():
+    # Retuned to a wrong sign, the null model is farther off than the wrong sign alone.
+    key = ("sensor_polarity", "sensor:acc1", "tz")
+    (closed,) = divide_closed_gap({key: 3.0}, 1.5, 50.0, 48.5).values()
+    assert closed == pytest.approx(0.97)
+    # Two faults share what correcting both closes; without it each counts as the last one.
+    second = ("sensor_gain", "sensor:acc2", "tx")
+    both = {key: 3.0, second: 2.0}
+    assert divide_closed_gap(both, 1.5, 50.0, 40.0) == pytest.approx({key: 0.6, second: 0.2})
+    assert divide_closed_gap(both, 1.5, 50.0, 0.0) == pytest.approx({key: 0.03, second: 0.01})
+    # A fault that the parameters of the set do not show closes nothing.
+    assert divide_closed_gap({key: 1.0}, 1.5, 50.0, 40.0) == {key: 0.0}
