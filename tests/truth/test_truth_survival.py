@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 
 from tests.helpers.linearised import write_out
 from truth.campaign.bounded_least_squares import BOUND, normal_matrix
-from truth.campaign.cause import Cause, Wanted
+from truth.campaign.cause import Cause, Wanted, draw_effects
 from truth.campaign.draw import Tolerance, draw_hammers, stream
 from truth.campaign.frf_sensitivities import jacobian, jacobian_again
 from truth.campaign.measure import hammer_tests
@@ -301,3 +301,23 @@ def test_more_corrections_come_nearer_to_a_ratio_that_further_steps_hide():
         off.append(abs(np.log(tomllib.loads(answer)["ratio"] / 4.0)))
     assert off[2] < 0.1
     assert off[2] < off[1] < off[0]
+
+
+def test_a_correction_that_leaves_too_much_is_taken_back(machine):
+    """Of a mass m/M = s the first step leaves 40 s, all steps 1.34 (s / 0.1)^1.9.
+
+    One correction aims at 4 * 4 / 1.34, and would leave 10.7 at s = 0.3; s = 0.178 leaves 4.
+    """
+
+    class Hiding:
+        def ratio(self, loaded):
+            return 40 * loaded.effects[0].size
+
+        def retuned(self, loaded, least):
+            return 1.34 * (loaded.effects[0].size / 0.1) ** 1.9
+
+    scene = Scene(machine.station, occasions(PROTOCOL, takes(PROTOCOL, machine.station, 1)))
+    cause = Cause((Wanted("mass_error", None, 4.0),))
+    (drawn,) = draw_effects(machine, scene, cause, Hiding, 1).drawn
+    assert drawn.ratio == pytest.approx(4.0)
+    assert drawn.effect.size == pytest.approx(0.1 * (4 / 1.34) ** (1 / 1.9))

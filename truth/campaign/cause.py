@@ -19,6 +19,8 @@ _CLOSE = 0.04  # of the wanted ratio
 _HIDDEN = 1.1  # of the logarithm of the wanted ratio: a refit takes nearly all
 _MORE = 4.0  # times the ratio, what the first step may have to leave
 _TURNS = 12  # repetitions of the search for a size
+_OVERSHOT = 0.25  # of the logarithm of the ratio: a correction that goes farther is taken back
+_BETWEEN = 3  # sizes between one that leaves too little and one that leaves too much, at most
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,7 @@ def _drawn(
 
 
 def _off(drawn: Drawn, ratio: float) -> float:
-    return abs(float(np.log(max(drawn.ratio or 0.0, 1e-9) / ratio)))
+    return abs(float(np.log(_left(drawn) / ratio)))
 
 
 def _with_parameter(effect: Effect, name: str, value: float) -> Effect | None:
@@ -177,24 +179,48 @@ def _strong(
     """Choose the size for a ratio; whether a refit leaves about as much as was aimed at.
 
     Its further steps hide more, of some effects much more: the size is then chosen anew for a
-    ratio of the first step that is larger by what they have hidden.
+    ratio of the first step that is larger by what they have hidden. Of a larger size they may hide
+    a smaller part, so that too much is left: then sizes between are tried.
     """
     least = ratio * float(np.exp(-_HIDDEN))
     first = _first_step(effect, machine, ratio, refit)
     if effect.size is not None and (first.ratio or 0.0) < least:
         return first, False  # further steps leave even less
-    found = _whole(first, machine, refit, least)
+    tried = [_whole(first, machine, refit, least)]
     if effect.size is None:
-        return found, True
-    aim, last = ratio, found
+        return tried[0], True
+    aim = ratio
     for _ in range(corrections):
-        if _off(first, aim) > 2 * _CLOSE or _off(last, ratio) <= 2 * _CLOSE:
+        if _left(first) < aim * np.exp(-2 * _CLOSE) or _off(tried[-1], ratio) <= 2 * _CLOSE:
             break
-        aim = min(aim * ratio / max(last.ratio or 0.0, 1e-9), _MORE * ratio)
+        aim = min(aim * ratio / _left(tried[-1]), _MORE * ratio)
         first = _first_step(effect, machine, aim, refit)
-        last = _whole(first, machine, refit, least)
-        found = min((found, last), key=lambda one: _off(one, ratio))
+        tried.append(_whole(first, machine, refit, least))
+    found = _between(tried, machine, ratio, refit)
     return found, _off(found, ratio) <= _HIDDEN
+
+
+def _between(tried: list[Drawn], machine: Machine, ratio: float, refit: Refit) -> Drawn:
+    """Return the size that comes nearest to a ratio, of those tried and of some between them.
+
+    Between a size that leaves less and one that leaves more, the logarithm of what is left is
+    interpolated over that of the size (regula falsi).
+    """
+    for _ in range(_BETWEEN):
+        low = max((one for one in tried if _left(one) < ratio), key=_left, default=None)
+        high = min((one for one in tried if _left(one) >= ratio), key=_left, default=None)
+        near = min(_off(one, ratio) for one in tried)
+        if low is None or high is None or near <= _OVERSHOT:
+            break
+        share = np.log(ratio / _left(low)) / np.log(_left(high) / _left(low))
+        ends = np.log([one.effect.size or 1.0 for one in (low, high)])
+        size = float(np.exp(ends[0] + share * (ends[1] - ends[0])))
+        tried = [*tried, _whole(Drawn(low.effect.sized(size), None), machine, refit)]
+    return min(tried, key=lambda one: _off(one, ratio))
+
+
+def _left(drawn: Drawn) -> float:
+    return max(drawn.ratio or 0.0, 1e-9)
 
 
 def _whole(first: Drawn, machine: Machine, refit: Refit, least: float = 0.0) -> Drawn:
@@ -217,7 +243,7 @@ def _first_step(effect: Effect, machine: Machine, ratio: float, refit: Refit) ->
     for _ in range(_TURNS):
         tried = effect.sized(float(np.exp(at)))
         best = Drawn(tried, survives(tried))
-        off = float(np.log(max(best.ratio or 0.0, 1e-12) / ratio))
+        off = float(np.log(_left(best) / ratio))
         if abs(off) <= _CLOSE:
             break
         if at in ends:  # not even there
