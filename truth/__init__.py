@@ -21,9 +21,10 @@ from truth.campaign.further_tests import (
 )
 from truth.campaign.linearised_test import LinearisedTest, linearise_test
 from truth.campaign.measured import StatedTest, locate_tests
+from truth.campaign.place_names import check_choice, find_place
 from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.signatures import find_signatures
-from truth.campaign.smallest_sizes import SmallestSize, predict_smallest
+from truth.campaign.smallest_sizes import SmallestSize, named_size, predict_smallest
 from truth.campaign.tolerance_shift import list_without_tolerance
 from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
 from truth.campaign.weighing import Weighing
@@ -50,18 +51,21 @@ __all__ = [
     "TruthError",
     "Wanted",
     "Weighing",
+    "check_choice",
     "compare_sizes",
     "deal_cards",
     "draw_campaign",
     "draw_case",
     "draw_protocol",
     "find_further_test",
+    "find_place",
     "find_signatures",
     "fit_to_machine",
     "linearise_test",
     "list_further_tests",
     "list_without_tolerance",
     "locate_tests",
+    "named_size",
     "predict_smallest",
     "rank_gains",
     "read_station",

@@ -1,5 +1,6 @@
 """Which effects, places and sizes a blind test draws, from the options of the command."""
 
+import math
 from collections.abc import Sequence
 
 from identification.words import UsageError
@@ -34,7 +35,7 @@ def read_choice(
         raise UsageError("--place, --ratio and --size need an effect: name it by --effect")
     if ratios and size:
         raise UsageError("--ratio and --size exclude each other: give one of them")
-    if any(ratio <= 0 for ratio in ratios or ()):
+    if not all(0 < ratio < math.inf for ratio in ratios or ()):
         raise UsageError("--ratio: give a survival ratio of more than 0, such as 2")
     return Choice(
         tuple(effects or ()), tuple(places or ()), tuple(ratios or ()), _read_size(size), dirt
@@ -47,6 +48,9 @@ def _read_size(text: str | None) -> tuple[str, float] | None:
         return None
     name, _, value = text.partition("=")
     try:
-        return name, float(value)
+        number = float(value)
     except ValueError:
-        raise UsageError(f"--size {text!r}: give parameter=value, such as mass=5") from None
+        number = math.nan
+    if not math.isfinite(number):
+        raise UsageError(f"--size {text!r}: give parameter=value, such as mass=5")
+    return name, number

@@ -11,11 +11,11 @@ from mbmodel import load_machine
 from mbw.blind.case_files import TREES, BlindCase
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import run_cases
-from mbw.blind.user_test import is_campaign, read_user_test
+from mbw.blind.user_test import is_campaign, read_test, read_user_test
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
-from truth import WHOLE_DECK, Choice, why_as_drawn
+from truth import WHOLE_DECK, Choice, TruthError, check_choice, why_as_drawn
 from tuning.workers.executors import Workers
 
 
@@ -61,6 +61,21 @@ def check_model(model: str, band: tuple[float, float] | None) -> None:
             f"{model} itself is the nominal model of all cases, and true machines vary about it: "
             f"nominal models of its kind are drawn of plain files alone ({reason})"
         )
+
+
+def check_places(options: BlindOptions) -> None:
+    """Refuse chosen places that the machine lacks, or that lie where an effect cannot.
+
+    Raises:
+        InputError: a place is none, or none of an effect.
+    """
+    if options.model == TREES or not options.choice.places:
+        return
+    test = read_test(Path(options.model), options.band)
+    try:
+        check_choice(options.choice, test.station, test.repeated.protocol)
+    except TruthError as error:
+        raise InputError(str(error)) from error
 
 
 def run_all(options: BlindOptions, out: Path, further: str | None = None) -> list[BlindCase]:

@@ -16,7 +16,7 @@ from mbmodel.geometry.surfaces import machine_geometry
 from mbw.blind.chosen_cases import BlindOptions, run_chosen, run_prediction
 from mbw.blind.further_page import render
 from mbw.blind.grading import count_found
-from mbw.blind.smallest import predict
+from mbw.blind.smallest import describe_unpredicted, predict
 from mbw.blind.user_test import find_model, read_test
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
@@ -77,6 +77,8 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
     """
 
     def compute(output: OutputFolder) -> str:
+        for sentence in describe_unpredicted(options.choice):
+            SCREEN.say(sentence)
         gains = rank_further(Path(options.model), options.band, options.choice)
         folder = output.path.absolute()
         helpful = [

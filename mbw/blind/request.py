@@ -116,7 +116,7 @@ def prepare_folder(request: dict[str, object], out: Path, *, overwrite: bool) ->
         if not overwrite:
             what = "exists and is not the folder of a blind test"
             if note.is_file():
-                what = "holds a blind test of another model, seed or band, or another shard"
+                what = "holds a blind test of another model, seed, band, choice or shard"
             raise InputError(
                 f"{out} {what}: name another folder with --out, or start anew with --overwrite"
             )

@@ -6,7 +6,7 @@ diagnosis, and confirmed by drawn cases at the places that matter most, if they 
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,15 +27,20 @@ from truth import (
     SmallestSize,
     TruthError,
     Weighing,
+    find_place,
     find_signatures,
     linearise_test,
     list_without_tolerance,
+    named_size,
     predict_smallest,
 )
 from truth.campaign.linearised_test import MAX_VALUES, LinearisedTest
+from truth.effects import NONLINEAR
 from truth.effects.other_packages import known_effects
 from truth.effects.outside import OUTSIDE
 
+# What only the data checks prove is no hypothesis of the fits, whose odds are predicted.
+_UNPREDICTED = frozenset((*OUTSIDE, *PROVEN, *NONLINEAR))
 SMALLEST_JSON, SMALLEST_PAGE, SMALLEST_TEXT = "smallest.json", "smallest.html", "smallest.txt"
 
 
@@ -72,28 +77,25 @@ def predict(test: UserTest, choice: Choice, max_values: int = MAX_VALUES) -> lis
         InputError: no effect has a place, or the machine cannot be tested.
     """
     try:
+        places = tuple(find_place(place, test.station) for place in choice.places)
         linear = linearise_test(
             test.station, test.repeated.protocol, test.repeated.tolerance, max_values
         )
         schedule, factor = SETTINGS.schedule, max(1, round(linear.values / SETTINGS.enough_values))
         stride = choose_stride(linear.lines, factor * schedule.stride, SETTINGS)
-        # What only the data checks prove is no hypothesis of the fits, whose odds are predicted.
-        effects = {
-            name: draw
-            for name, draw in known_effects().items()
-            if name not in OUTSIDE and name not in PROVEN
-        }
+        effects = {name: draw for name, draw in known_effects().items() if name not in _UNPREDICTED}
         signatures, information = find_signatures(linear.thinned(stride), effects, [])
     except TruthError as error:
         raise InputError(str(error)) from error
     weighing = _describe_weighing(linear, stride)
-    sizes = predict_smallest(signatures, information, weighing, choice)
+    chosen = replace(choice, places=places)
+    sizes = predict_smallest(signatures, information, weighing, chosen)
     if not sizes:
         raise InputError(
             f"{test.station.name}: no effect that was chosen has a place in this machine: choose "
             "others by --effect and --place"
         )
-    return sizes
+    return [named_size(row, test.station) for row in sizes]
 
 
 def _describe_weighing(test: LinearisedTest, stride: int) -> Weighing:
@@ -116,6 +118,15 @@ def _describe_weighing(test: LinearisedTest, stride: int) -> Weighing:
         min_closed=SETTINGS.min_closed,
         outlier=SETTINGS.outlier_sigma,
     )
+
+
+def describe_unpredicted(choice: Choice) -> list[str]:
+    """Return a sentence for each chosen effect that has no prediction."""
+    return [
+        f"{effect} has no prediction: test it by drawn cases, without --smallest and --further"
+        for effect in choice.effects
+        if effect in _UNPREDICTED
+    ]
 
 
 def describe_without_tolerance(test: UserTest, choice: Choice) -> list[str]:

@@ -8,6 +8,7 @@ from mbw.blind.smallest import (
     SMALLEST_JSON,
     Confirmation,
     choose_places,
+    describe_unpredicted,
     describe_without_tolerance,
     predict,
     write,
@@ -33,6 +34,8 @@ def run_smallest(options: BlindOptions, confirm: int) -> Path:
     """
 
     def compute(output: OutputFolder) -> str:
+        for sentence in describe_unpredicted(options.choice):
+            SCREEN.say(sentence)
         test = read_test(Path(options.model), options.band)
         sizes = predict(test, options.choice)
         for sentence in describe_without_tolerance(test, options.choice):

@@ -10,7 +10,7 @@ from identification.words import UsageError
 from mbw.band import check_band
 from mbw.blind.case_files import BlindCase
 from mbw.blind.choice_options import read_choice
-from mbw.blind.chosen_cases import BlindOptions, check_model, run_all
+from mbw.blind.chosen_cases import BlindOptions, check_model, check_places, run_all
 from mbw.blind.further import run_further
 from mbw.blind.grading import describe_discarded_draws, write_grades
 from mbw.blind.page import GRADES, PAGE
@@ -53,6 +53,10 @@ def run_options(  # noqa: PLR0913  # one for each option
     outputs = ResultOptions(out, json, overwrite)
     if smallest and further:
         raise UsageError("--smallest and --further exclude each other: give one of them")
+    unused = {"--shard": shard, "--ratio": ratio, "--size": size}
+    if smallest or further or confirm:
+        for name in (name for name, value in unused.items() if value):
+            raise UsageError(f"{name} is for drawn cases, and not for a prediction: leave it out")
     if further:
         run_further(BlindOptions(model, cases, seed, workers, outputs, band, None, choice), confirm)
         return
@@ -75,6 +79,7 @@ def run(options: BlindOptions) -> Path:
     """
     load_catalogue()  # refuses an invalid effect of another package before anything is drawn
     check_model(options.model, options.band)
+    check_places(options)
     request = build_request(
         options.model,
         options.seed,

@@ -215,7 +215,7 @@ def test_another_seed_model_or_folder_is_refused(model, tmp_path, quick):
     run(model, out, "--cases", 1)
     other = run(model, out, "--cases", 1, seed=12)
     assert other.exit_code == 3
-    assert "another model, seed or band" in other.stderr
+    assert "another model, seed, band" in other.stderr
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "one.txt").touch()
     taken = run(model, tmp_path / "thesis", "--cases", 1)

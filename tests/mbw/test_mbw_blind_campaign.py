@@ -121,12 +121,35 @@ def test_the_size_of_a_chosen_effect_is_what_the_user_states(campaign):
         (["--place", "body:slide"], "--effect"),
         (["--effect", "drift", "--size", "x"], "parameter=value"),
         (["--effect", "drift", "--ratio", "-1"], "more than 0"),
+        (["--effect", "drift", "--ratio", "nan"], "more than 0"),
+        (["--effect", "drift", "--size", "factor=nan"], "parameter=value"),
+        (["--smallest", "--effect", "drift", "--ratio", "2"], "--ratio is for drawn cases"),
+        (["--further", "--effect", "drift", "--size", "factor=2"], "--size is for drawn cases"),
+        (["--smallest", "--shard", "1/2"], "--shard is for drawn cases"),
     ],
 )
 def test_a_wrong_choice_is_one_sentence(campaign, tmp_path, options, words):
     result = RUNNER.invoke(app, ["blind", str(campaign), "--out", str(tmp_path / "o"), *options])
     assert result.exit_code == 2
     assert words in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--effect", "mass_error", "--place", "body:lid"], "it has body:frame, body:slide"),
+        (["--effect", "mass_error", "--place", "joint:slide"], "as body:<name>"),
+        (["--effect", "friction", "--smallest"], "friction has no prediction"),
+    ],
+)
+def test_a_place_or_effect_that_cannot_be_is_said_before_cases_are_drawn(
+    campaign, tmp_path, options, words
+):
+    out = tmp_path / "o"
+    result = RUNNER.invoke(app, ["blind", str(campaign), "--out", str(out), *options])
+    assert result.exit_code == 3
+    assert words in result.stderr
+    assert not (out / "cases").exists()
 
 
 def test_a_channel_that_the_virtual_test_lacks_is_refused(campaign, tmp_path):

@@ -134,7 +134,11 @@ def test_a_confirmation_is_a_sentence_with_both_rates():
     [
         ("trees", [], "--further needs one machine"),
         (None, ["--smallest"], "exclude each other"),
-        (None, ["--place", "body:nowhere", "--effect", "mass_error"], "no effect that was chosen"),
+        (
+            None,
+            ["--place", "body:nowhere", "--effect", "mass_error"],
+            "it has body:frame, body:slide",
+        ),
     ],
 )
 def test_what_cannot_be_ranked_is_one_sentence(campaign, tmp_path, model, options, words):

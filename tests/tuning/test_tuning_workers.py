@@ -224,6 +224,9 @@ def test_a_cluster_that_does_not_answer_is_refused_with_one_sentence(monkeypatch
     monkeypatch.setattr("tuning.workers.executors._MAX_CONNECT_S", 0.2)
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         list(run_calls([(square, (1,))], use_cluster("tcp://127.0.0.1:9")))
+    for address in ("node1", "tcp://node1", "tcp://node1:port"):
+        with pytest.raises(UsageError, match="with its port, such as tcp://node1:8786"):
+            use_cluster(address)
 
 
 def test_without_dask_a_cluster_names_the_extra_to_install(monkeypatch):

@@ -14,6 +14,7 @@ from truth.campaign.cause import Cause, Wanted
 from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
 from truth.campaign.draw import Tolerance, draw_basis, draw_rigid, stream
 from truth.campaign.fitting_band import fit_to_machine
+from truth.campaign.place_names import find_place
 from truth.campaign.protocol import Protocol, draw_protocol, occasions, takes
 from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
@@ -195,7 +196,7 @@ def _ratio(random: np.random.Generator) -> float:
 def _cause(card: Card, station: Station, random: np.random.Generator, turn: int) -> Cause:
     if card.kind in ("nothing", "mistuned"):
         return Cause(mistuned=card.kind == "mistuned", kind=card.kind)
-    names, place = card.names, card.location or None
+    names, place = card.names, find_place(card.location, station) or None
     if card.kind == "twin":
         stage = station.stages[int(random.integers(len(station.stages)))]
         node = stage.sensors[0].node if stage.sensors else 0

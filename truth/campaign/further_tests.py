@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.campaign.measured import MeasuredTest
+from truth.campaign.place_names import named_place
 from truth.campaign.protocol import Protocol
 from truth.campaign.smallest_sizes import SmallestSize
 from truth.effects.places import hammer_site
@@ -66,7 +67,7 @@ def list_further_tests(station: Station, protocol: Protocol) -> list[FurtherTest
         protocol: how it is tested.
     """
     points = [
-        FurtherTest(f"hammer point {hammer_site(station, node)}", _hit(station, protocol, node))
+        FurtherTest(f"hammer point {_hit_name(station, node)}", _hit(station, protocol, node))
         for node in _nodes(station)
         if node not in protocol.nodes and _can_hit(protocol)
     ]
@@ -144,6 +145,11 @@ def _nodes(station: Station) -> list[int]:
     """Return all nodes that a hammer can hit."""
     hits = [hit.node for stage in station.stages for hit in stage.hit_points]
     return sorted({*hits, *(sensor.node for _, sensor in station.sensors())})
+
+
+def _hit_name(station: Station, node: int) -> str:
+    """Return the site of a hammer point as the model names it."""
+    return named_place(f"hammer:{hammer_site(station, node)}", station).partition(":")[2]
 
 
 def _can_hit(protocol: Protocol) -> bool:

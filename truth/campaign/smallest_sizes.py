@@ -6,16 +6,17 @@ one that is stated.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from truth.campaign.choice import WHOLE_DECK, Choice
 from truth.campaign.linear_verdicts import Family, LinearVerdicts
+from truth.campaign.place_names import named_direction, named_place
 from truth.campaign.signatures import Information, Signature
 from truth.campaign.weighing import Weighing
 from truth.effects.effect import Effect, stated_number
-from truth.machine.station import Real
+from truth.machine.station import Real, Station
 
 NINE_OF_TEN = 0.9
 _CONFUSED = 0.9  # cosine from which two signatures are confounded, as in a verdict
@@ -73,6 +74,17 @@ def predict_smallest(
         if (not choice.effects or family[0] in choice.effects)
         and (not choice.places or family[1] in choice.places)
     ]
+
+
+def named_size(row: SmallestSize, station: Station) -> SmallestSize:
+    """Return a smallest size with the model's own names of sites."""
+    pairs = (name.partition("@") for name in row.confused)
+    return replace(
+        row,
+        location=named_place(row.location, station),
+        dof=named_direction(row.dof, station),
+        confused=tuple(f"{effect}@{named_place(place, station)}" for effect, _, place in pairs),
+    )
 
 
 def find_thresholds(

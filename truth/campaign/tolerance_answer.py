@@ -4,12 +4,12 @@ An effect is added to a machine that is off its drawing by tolerances. A diagnos
 both together: the axes, the place and the gain that a sensor truly has, against the drawn ones.
 """
 
-import re
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from truth.campaign.place_names import named_direction, named_place
 from truth.effects import Answer
 from truth.effects.effect import Parameter
 from truth.machine.rig import Prepared
@@ -64,17 +64,10 @@ def stated(answer: Answer, drawing: Station, before: Station, after: Prepared) -
 
 def named(answer: Answer, drawing: Station) -> Answer:
     """Return the answer with the drawing's own names of sites instead of ``acc<node>``."""
-
-    def site(match: re.Match[str]) -> str:
-        return drawing.site(int(match[1]))
-
-    kind, _, place = answer.location.partition(":")
-    if kind in ("sensor", "hammer"):
-        place = re.sub(r"\bacc(\d+)\b", site, place)
     return replace(
         answer,
-        location=f"{kind}:{place}" if place else answer.location,
-        dof=re.sub(r"\bacc(\d+)(?=:)", site, answer.dof),
+        location=named_place(answer.location, drawing),
+        dof=named_direction(answer.dof, drawing),
     )
 
 

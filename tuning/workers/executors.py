@@ -6,6 +6,7 @@ functions, as effects of users do: processes and Dask send those by cloudpickle.
 """
 
 import signal
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from typing import Any
+from urllib.parse import urlsplit
 
 from joblib.externals.loky import get_reusable_executor
 
@@ -87,8 +89,12 @@ def use_cluster(address: str) -> Workers:
         address: of the scheduler, such as ``tcp://node1:8786``.
 
     Raises:
-        UsageError: Dask is not installed.
+        UsageError: Dask is not installed, or the address has no port.
     """
+    if _find_port(address) is None:
+        raise UsageError(
+            f"--cluster {address}: give the scheduler with its port, such as tcp://node1:8786"
+        )
     try:
         distributed = import_module("distributed")
     except ImportError as error:
@@ -101,6 +107,16 @@ def use_cluster(address: str) -> Workers:
         call_deaths=(distributed.KilledWorker,),
         are_elsewhere=True,
     )
+
+
+def _find_port(address: str) -> tuple[str, int] | None:
+    """Return host and port of an address; None if it lacks one of them."""
+    try:
+        parts = urlsplit(address if "://" in address else f"tcp://{address}")
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        return None
+    return None if host is None or port is None else (host, port)
 
 
 @contextmanager
@@ -151,6 +167,8 @@ def _open_factory(name: str, factory: Callable[[], Executor]) -> Iterator[Submit
 @contextmanager
 def _open_cluster(distributed: Any, address: str) -> Iterator[Submit]:
     try:
+        # Without a scheduler a client tries on for long, and fails again when it is deleted.
+        socket.create_connection(_find_port(address) or ("", 0), timeout=_MAX_CONNECT_S).close()
         client = distributed.Client(address, timeout=_MAX_CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(
