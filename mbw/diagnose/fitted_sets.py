@@ -22,6 +22,7 @@ class FittedRow:
         closed: part of the null model's gap that the set closes; None without such a gap.
         log_odds: against a model without any cause [nats]; None where the set is not weighed.
         rejection: why the set is not weighed; empty if it is.
+        is_outlier: whether a tolerance within the usual spread of outliers is one of its causes.
     """
 
     keys: tuple[Key, ...]
@@ -30,6 +31,7 @@ class FittedRow:
     closed: float | None
     log_odds: float | None
     rejection: str = ""
+    is_outlier: bool = False
 
 
 def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> list[FittedRow]:
@@ -52,9 +54,10 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
     odds = dict(
         zip(weighed, compute_log_odds(evidence, weighed, load_calibration()).tolist(), strict=True)
     )
-    sets = [(null, _row(null, null, 0.0, ""))]
+    sets = [(null, _row(null, null, 0.0, "", settings))]
     sets += [
-        (fitted, _row(fitted, null, odds.get(fitted), reason)) for fitted, reason in best.values()
+        (fitted, _row(fitted, null, odds.get(fitted), reason, settings))
+        for fitted, reason in best.values()
     ]
     return [row for _, row in sorted(sets, key=lambda pair: pair[0].objective)]
 
@@ -87,7 +90,13 @@ def _reason(row: FittedRow, present: frozenset[Key], most: float) -> str:
     return "improbable"
 
 
-def _row(fitted: FittedSet, null: FittedSet, log_odds: float | None, rejection: str) -> FittedRow:
+def _row(
+    fitted: FittedSet,
+    null: FittedSet,
+    log_odds: float | None,
+    rejection: str,
+    settings: DiagnosisSettings,
+) -> FittedRow:
     return FittedRow(
         keys=fitted.keys,
         model_error=fitted.floor,
@@ -95,14 +104,20 @@ def _row(fitted: FittedSet, null: FittedSet, log_odds: float | None, rejection: 
         closed=(null.gap - fitted.gap) / null.gap if null.gap > 0 else None,
         log_odds=log_odds,
         rejection=rejection,
+        is_outlier=_is_outlier(fitted, settings),
     )
+
+
+def _is_outlier(fitted: FittedSet, settings: DiagnosisSettings) -> bool:
+    """Return whether a cause only releases tolerances that shift by no more than an outlier."""
+    return any(shift is not None and shift <= settings.outlier_sigma for shift in fitted.shifts)
 
 
 def _rejection(
     fitted: FittedSet, is_material: bool, evidence: Evidence, settings: DiagnosisSettings
 ) -> str:
     """Return why a set is not weighed; empty if it is."""
-    if any(shift is not None and shift <= settings.outlier_sigma for shift in fitted.shifts):
+    if _is_outlier(fitted, settings):
         return f"pull < {settings.outlier_sigma:g}"
     if not is_material:
         verb = "closes" if len(fitted.keys) == 1 else "one cause adds"

@@ -88,7 +88,7 @@ def find_best_candidate(evidence: Evidence) -> FittedRow | None:
         if len(row.keys) == 1
         and row.closed is not None
         and row.closed >= SETTINGS.min_closed
-        and not row.rejection.startswith("pull")
+        and not row.is_outlier
     ]
     return max(rows, key=lambda row: row.closed or 0.0, default=None)
 
