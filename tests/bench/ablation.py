@@ -1,9 +1,11 @@
 """Each rung and threshold of the diagnosis turned off in turn, on calibration campaigns.
 
 The campaigns are the first designs of ``dirty_campaigns`` with seeds 420000 and up, which no
-reported figure uses. ``LIMIT`` in the environment says how many are diagnosed with each rung;
-rows that are done are kept. A rung whose absence moves no rate beyond its interval can go.
-``RUNGS=all,"no materiality"`` chooses rungs. Settings without a rung have their reason in ``KEPT``.
+reported figure uses; faults that dirt hides are left out. ``LIMIT`` in the environment says how
+many designs there are; rows that are done are kept. The difference of a rate is that of the same
+campaigns, with Newcombe's interval for paired proportions. A rung whose absence moves neither the
+rate beyond its interval nor the time can go. ``RUNGS=all,"no materiality"`` chooses rungs. Settings
+without a rung have their reason in ``KEPT``.
 """
 
 import os
@@ -14,10 +16,11 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis import build_verdict, diagnose
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-from tests.bench.dirty import core_seconds, dirt_items
+from tests.bench.dirty import LEAST_RATIO, core_seconds, dirt_items, weakest_ratio
 from tests.bench.dirty_campaigns import ensure, reported_designs
 from tests.bench.dirty_rates import graded, is_right_row
 from tests.bench.kept import cases, of
+from truth.grade.paired import paired_difference
 from truth.grade.rates import wilson
 from tuning import FloorSchedule, open_session
 
@@ -65,10 +68,12 @@ def run() -> list[dict[str, object]]:
     """Diagnose what is missing; return the rate of right verdicts and the time of each rung."""
     limit = int(os.environ.get("LIMIT", DEFAULT_LIMIT))
     chosen = os.environ.get("RUNGS", ",".join(RUNGS)).split(",")
+    for number in range(limit):
+        for rung in chosen:
+            cases(rows_name(rung), [number], partial(_case, rung))
     figures: list[dict[str, object]] = []
-    for rung in chosen:
-        cases(rows_name(rung), range(limit), partial(_case, rung))
-        figures += rung_figures(rung, list(of(rows_name(rung)).values()))
+    for rung in RUNGS:
+        figures += rung_figures(rung, of(rows_name(rung)), of(rows_name("all")))
     return figures
 
 
@@ -77,19 +82,43 @@ def rows_name(rung: str) -> str:
     return f"ablation.{rung.replace(' ', '_').replace(chr(39), '')}"
 
 
-def rung_figures(rung: str, rows: list[dict]) -> list[dict[str, object]]:
-    """Return rate and mean time of a rung's rows."""
-    read = [case for row in rows if (case := graded(row)) is not None]
+def rung_figures(
+    rung: str, rows: dict[int, dict], complete: dict[int, dict]
+) -> list[dict[str, object]]:
+    """Return rate and mean time of a rung's rows, and how it differs from all rungs.
+
+    Args:
+        rung: its name.
+        rows: its rows, by number.
+        complete: rows with all rungs.
+    """
+    read = {number: case for number, row in rows.items() if (case := graded(row)) is not None}
     if not read:
         return []
-    hits, count = sum(map(is_right_row, read)), len(read)
+    hits, count = sum(map(is_right_row, read.values())), len(read)
     low, high = wilson(hits, count)
-    seconds = sum(case.row["seconds"] for case in read) / count
+    seconds = sum(case.row["seconds"] for case in read.values()) / count
     interval = f"{count} [{100 * low:.1f}, {100 * high:.1f}]"
-    return [
+    figures: list[dict[str, object]] = [
         {"figure": f"{rung}: right, %", "value": 100 * hits / count, "n": interval},
         {"figure": f"{rung}: core seconds, mean", "value": seconds, "n": count},
     ]
+    base = {number: graded(complete[number]) for number in read if number in complete}
+    pairs = [
+        (is_right_row(read[number]), is_right_row(case))
+        for number, case in base.items()
+        if case is not None
+    ]
+    if rung == "all" or not pairs:
+        return figures
+    paired = paired_difference(pairs)
+    interval = f"{paired.n} [{100 * paired.low:.1f}, {100 * paired.high:.1f}]"
+    difference = {
+        "figure": f"{rung}: difference, %",
+        "value": 100 * paired.difference,
+        "n": interval,
+    }
+    return [*figures, difference]
 
 
 def _case(rung: str, number: int) -> dict[str, object]:
@@ -98,6 +127,9 @@ def _case(rung: str, number: int) -> dict[str, object]:
     stored = ensure(design, FIRST + number)
     if stored.answer is None:
         return {"left_out": "no place"}
+    ratio = weakest_ratio(stored.answer)
+    if ratio is not None and ratio < LEAST_RATIO:
+        return {"left_out": "hidden"}
     began = core_seconds()
     with threadpool_limits(1):
         diagnosis = diagnose(open_session(stored.folder), settings=RUNGS[rung])
@@ -107,7 +139,7 @@ def _case(rung: str, number: int) -> dict[str, object]:
         "dirt": design.dirt,
         "effects": list(design.effects),
         "parameter": design.parameter,
-        "drawn_ratio": None,
+        "drawn_ratio": ratio,
         "answer": stored.answer.partition("\n[dirt]")[0],
         "items": dirt_items(stored.answer),
         "verdict": build_verdict(diagnosis).model_dump(mode="json"),

@@ -78,10 +78,27 @@ def calibration_surprise() -> str:
 
 def posterior_rules_table() -> str:
     """How often an entirely right verdict is probable without each rule of the posterior."""
-    values = bench_values("posterior_rules")
+    return _ablation_table("posterior_rules", "Rules", ("nats a campaign", 2))
+
+
+def search_rungs_table() -> str:
+    """How often a verdict is right without each rung of the search, and how long it takes."""
+    return _ablation_table("ablation", "Search", ("core seconds, mean", 0))
+
+
+def _ablation_table(bench: str, subject: str, extra: tuple[str, int]) -> str:
+    """Return rates without each of several things, with their differences from all.
+
+    Args:
+        bench: name of the bench.
+        subject: header of the first column.
+        extra: a further figure of each row, and its digits.
+    """
+    values = bench_values(bench)
+    further, digits = extra
     rows = []
     for name in (figure.removesuffix(": right, %") for figure in values if "right" in figure):
-        right, nats = values[f"{name}: right, %"], values[f"{name}: nats a campaign"]
+        right, more = values[f"{name}: right, %"], values[f"{name}: {further}"]
         less = values.get(f"{name}: difference, %")
         difference = "" if less is None else f"{fixed(less['value'], 1)} {_interval(less['n'])}"
         rows.append(
@@ -90,10 +107,10 @@ def posterior_rules_table() -> str:
                 fixed(right["value"], 1),
                 _interval(right["n"]),
                 difference,
-                fixed(nats["value"], 2),
+                fixed(more["value"], digits),
             )
         )
-    header = ("Rules", "Right, %", "95 % interval", "Difference, %", "Nats a campaign")
+    header = (subject, "Right, %", "95 % interval", "Difference, %", further.capitalize())
     return table(header, rows)
 
 
@@ -104,6 +121,7 @@ def _interval(count: str) -> str:
 
 FIGURES = {
     "posterior-rules-table": posterior_rules_table,
+    "search-rungs-table": search_rungs_table,
     "doubt-table": doubt_table,
     "doubt-campaigns": lambda: str(len(bench_cases("doubt.330000"))),
     "doubt-seeds": seeds_fragment("doubt.330000"),
