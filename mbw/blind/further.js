@@ -14,7 +14,7 @@ function bars() {
 
 function gainRow({gain}, k) {
   const old = gain.most, now = gain.most_after, has = old !== null && now !== null;
-  const size = row => row.value === null ? "not found" : row.value.toPrecision(3);
+  const size = row => row.value === null ? "not found" : sizeText(row.value);
   const values = [gain.name, gain.findable, gain.findable_before, gain.compared, gain.shrink.toPrecision(2),
     has ? `${now.effect} at ${now.location}` : "", has ? now.parameter : "", has ? size(now) : "", has ? size(old) : ""];
   const row = document.createElement("tr");
@@ -34,9 +34,10 @@ const percent = ends => ends.map(end => (100 * end).toFixed(0) + " %").join(" to
 byId("gains").tBodies[0].replaceChildren(...PLACES.map(gainRow));
 byId("confirmed").tBodies[0].replaceChildren(...DATA.confirmed.map(row => {
   const line = document.createElement("tr");
-  [row.name, row.effect, row.location, row.parameter, row.value.toPrecision(3), row.found_before.join(" of "), percent(row.interval_before),
+  [row.name, row.effect, row.location, row.parameter, sizeText(row.value), row.found_before.join(" of "), percent(row.interval_before),
     row.found_after.join(" of "), percent(row.interval_after)].forEach((value, n) => line.append(element("td", value, n < 4 || n === 6 || n === 8 ? {className: "name"} : {})));
   return line;
 }));
+byId("drawn").hidden = !DATA.confirmed.length;
 start();
 showPlace(0);

@@ -16,8 +16,9 @@ from mbmodel.geometry.surfaces import machine_geometry
 from mbw.blind.chosen_cases import BlindOptions, run_chosen, run_prediction
 from mbw.blind.further_page import render
 from mbw.blind.grading import count_found
+from mbw.blind.size_text import size_text
 from mbw.blind.smallest import describe_unpredicted, predict
-from mbw.blind.user_test import find_model, read_test
+from mbw.blind.user_test import find_model, read_test, title_of
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
 from truth import (
@@ -95,7 +96,9 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
         table = further_table(gains, confirmed)
         path = find_model(Path(options.model))
         machine = load_machine(path)
-        page = render(rows, machine.layout, machine_geometry(machine), path.stem)
+        page = render(
+            rows, machine.layout, machine_geometry(machine), title_of(Path(options.model))
+        )
         with output.write() as place:
             (place / FURTHER_PAGE).write_text(page, encoding="utf-8")
             (place / FURTHER_JSON).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
@@ -173,15 +176,20 @@ def further_table(gains: Sequence[FurtherGain], confirmed: Sequence[FurtherConfi
         old, new = gain.most, gain.most_after
         if old is not None and new is not None and new.value is not None:
             place = f"{new.effect} at {new.location}"
-            text += f"; most for {place}: found from {new.parameter} {new.value:.3g} on"
-            text += ", as it is not at all" if old.value is None else f", as it is {old.value:.3g}"
+            text += f"; most for {place}: found from {new.parameter} {size_text(new.value)} on"
+            text += (
+                ", as it is not at all"
+                if old.value is None
+                else f", as it is {size_text(old.value)}"
+            )
         lines.append(text)
     lines += [""] if confirmed else []
     for row in confirmed:
         lines.append(
             f"confirmed: {row.name}, {row.effect} at {row.location}, {row.parameter} "
-            f"{row.value:.3g}: found in {_rate_text(row.found_before, row.interval_before)} as it "
-            f"is, and in {_rate_text(row.found_after, row.interval_after)} with it"
+            f"{size_text(row.value)}: found in "
+            f"{_rate_text(row.found_before, row.interval_before)} as it is, and in "
+            f"{_rate_text(row.found_after, row.interval_after)} with it"
         )
     return "\n".join(lines) + "\n"
 

@@ -5,7 +5,7 @@ import tomllib
 from collections.abc import Sequence
 
 from mbw.blind.case_files import TREES, BlindCase
-from mbw.blind.page import GRADES, PAGE, TABLES, describe_failures, render
+from mbw.blind.page import GRADES, PAGE, TABLES, describe_draws, describe_failures, render
 from mbw.output_folder import OutputFolder
 from truth.grade import Case, Report, grade, tables, to_json
 from truth.grade.rates import rate_of
@@ -21,7 +21,9 @@ def write_grades(output: OutputFolder, cases: Sequence[BlindCase], title: str) -
     """
     report = grade([graded_case(case) for case in cases])
     failures = describe_failures(output.path)
-    page = render(json.loads(to_json(report)), tables(report), title, failures)
+    page = render(
+        json.loads(to_json(report)), tables(report), title, failures, describe_draws(output.path)
+    )
     with output.write() as place:
         (place / GRADES).write_text(to_json(report) + "\n", encoding="utf-8")
         (place / TABLES).write_text(tables(report), encoding="utf-8")

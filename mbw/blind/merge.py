@@ -20,6 +20,7 @@ _DIFFERENCES = {
     "model": "another model",
     "seed": "another seed",
     "band": "another band",
+    "choice": "another choice of effects, places, sizes or dirt",
     "cases": "another number of cases",
     "version": "another version of mbw",
 }
@@ -72,7 +73,7 @@ def _read_shards(folders: Sequence[Path]) -> tuple[Mapping[str, Any], dict[int, 
         shard = Shard.read(request["shard"], request["cases"])
         first, count = first or request, count or shard.count
         for key, words in _DIFFERENCES.items():
-            if request[key] != first[key]:
+            if request.get(key) != first.get(key):
                 raise InputError(
                     f"{folder} has {words} than {folders[0]}: merge shards of one test"
                 )

@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from identification.words.file_access import read_bytes
+from mbw.blind.case_files import REQUEST_JSON
 from mbw.output_folder import source_of
 from mbw.page.html import fill_template, warning_boxes
 
 GRADES, TABLES, PAGE = "grades.json", "grades.txt", "blind.html"
 
 
-def render(grades: Mapping[str, Any], tables: str, title: str, failed: list[str]) -> str:
+def render(
+    grades: Mapping[str, Any], tables: str, title: str, failed: list[str], drawn: str = ""
+) -> str:
     """Return the HTML page of a blind test.
 
     Args:
@@ -21,6 +24,7 @@ def render(grades: Mapping[str, Any], tables: str, title: str, failed: list[str]
         tables: content of grades.txt.
         title: name of the model.
         failed: sentences on cases that could not be run.
+        drawn: sentences on what was drawn.
     """
     both = grades["verdicts"]["all"]["rates"]["both"] if grades["verdicts"] else None
     lead = f"The diagnosis was scored on {len(grades['lines'])} campaigns with withheld answers."
@@ -36,7 +40,7 @@ def render(grades: Mapping[str, Any], tables: str, title: str, failed: list[str]
         scripts=["blind/page.js"],
         title=escape(f"Blind test: {title}"),
         subtitle="the hash of each answer was published before the verdict",
-        lead=escape(lead),
+        lead=escape(f"{lead} {drawn}".rstrip()),
         warnings=warning_boxes([*failed, *reasons]),
     )
 
@@ -54,7 +58,28 @@ def render_folder(path: Path) -> str:
     remedy = "run mbw blind again"
     grades = json.loads(read_bytes(folder / GRADES, remedy))
     tables = read_bytes(folder / TABLES, remedy).decode("utf-8")
-    return render(grades, tables, title, describe_failures(folder))
+    return render(grades, tables, title, describe_failures(folder), describe_draws(folder))
+
+
+def describe_draws(folder: Path) -> str:
+    """Return sentences on seed, chosen effects, places and sizes, and small imperfections."""
+    try:
+        request = json.loads((folder / REQUEST_JSON).read_text("utf-8"))
+        choice = request.get("choice") or {}
+        words = [f"The seed is {request['seed']}."]
+        if choice.get("effects"):
+            places = " or ".join(choice["places"]) or "drawn places"
+            size = "survival ratios " + (", ".join(f"{r:g}" for r in choice["ratios"]) or "1 to 8")
+            if choice["parameter"]:
+                size = "{} = {:g}".format(*choice["parameter"])
+            words.append(f"Drawn: {', '.join(choice['effects'])} at {places}, {size}.")
+        if choice.get("dirt"):
+            words.append(
+                f"Small imperfections leave {choice['dirt']:g} % of the motion of every machine."
+            )
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return ""
+    return " ".join(words)
 
 
 def describe_failures(folder: Path) -> list[str]:

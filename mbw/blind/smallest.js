@@ -17,13 +17,14 @@ function showPlace(k) {
   const place = PLACES[k];
   byId("chosen").textContent = place.name;
   byId("effects").tBodies[0].replaceChildren(...place.rows.map(row => cells([row.effect, row.dof, row.parameter,
-    row.value === null ? (row.is_found ? "found" : "not found") : row.value.toPrecision(3),
+    row.value === null ? (row.is_found ? "found" : "not found") : sizeText(row.value),
     row.of_usual === null ? "" : row.of_usual.toPrecision(2), row.confused.join(", ")])));
   mark(place);
 }
 
 byId("confirmed").tBodies[0].replaceChildren(...DATA.confirmed.map(row => cells([row.effect, row.location, row.parameter,
-  row.value.toPrecision(3), row.found_cases[0], row.found_cases[1], row.interval.map(end => (100 * end).toFixed(0) + " %").join(" to ")])));
+  sizeText(row.value), row.found_cases[0], row.found_cases[1], row.interval.map(end => (100 * end).toFixed(0) + " %").join(" to ")])));
+byId("drawn").hidden = !DATA.confirmed.length;
 bars();
 start();
 showPlace(0);

@@ -18,8 +18,9 @@ from diagnosis.settings import SETTINGS
 from identification.words import InputError
 from mbmodel import load_machine
 from mbmodel.geometry.surfaces import machine_geometry
+from mbw.blind.size_text import size_text
 from mbw.blind.smallest_page import render
-from mbw.blind.user_test import UserTest, find_model
+from mbw.blind.user_test import UserTest, find_model, title_of
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
 from truth import (
@@ -190,7 +191,7 @@ def write(
         "sizes": [asdict(row) for row in sizes],
         "confirmed": [asdict(row) for row in confirmed],
     }
-    page = render(rows, machine.layout, machine_geometry(machine), path.stem)
+    page = render(rows, machine.layout, machine_geometry(machine), title_of(Path(model)))
     with output.write() as place:
         (place / SMALLEST_JSON).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
         (place / SMALLEST_TEXT).write_text(table, encoding="utf-8")
@@ -202,7 +203,7 @@ def write(
 
 def size_table(sizes: Sequence[SmallestSize], confirmed: Sequence[Confirmation]) -> str:
     """Return the sizes as text: one row for each effect and place, the weakest first."""
-    lines = ["smallest size that nine tests of ten find, predicted", ""]
+    lines = ["smallest size that nine tests of ten find, predicted; SI units", ""]
     for row in sorted(sizes, key=lambda row: (row.is_found, -(row.of_usual or 0.0))):
         place = f"{row.effect} at {row.location} {row.dof}".rstrip()
         if not row.is_found:
@@ -212,15 +213,15 @@ def size_table(sizes: Sequence[SmallestSize], confirmed: Sequence[Confirmation])
         elif row.value is None:
             size = f"{row.of_usual:.2g} of a usual size"
         else:
-            size = f"{row.parameter} {row.value:.3g}, {row.of_usual:.2g} of a usual size"
+            size = f"{row.parameter} {size_text(row.value)}, {row.of_usual:.2g} of a usual size"
         confused = f"; confused with {', '.join(row.confused[:3])}" if row.confused else ""
         lines.append(f"{place}: {size}{confused}")
     lines += [""] if confirmed else []
     for case in confirmed:
         hits, count = case.found_cases
         lines.append(
-            f"confirmed: {case.effect} at {case.location}, {case.parameter} {case.value:.3g}: "
-            f"found in {hits} of {count} fresh cases (95 %: {case.interval[0]:.0%} to "
-            f"{case.interval[1]:.0%})"
+            f"confirmed: {case.effect} at {case.location}, {case.parameter} "
+            f"{size_text(case.value)}: found in {hits} of {count} fresh cases "
+            f"(95 %: {case.interval[0]:.0%} to {case.interval[1]:.0%})"
         )
     return "\n".join(lines) + "\n"

@@ -45,6 +45,14 @@ def is_campaign(path: Path) -> bool:
     return path.suffix == ".toml" or (path / "campaign.toml").is_file()
 
 
+def title_of(path: Path) -> str:
+    """Return the name of a model, or of the folder of a campaign."""
+    if not is_campaign(path):
+        return path.stem
+    folder = path.absolute()
+    return folder.parent.name if path.suffix == ".toml" else folder.name
+
+
 def find_model(path: Path) -> Path:
     """Return a model itself, or the one that a campaign names."""
     return model_of(path) if is_campaign(path) else path

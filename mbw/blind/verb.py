@@ -17,6 +17,7 @@ from mbw.blind.page import GRADES, PAGE
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import choose_workers
 from mbw.blind.smallest_run import run_smallest
+from mbw.blind.user_test import title_of
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
@@ -92,7 +93,7 @@ def run(options: BlindOptions) -> Path:
         out = output.path.absolute()
         prepare_folder(request, out, overwrite=options.outputs.overwrite)
         drawn = run_all(options, out)
-        grade_cases(output, drawn, Path(options.model).stem, options.outputs)
+        grade_cases(output, drawn, title_of(Path(options.model)), options.outputs)
     return out
 
 

@@ -219,6 +219,7 @@ def test_shards_that_do_not_make_one_test_are_refused_with_one_sentence(model, w
         "another model": shard("model", "2/2", machine=other),
         "another seed": shard("seed", "2/2", seed=12),
         "another band": shard("band", "2/2", "--band", 20, 60),
+        "another choice": shard("choice", "2/2", "--dirt", 5),
         "are both shard 1/2": first,
         "one of 3 shards": shard("thirds", "2/3"),
         "whole test": whole,
