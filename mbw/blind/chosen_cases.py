@@ -144,6 +144,11 @@ def run_prediction(
     if options.model == TREES:
         raise InputError(f"--{name} needs one machine: name an MJCF or a campaign")
     check_model(options.model, options.band)
+    if options.choice.dirt:
+        SCREEN.say(
+            "the prediction is of machines without other errors: --dirt is at work in the cases of "
+            "--confirm alone"
+        )
     with options.outputs.open("blind", Path(options.model), name, ()) as output:
         table = compute(output)
         folder = output.path.absolute()

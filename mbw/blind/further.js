@@ -39,5 +39,5 @@ byId("confirmed").tBodies[0].replaceChildren(...DATA.confirmed.map(row => {
   return line;
 }));
 byId("drawn").hidden = !DATA.confirmed.length;
-start();
 showPlace(0);
+Promise.resolve(start()).then(() => mark(PLACES[state.place]));

@@ -26,5 +26,5 @@ byId("confirmed").tBodies[0].replaceChildren(...DATA.confirmed.map(row => cells(
   sizeText(row.value), row.found_cases[0], row.found_cases[1], row.interval.map(end => (100 * end).toFixed(0) + " %").join(" to ")])));
 byId("drawn").hidden = !DATA.confirmed.length;
 bars();
-start();
 showPlace(0);
+Promise.resolve(start()).then(() => mark(PLACES[state.place]));

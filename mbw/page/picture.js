@@ -235,7 +235,7 @@ function absent() {
 function start() {
   if (!hasWebGl()) { absent(); return; }
   const layout = {scene: scene(), margin: {l: 0, r: 0, t: 0, b: 0}, font: FONT, paper_bgcolor: "white", uirevision: "keep"};
-  Plotly.newPlot("picture", traces(), layout, {...CONFIG, modeBarButtonsToRemove: ["tableRotation", "resetCameraLastSave3d"]})
+  return Plotly.newPlot("picture", traces(), layout, {...CONFIG, modeBarButtonsToRemove: ["tableRotation", "resetCameraLastSave3d"]})
     .then(() => { drawn = true; watch(); show(); requestAnimationFrame(step); }, absent);
 }
 

@@ -4,7 +4,7 @@ import json
 import tomllib
 
 import pytest
-from browser import CHROMIUM, browse
+from browser import CHROMIUM, GL, browse
 from servo_campaign import write_servo_campaign
 from typer.testing import CliRunner
 
@@ -85,6 +85,8 @@ addEventListener("load", () => setTimeout(() => {
   const texts = id => rows(id).map(row => row.innerText);
   const sensor = PLACES.findIndex(place => place.name === "sensor acc6");
   const found = {gains: texts("gains"), confirmed: texts("confirmed")};
+  const dots = () => byId("picture").data.find(trace => trace.name === "place").x.length;
+  found.dots = [dots(), PLACES[0].points.length];
   rows("gains")[sensor].click();
   found.points = PLACES[sensor].points;
   Object.assign(found, {chosen: byId("chosen").textContent, faults: FAULTS});
@@ -98,12 +100,13 @@ addEventListener("load", () => setTimeout(() => {
 def test_the_page_shows_the_ranking_and_the_points(confirmed, campaign, tmp_path):
     out, _, _ = confirmed
     rows = json.loads((out / "further.json").read_text())
-    page = browse((out / "further.html").read_text(), tmp_path, probe=PROBE)
+    page = browse((out / "further.html").read_text(), tmp_path, *GL, probe=PROBE)
     assert page["faults"] == []
     assert [text.split("\t")[0] for text in page["gains"]] == [
         gain["name"] for gain in rows["gains"]
     ]
     assert page["confirmed"][0].startswith(rows["confirmed"][0]["name"])
+    assert page["dots"][0] == page["dots"][1]
     assert page["chosen"] == "sensor acc6"
     layout = load_machine(find_model(campaign)).layout
     expected = layout.positions[layout.points.index("acc6")]
