@@ -176,12 +176,8 @@ def further_table(gains: Sequence[FurtherGain], confirmed: Sequence[FurtherConfi
         old, new = gain.most, gain.most_after
         if old is not None and new is not None and new.value is not None:
             place = f"{new.effect} at {new.location}"
-            text += f"; most for {place}: found from {new.parameter} {size_text(new.value)} on"
-            text += (
-                ", as it is not at all"
-                if old.value is None
-                else f", as it is {size_text(old.value)}"
-            )
+            text += f"; most for {place}: smallest size {new.parameter} {size_text(new.value)}"
+            text += ", as it is none" if old.value is None else f", as it is {size_text(old.value)}"
         lines.append(text)
     lines += [""] if confirmed else []
     for row in confirmed:

@@ -88,6 +88,12 @@ def test_a_machine_that_nothing_can_change_is_refused(refit):
         size_background(Background(), refit, 0.1)
 
 
+def test_a_test_of_dead_and_noisy_channels_cannot_size_a_background(machine, refit):
+    deaf = replace(refit, used=np.zeros_like(refit.used))
+    with pytest.raises(TruthError, match="no channel that is alive"):
+        size_background(draw_background(machine.station, 200.0, 7), deaf, 0.1)
+
+
 def test_the_ratio_beside_a_background_is_over_noise_and_background(machine, refit):
     """With e0 of the background and e1 with the effect too: ratio = sqrt(e1^2 - e0^2) / e0."""
     sized = size_background(draw_background(machine.station, 200.0, 7), refit, 0.15)

@@ -53,6 +53,15 @@ def mean_error(left: Real, refit: Refit) -> float:
     Args:
         left: relative error of each channel; (n_out, n_in).
         refit: refit of the machine, which knows the noise of each channel.
+
+    Raises:
+        TruthError: no channel counts.
     """
     counted = (refit.noise_share <= _MAX_NOISE) & refit.used[:, None]
+    if not counted.any():
+        raise TruthError(
+            f"{refit.machine.station.name}: no channel that is alive has noise of at most "
+            f"{_MAX_NOISE:.0%} of its motion, so that small imperfections cannot be sized: add "
+            "sensors, or leave the dirt out"
+        )
     return float(np.sqrt(np.mean(left[counted] ** 2)))
