@@ -221,14 +221,17 @@ class AppendagePart:
         return tuple(additions)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """Return the parameters of the verdict."""
+        """Return the parameters of the verdict.
+
+        Where an appendage lies along its axis shows only if it is rigid across.
+        """
         omega, zeta = self._resonance(
             np.array([0.0] * 3 + [fitted[name] for name in self.resonance_names])
         )
         masses = np.array([fitted[name] for name in self.mass_names])
         place = np.array([ARM_UNIT_M * fitted[name] for name in self.place_names])
-        single = find_single_axis(masses)
-        nearest = np.where(single, 0.0, place).tolist()
+        single, is_rigid = find_single_axis(masses), fitted[self.rigid_names[0]] >= 0.5
+        nearest = (place if is_rigid else np.where(single, 0.0, place)).tolist()
         return {
             "mass": self._mass_unit * float(masses.max()),
             "frequency": omega / (2 * np.pi),

@@ -119,6 +119,8 @@ def test_a_box_that_is_rigid_across_its_axis_is_carried(scene, tmp_path, across,
         theta[own[f"{appendage}.{name}"]] = value
     expected, found = answers(scene, model, theta, tmp_path / "box.xml")
     assert np.abs(found - expected).max() < 1e-5 * np.abs(expected).max()
+    said = one.state({name: theta[k] for name, k in own.items()})["position"]
+    np.testing.assert_allclose(said, [0.05 if across == 1.0 else 0.0, 0.02, -0.01], atol=1e-12)
 
 
 def test_every_link_is_springs_and_dampers_that_mjcf_holds(scene):
