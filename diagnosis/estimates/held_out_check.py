@@ -5,9 +5,10 @@ better on lines that it did not see. There a set must be more probable than no c
 
     N (c_before - c_after) > n_S ln M,
 
-c being the mean -ln L per value at the floor of held-out residuals, N the number of independent
-values of those with the causes, and the rest as in ``diagnosis.inference.posterior``: on lines that
-they were not fitted to, parameters gain nothing by chance, and pay nothing.
+c being the mean -ln L per value at the floor of held-out residuals. N is the number of independent
+values of the fit with the causes, and the rest as in ``diagnosis.inference.posterior``: on lines
+that they were not fitted to, parameters gain nothing by chance, and pay nothing. The residuals on
+held-out lines are no measure of N, since they hold the errors of the parameters too.
 
 A set that fails is rejected, with every set that contains it, and the most probable one of the
 others is checked (cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap
@@ -70,5 +71,6 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bo
     first, last = (residual_statistics(gap.predicted, gap.campaign) for gap in (before, after))
     if first is None or last is None:
         return True
-    count = load_calibration().count_independent(last.noise_share, last.values)
+    fitted = after.refit.statistics
+    count = load_calibration().count_independent(fitted.noise_share, fitted.values)
     return count * (first.cost - last.cost) > price
