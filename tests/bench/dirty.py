@@ -4,8 +4,8 @@ Each row is one campaign of ``dirty_campaigns``, diagnosed by one process: a fau
 imperfections, imperfections alone, a wrong force channel, several faults, and for comparison exact
 machines with one fault or none. ``dirty_rates`` makes the figures of them.
 
-Seeds 590000 and up, on which the engine of the rows was not tuned. Rows that are done are kept, and their order mixes all
-cells, so that any first part is balanced. In the environment:
+Seeds 590000 and up, on which the engine of the rows was not tuned. Rows that are done are kept, and
+their order mixes all cells, so that any first part is balanced. In the environment:
 
 * ``LIMIT=100``: rows of the first hundred designs only;
 * ``CELLS=clean,nothing``: of these cells only;
