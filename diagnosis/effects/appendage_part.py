@@ -137,36 +137,38 @@ class AppendagePart:
         whole[..., 2 if shape is None else 0, :, :] = core
         return Change("body", self.frame, self.frame, whole, shape=shape)
 
+    def _move(self, theta: Real) -> Real:
+        """Return G, the motion of the appendage's place per motion of the body; (3, 6)."""
+        return transport(ARM_UNIT_M * theta[5:8])[:3]
+
+    def _sum_inertia(self, theta: Real, masses: Real) -> Real:
+        """Return G' diag(masses) G; (6, 6)."""
+        moved = self._move(theta)
+        inertia: Real = self._mass_unit * moved.T @ (masses[:, None] * moved)
+        return inertia
+
     def compute_change(self, theta: Real) -> tuple[Change, ...]:
         """Return the change by all three masses on their springs, and by their rigid part."""
-        moved = transport(ARM_UNIT_M * theta[5:8])[:3]
-        sprung, rigid = (
-            self._mass_unit * moved.T @ (masses[:, None] * moved)
-            for masses in (theta[:3], find_rigid_masses(theta))
-        )
+        sprung = self._sum_inertia(theta, theta[:3])
+        rigid = self._sum_inertia(theta, find_rigid_masses(theta))
         resonator = build_resonator(*self._resonance(theta))
         return self._build_change(sprung, resonator), self._build_change(rigid, None)
 
     def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
         """Return the slopes by masses and place, of the rigid part, by frequency and damping."""
         omega, zeta = self._resonance(theta)
-        sprung_slopes = np.eye(3, len(theta))
+        sprung = self._find_slopes(theta, theta[:3], np.eye(3, len(theta)))
+        rigid = self._find_slopes(theta, find_rigid_masses(theta), find_rigid_slopes(theta))
         changes = [
-            self._build_change(
-                self._find_slopes(theta, theta[:3], sprung_slopes), build_resonator(omega, zeta)
-            ),
-            self._build_change(
-                self._find_slopes(theta, find_rigid_masses(theta), find_rigid_slopes(theta)), None
-            ),
+            self._build_change(sprung, build_resonator(omega, zeta)),
+            self._build_change(rigid, None),
         ]
         if theta[:3].any():
-            moved = transport(ARM_UNIT_M * theta[5:8])[:3]
-            core = self._mass_unit * moved.T @ (theta[:3, None] * moved)
             rates = np.array([[2 * zeta * omega, 2 * omega**2], [2 * zeta * omega, 0.0]])
             rates *= [[LOG_FREQUENCY_UNIT], [LOG_UNIT]]
             for place, (linear, constant) in enumerate(rates.tolist(), start=3):
                 sensitivity = np.zeros((len(theta), 6, 6))
-                sensitivity[place] = core
+                sensitivity[place] = self._sum_inertia(theta, theta[:3])
                 shape = build_resonator_slope(omega, zeta, (linear, constant))
                 changes.append(self._build_change(sensitivity, shape))
         return tuple(changes)
@@ -179,7 +181,7 @@ class AppendagePart:
             masses: masses along the axes; (3,).
             slopes: their slopes; (3, n_parameter).
         """
-        moved = transport(ARM_UNIT_M * theta[5:8])[:3]
+        moved = self._move(theta)
         core: Real = np.einsum("ai,ap,aj->pij", moved, slopes, moved)
         momentum = masses[:, None] * moved
         for k, direction in enumerate(np.eye(3)):
@@ -189,12 +191,13 @@ class AppendagePart:
 
     def weigh(self, theta: Real) -> Real:
         """Return the spatial inertia that the nominal body counts already, negative; (6, 6)."""
-        moved = transport(ARM_UNIT_M * theta[5:8])[:3]
-        counted: Real = -self._mass_unit * theta[9] * theta[:3].max() * moved.T @ moved
-        return counted
+        return -self._sum_inertia(theta, np.full(3, theta[9] * theta[:3].max()))
 
     def write(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
-        """Return bodies on slides: beside the axis without inertia, and rigid across it."""
+        """Return bodies on slides.
+
+        A body on the ground is felt along its axis alone, a child of the body is rigid across it.
+        """
         omega, zeta = self._resonance(theta)
         masses, place = self._mass_unit * theta[:3], ARM_UNIT_M * theta[5:8]
         layout = self.machine.layout

@@ -40,6 +40,7 @@ def admit_predictive_causes(
         evidence: fits as plain numbers.
         settings: thresholds and schedules.
     """
+    corrected: HeldOutGap | None = None
     while True:
         posterior = compute_posterior(evidence, settings=settings)
         best = find_present(search, evidence, posterior, settings)
@@ -49,8 +50,10 @@ def admit_predictive_causes(
             return evidence, posterior, gaps
         before: HeldOutGap | None = gaps.retuned
         if base.proven:  # corrected in every set: they are no merit of the further causes
-            before = estimate_gaps(base, whole, search.null, search.null, settings).after
-            gaps = replace(gaps, corrected=before)
+            if corrected is None:
+                corrected = estimate_gaps(base, whole, search.null, search.null, settings).after
+            before = corrected
+            gaps = replace(gaps, corrected=corrected)
         price = evidence.price_causes(best.keys)
         if before is None or predicts_held_out(before, after, price):
             return evidence, posterior, gaps

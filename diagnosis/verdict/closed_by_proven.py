@@ -35,12 +35,12 @@ def find_closed_by_proven(base: Baseline, gaps: GapEstimates) -> dict[Key, float
     }
     corrected = (gaps.corrected or after).gap.excess
     before, least = gaps.retuned.gap.excess, after.gap.excess
-    unknown = {cause.key: 1.0 for cause in base.proven}
+    complete = {cause.key: 1.0 for cause in base.proven}
     if before is None or least is None or corrected is None or before <= 1:
-        return unknown
-    known = {key: without**2 for key, without in excess.items() if without is not None}
-    drop = before**2 - corrected**2 if len(known) == len(unknown) else 0.0
-    return unknown | divide_closed_gap(known, least**2, before**2 - 1, drop)
+        return complete
+    without = {key: value**2 for key, value in excess.items() if value is not None}
+    drop = before**2 - corrected**2 if len(without) == len(complete) else 0.0
+    return complete | divide_closed_gap(without, least**2, before**2 - 1, drop)
 
 
 def divide_closed_gap(

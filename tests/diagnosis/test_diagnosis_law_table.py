@@ -134,9 +134,9 @@ def test_a_law_beside_another_spring_is_that_of_the_machine_with_it(tested, fami
         damping=tested.matrices.damping + added[1] * along,
     )
     moved = replace(tested, matrices=matrices, stiffness=spring[0], damping=spring[1])
-    found = tested.compute_stiffness(family, [(values, 1.0, spring)])
+    followed = tested.compute_stiffness(family, [(values, 1.0, spring)])
     expected = moved.compute_stiffness(family, [(values, 1.0, spring)])
-    np.testing.assert_allclose(found, expected, rtol=1e-7)
+    np.testing.assert_allclose(followed, expected, rtol=1e-7)
     unmoved = tested.compute_stiffness(family, [(values, 1.0, LINEAR)])
     assert np.linalg.norm(unmoved - expected) > 1e-3 * np.linalg.norm(expected)
 

@@ -19,7 +19,7 @@ NULL = SimpleNamespace(objective=-10.0, cost=-10.0, floor=0.1, gap=100.0, sessio
 
 @dataclass(frozen=True)
 class Result:
-    """What a refit leaves."""
+    """Result of a refit: its objective, model-error floor and gap."""
 
     objective: float
     floor: float = 0.03
@@ -36,7 +36,7 @@ def refit_with(monkeypatch):
 
     def run(free, starts, results, rivals=()):
         scene = Scene(SimpleNamespace(model=SimpleNamespace(parameters=())), np.zeros(0))
-        left = {effect: iter(values) for effect, values in results.items()}
+        remaining = {effect: iter(values) for effect, values in results.items()}
 
         def take(law, refit, about):
             del about
@@ -48,7 +48,7 @@ def refit_with(monkeypatch):
             del scene, schedule
             if tasks == ["free"]:
                 return [free]
-            return [next(left[task], Result(0.0)) for task in tasks]
+            return [next(remaining[task], Result(0.0)) for task in tasks]
 
         monkeypatch.setattr(module, "add_cause", lambda *_: "free")
         monkeypatch.setattr(module, "free_each_level", lambda *_: None)

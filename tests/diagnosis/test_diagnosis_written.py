@@ -109,18 +109,18 @@ def test_what_moves_along_one_axis_is_hung_at_the_nearest_place_on_it(scene, tmp
 
 @pytest.mark.parametrize(("across", "counted"), [(1.0, 0.0), (1.0, 1.0), (0.4, 0.3)])
 def test_a_box_that_is_rigid_across_its_axis_is_carried(scene, tmp_path, across, counted):
-    one = next(one for one in EFFECTS["appendage"](scene))
-    model, theta = sized(scene, one)
-    own = {parameter.name: k for k, parameter in enumerate(model.parameters)}
-    appendage = one.scored[0].removesuffix(".mass_x")
+    hypothesis = next(iter(EFFECTS["appendage"](scene)))
+    model, theta = sized(scene, hypothesis)
+    places = {parameter.name: k for k, parameter in enumerate(model.parameters)}
+    appendage = hypothesis.scored[0].removesuffix(".mass_x")
     numbers = {"mass_x": 3.0, "mass_y": 0.0, "mass_z": 0.0, "across": across, "counted": counted}
     numbers |= {"position_x": 0.5, "position_y": 0.2, "position_z": -0.1}
     for name, value in numbers.items():
-        theta[own[f"{appendage}.{name}"]] = value
-    expected, found = answers(scene, model, theta, tmp_path / "box.xml")
-    assert np.abs(found - expected).max() < 1e-5 * np.abs(expected).max()
-    said = one.state({name: theta[k] for name, k in own.items()})["position"]
-    np.testing.assert_allclose(said, [0.05 if across == 1.0 else 0.0, 0.02, -0.01], atol=1e-12)
+        theta[places[f"{appendage}.{name}"]] = value
+    expected, written = answers(scene, model, theta, tmp_path / "box.xml")
+    assert np.abs(written - expected).max() < 1e-5 * np.abs(expected).max()
+    position = hypothesis.state({name: theta[k] for name, k in places.items()})["position"]
+    np.testing.assert_allclose(position, [0.05 if across == 1.0 else 0.0, 0.02, -0.01], atol=1e-12)
 
 
 def test_every_link_is_springs_and_dampers_that_mjcf_holds(scene):

@@ -304,9 +304,11 @@ def test_more_corrections_come_nearer_to_a_ratio_that_further_steps_hide():
 
 
 def test_a_correction_that_leaves_too_much_is_taken_back(machine):
-    """Of a mass m/M = s the first step leaves 40 s, all steps 1.34 (s / 0.1)^1.9.
+    """A size between two that were tried has the ratio.
 
-    One correction aims at 4 * 4 / 1.34, and would leave 10.7 at s = 0.3; s = 0.178 leaves 4.
+    The first step of a refit has the ratio 40 s for a mass of s times the body's, all steps have
+    1.34 (s / 0.1)^1.9. One correction aims at 4 * 4 / 1.34 and ends at a ratio of 10.7 for s = 0.3.
+    A ratio of 4 belongs to s = 0.178.
     """
 
     class Hiding:

@@ -151,7 +151,7 @@ def _drawn(
 
 
 def _off(drawn: Drawn, ratio: float) -> float:
-    return abs(float(np.log(_left(drawn) / ratio)))
+    return abs(float(np.log(_surviving(drawn) / ratio)))
 
 
 def _with_parameter(effect: Effect, name: str, value: float) -> Effect | None:
@@ -179,8 +179,8 @@ def _strong(
     """Choose the size for a ratio; whether a refit leaves about as much as was aimed at.
 
     Its further steps hide more, of some effects much more: the size is then chosen anew for a
-    ratio of the first step that is larger by what they have hidden. Of a larger size they may hide
-    a smaller part, so that too much is left: then sizes between are tried.
+    ratio of the first step that is larger by what they have hidden. They may hide a smaller part of
+    a larger size, whose ratio is then too large: sizes between are tried.
     """
     least = ratio * float(np.exp(-_HIDDEN))
     first = _first_step(effect, machine, ratio, refit)
@@ -191,35 +191,37 @@ def _strong(
         return tried[0], True
     aim = ratio
     for _ in range(corrections):
-        if _left(first) < aim * np.exp(-2 * _CLOSE) or _off(tried[-1], ratio) <= 2 * _CLOSE:
+        if _surviving(first) < aim * np.exp(-2 * _CLOSE) or _off(tried[-1], ratio) <= 2 * _CLOSE:
             break
-        aim = min(aim * ratio / _left(tried[-1]), _MORE * ratio)
+        aim = min(aim * ratio / _surviving(tried[-1]), _MORE * ratio)
         first = _first_step(effect, machine, aim, refit)
         tried.append(_whole(first, machine, refit, least))
-    found = _between(tried, machine, ratio, refit)
-    return found, _off(found, ratio) <= _HIDDEN
+    nearest = _interpolate_size(tried, machine, ratio, refit)
+    return nearest, _off(nearest, ratio) <= _HIDDEN
 
 
-def _between(tried: list[Drawn], machine: Machine, ratio: float, refit: Refit) -> Drawn:
+def _interpolate_size(tried: list[Drawn], machine: Machine, ratio: float, refit: Refit) -> Drawn:
     """Return the size that comes nearest to a ratio, of those tried and of some between them.
 
-    Between a size that leaves less and one that leaves more, the logarithm of what is left is
+    Between a size with a smaller ratio and one with a larger ratio, the logarithm of the ratio is
     interpolated over that of the size (regula falsi).
     """
     for _ in range(_BETWEEN):
-        low = max((one for one in tried if _left(one) < ratio), key=_left, default=None)
-        high = min((one for one in tried if _left(one) >= ratio), key=_left, default=None)
-        near = min(_off(one, ratio) for one in tried)
-        if low is None or high is None or near <= _OVERSHOT:
+        smaller = [drawn for drawn in tried if _surviving(drawn) < ratio]
+        larger = [drawn for drawn in tried if _surviving(drawn) >= ratio]
+        nearest = min(_off(drawn, ratio) for drawn in tried)
+        if not smaller or not larger or nearest <= _OVERSHOT:
             break
-        share = np.log(ratio / _left(low)) / np.log(_left(high) / _left(low))
-        ends = np.log([one.effect.size or 1.0 for one in (low, high)])
+        low, high = max(smaller, key=_surviving), min(larger, key=_surviving)
+        share = np.log(ratio / _surviving(low)) / np.log(_surviving(high) / _surviving(low))
+        ends = np.log([drawn.effect.size or 1.0 for drawn in (low, high)])
         size = float(np.exp(ends[0] + share * (ends[1] - ends[0])))
         tried = [*tried, _whole(Drawn(low.effect.sized(size), None), machine, refit)]
-    return min(tried, key=lambda one: _off(one, ratio))
+    return min(tried, key=lambda drawn: _off(drawn, ratio))
 
 
-def _left(drawn: Drawn) -> float:
+def _surviving(drawn: Drawn) -> float:
+    """Return the survival ratio, more than zero."""
     return max(drawn.ratio or 0.0, 1e-9)
 
 
@@ -243,7 +245,7 @@ def _first_step(effect: Effect, machine: Machine, ratio: float, refit: Refit) ->
     for _ in range(_TURNS):
         tried = effect.sized(float(np.exp(at)))
         best = Drawn(tried, survives(tried))
-        off = float(np.log(_left(best) / ratio))
+        off = float(np.log(_surviving(best) / ratio))
         if abs(off) <= _CLOSE:
             break
         if at in ends:  # not even there
