@@ -14,6 +14,7 @@ from mbmodel.linearisation.tendon_slopes import tendon_elongation, tendon_jacobi
 FORCE_DIFFERENCE_STEP = 1e-6
 _MIN_DIFFERENCE_STEP = 1e-11  # below it rounding takes over
 _STEP_OF_DISTANCE = 0.05  # of the way to the end of a dead band, so that ten steps stay inside
+_LENGTH_SHARE = 1e-8  # of the machine's size: the elongation of a tendon that force_scale counts
 _MAX_CUBIC_SHARE = 1e-6  # of the slope, that a cubic term adds to a difference
 _POSITION_STEPS = (
     mujoco.mj_kinematics,
@@ -99,9 +100,14 @@ def net_force(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
 
 
 def force_scale(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Return the size of the forces that have to balance: the largest of weight, tension, net."""
+    """Return the size of the forces that have to balance: the largest of weight, tension, net.
+
+    Lengths of tendons are differences of positions. So an elongation of ``_LENGTH_SHARE`` of the
+    machine's size counts as tension, or the rounding of a relaxed tendon would be all of the scale.
+    """
     weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity))
-    tension = np.abs(model.tendon_stiffness * tendon_elongation(model, data))
+    rounding = _LENGTH_SHARE * model.stat.extent
+    tension = np.abs(model.tendon_stiffness) * (np.abs(tendon_elongation(model, data)) + rounding)
     pull = (tension[:, None] * np.abs(tendon_jacobian(model, data))).max(initial=0.0)
     net = np.abs(net_force(model, data)).max(initial=0.0)
     return max(weight, float(pull), float(net), 1e-300)

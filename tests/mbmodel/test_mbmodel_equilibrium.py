@@ -240,3 +240,28 @@ def test_a_body_in_free_fall_is_named_even_if_its_joint_is_not(from_text):
 def test_a_drive_that_gravity_does_not_pull_may_be_free(from_text):
     machine = from_text(mjcf(mass_on_spring(2, 0, 3, axis="1 0 0"), gravity=DOWN))
     np.testing.assert_array_equal(machine.remaining_stiffness, [[0]])
+
+
+def test_relaxed_struts_are_at_rest_despite_the_rounding_of_their_lengths(from_text):
+    """Without gravity all forces are rounding: 1e-9 N of struts with 1e8 N/m, along z and x."""
+    struts = (
+        ("0.5 -0.08 0.85", "0.5 -0.08 0.97", 0.12),
+        ("0.5 0.08 0.85", "0.5 0.08 0.97", 0.12),
+        ("0.45 0 0.9", "0.35 0 0.9", 0.1),
+        ("0.55 0 0.85", "0.6 0 0.97", 0.13),
+    )
+    feet = "".join(f'<site name="foot{i}" pos="{row[0]}"/>' for i, row in enumerate(struts))
+    heads = "".join(f'<site name="head{i}" pos="{row[1]}"/>' for i, row in enumerate(struts))
+    tendons = "".join(
+        f'<spatial name="strut{i}" stiffness="1e8" springlength="{row[2]}">'
+        f'<site site="foot{i}"/><site site="head{i}"/></spatial>'
+        for i, row in enumerate(struts)
+    )
+    slides = "".join(
+        f'<joint name="{n}" type="slide" axis="{a}"/>' for n, a in (("x", "1 0 0"), ("z", "0 0 1"))
+    )
+    body = mass_on_spring(3.0, 1e6, 5.0, axis="0 1 0")
+    body = body.replace("</body>", f"{slides}{heads}</body>")
+    text = mjcf(feet + body).replace("</mujoco>", f"<tendon>{tendons}</tendon></mujoco>")
+    # Relaxed struts across y add no stiffness along y.
+    assert frequencies(from_text(text))[0] == pytest.approx(np.sqrt(1e6 / 3) / 2 / np.pi, rel=1e-6)
