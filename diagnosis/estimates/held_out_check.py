@@ -74,6 +74,5 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bo
     first, last = (residual_statistics(gap.predicted, gap.campaign) for gap in (before, after))
     if first is None or last is None:
         return True
-    fitted = after.refit.statistics
-    count = load_calibration().count_independent(fitted.noise_share, fitted.values)
+    count = after.refit.count_independent(load_calibration())
     return count * (first.cost - last.cost) > price

@@ -9,6 +9,7 @@ from math import log
 
 from pydantic import BaseModel, ConfigDict
 
+from diagnosis.inference.calibration import Calibration
 from identification.words import VarianceSource
 from tuning import is_gap_visible
 
@@ -58,6 +59,8 @@ class FitSummary:
         cost: -ln L at the floor, mean of all values [nats].
         prior: cost of the tolerances, half the sum of their squared shifts [nats].
         fitted_values: number of values that the fit saw.
+        noise_share: mean share of the noise in the variance of a value.
+        values: number of values.
         keys: causes of the fit; none of the null model.
     """
 
@@ -69,6 +72,8 @@ class FitSummary:
     cost: float
     prior: float
     fitted_values: int
+    noise_share: float
+    values: int
 
     @property
     def objective(self) -> float:
@@ -80,6 +85,18 @@ class FitSummary:
         """Mean square of the residual gap over that of the noise."""
         beyond = self.chi_square - 1
         return beyond if self.serial is None else max(self.serial, beyond - self.doubt)
+
+    def count_independent(self, constants: Calibration) -> float:
+        """Return the number of independent values in the residual.
+
+        A badly known variance of the noise looks like a model error too. The share of the noise is
+        therefore at least what the gap leaves, 1 - gap / chi square.
+
+        Args:
+            constants: of the posterior.
+        """
+        without_gap = 1 - max(self.gap, 0.0) / self.chi_square
+        return constants.count_independent(max(self.noise_share, without_gap), self.values)
 
     def is_material_step(self, before: "FitSummary", min_closed: float) -> bool:
         """Return whether one more cause closes so much of the gap that remains without it.

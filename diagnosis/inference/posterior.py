@@ -6,8 +6,9 @@ channels and hits: with a share s of the noise in the variance, the residual of 
 
     N = 1 / [s^q / n + (1 - s^q) / n_e]
 
-independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error. Relative to the
-empty set with a rest ("unexplained"), the log probability is
+independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error; what neighbouring
+lines do not share counts as noise. Relative to the empty set with a rest ("unexplained"), the log
+probability is
 
     l_S = N (c_0 - c_S) - k_S / 2 - n_S ln M,
 
@@ -132,7 +133,7 @@ def compute_log_odds(
         return np.zeros(0)
     null = evidence.null
     best = min(sets, key=lambda fitted: fitted.objective)
-    count = constants.count_independent(best.noise_share, best.values)
+    count = best.count_independent(constants)
     gains = np.array([null.objective - fitted.objective for fitted in sets])
     parameters = np.array([fitted.parameter_count for fitted in sets]) / 2
     causes = np.array([evidence.price_causes(fitted.keys) for fitted in sets])

@@ -50,6 +50,16 @@ class Refit(FitSummary):
         return self.statistics.chi_square
 
     @property
+    def noise_share(self) -> float:  # type: ignore[override]
+        """Mean share of the noise in the variance of a value."""
+        return self.statistics.noise_share
+
+    @property
+    def values(self) -> int:  # type: ignore[override]
+        """Number of values."""
+        return self.statistics.values
+
+    @property
     def floor(self) -> float:  # type: ignore[override]
         """Relative model error."""
         return self.statistics.floor

@@ -56,8 +56,8 @@ def total(posterior):
 
 
 def test_the_log_odds_of_a_set_are_those_computed_by_hand():
-    first = fitted((A,), -2.0, 0.5, parameters=(4,))
-    both = fitted((A, B), -3.0, 0.0, parameters=(4, 15))
+    first = fitted((A,), -2.0, 5.0, parameters=(4,))
+    both = fitted((A, B), -3.0, 4.0, parameters=(4, 15))  # 1 / chi square is the noise share
     logs = compute_log_odds(evidence(), [first, both], CONSTANTS)
     count = 1 / (0.2**2 / 6000 + (1 - 0.2**2) / 80.0)  # at the noise share of the best set
     expected = [count * 2.0 - 4 / 2 - np.log(50), count * 3.0 - 19 / 2 - 2 * np.log(50)]
@@ -74,8 +74,20 @@ def test_noise_is_independent_and_model_error_is_shared():
     assert CONSTANTS.count_independent(0.3, 6000) == pytest.approx(exact, rel=0.01)
 
 
+def test_a_badly_known_variance_is_no_model_error():
+    """Lines beside each other share nothing: the residual is noise that is larger than stated."""
+    share = 0.9
+    known = fitted((A,), -2.0, 0.2, noise_share=share)
+    doubted = known.model_copy(update={"serial": 0.0, "doubt": 0.2})
+    assert known.count_independent(CONSTANTS) == CONSTANTS.count_independent(share, 6000)
+    assert doubted.count_independent(CONSTANTS) == CONSTANTS.count_independent(1.0, 6000)
+    with_gap = doubted.model_copy(update={"serial": 0.06})
+    expected = CONSTANTS.count_independent(1 - 0.06 / 1.2, 6000)
+    assert with_gap.count_independent(CONSTANTS) == pytest.approx(expected)
+
+
 def test_the_cost_of_tolerances_counts_with_the_values_that_the_fit_saw():
-    free, shifted = fitted((A,), -2.0, 0.5), fitted((B,), -2.0, 0.5, prior=60.0)
+    free, shifted = fitted((A,), -2.0, 5.0), fitted((B,), -2.0, 5.0, prior=60.0)
     first, second = compute_log_odds(evidence(), [free, shifted], CONSTANTS)
     assert first - second == pytest.approx(60.0 / 6000 * CONSTANTS.count_independent(0.2, 6000))
 
@@ -218,12 +230,12 @@ def test_causes_within_three_nats_of_each_other_are_confounded():
 
 
 def test_a_fault_that_redundant_channels_prove_pays_for_its_parameters_alone():
-    alone = fitted((A,), -0.1, 0.5, parameters=(6,))
-    beside = fitted((A, B), -0.6, 0.0, parameters=(6, 3))
+    alone = fitted((A,), -0.1, 5.0, parameters=(6,))
+    beside = fitted((A, B), -0.6, 4.0, parameters=(6, 3))
     logs = compute_log_odds(evidence(small_faults=(A,)), [alone, beside], CONSTANTS)
     count = CONSTANTS.count_independent(0.2, 6000)
     np.testing.assert_allclose(logs, [count * 0.1 - 6 / 2, count * 0.6 - 9 / 2 - np.log(50)])
-    sets = [fitted((A,), -0.1, 0.5, parameters=(8,))]
+    sets = [fitted((A,), -0.1, 5.0, parameters=(8,))]
     assert dict(compute_posterior(evidence(sets), CONSTANTS).causes)[A] < 0.7
     proven = compute_posterior(evidence(sets, small_faults=(A,)), CONSTANTS)
     assert dict(proven.causes)[A] > 0.98
