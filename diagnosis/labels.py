@@ -27,6 +27,11 @@ def name_direction(dof: str | None) -> str:
 
 
 def name_place(location: str) -> str:
-    """Return the name of a place, such as ``acc1 and acc2`` of ``sensor:acc1+acc2``."""
+    """Return the name of a place, such as ``acc1 and acc2`` of ``sensor:acc1+acc2``.
+
+    Names of bodies may hold hyphens; then those of a pair stay as the location joins them.
+    """
     kind, _, name = location.partition(":")
+    if kind == "pair" and name.count("-") == 1:
+        return name.replace("-", " and ")
     return name.replace("+", " and ") if kind == "sensor" else name

@@ -106,20 +106,25 @@ def frame_words(effect: str, name: str) -> str:
 
 
 def parameters_that_may_be_zero(interval: Mapping[str, Ends]) -> frozenset[str]:
-    """Return the scalar parameters whose interval includes zero.
-
-    If a mass may be zero, its position is not known either.
-    """
+    """Return the scalar parameters whose interval includes zero."""
     rows = {name: np.asarray(ends) for name, ends in interval.items()}
     return frozenset(name for name, row in rows.items() if row.ndim == 1 and row[0] < 0 < row[1])
 
 
+def may_size_be_zero(parameters: Mapping[str, Value], interval: Mapping[str, Ends]) -> bool:
+    """Return whether the size of an effect, its first parameter, may be zero.
+
+    A mass of zero has no position, but a link whose damping may be zero has a stiffness.
+    """
+    return next(iter(parameters), None) in parameters_that_may_be_zero(interval)
+
+
 def interval_words(effect: str, dof: str | None, name: str, ends: tuple[float, float]) -> str:
-    """Return the interval of a parameter that may be zero as text: ``mass -0.3 … 0.8 kg``."""
-    factor, unit = unit_of(effect, dof, name)
+    """Return the interval of a parameter in the unit of its text: ``-0.3 … 0.8``."""
+    factor, _ = unit_of(effect, dof, name)
     half = factor * (ends[1] - ends[0]) / 2
     low, high = (number(factor * end, half) for end in ends)
-    return f"{name.replace('_', ' ')} {low} … {high}{_with_leading_space(unit)}"
+    return f"{low} … {high}"
 
 
 def unit_of(effect: str, dof: str | None, name: str) -> tuple[float, str]:

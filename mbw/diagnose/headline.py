@@ -4,11 +4,11 @@ from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import number
+from mbw.diagnose.gap_sentences import NOT_SHOWN, WHY_NOT_SHOWN, held_out_sentence
 from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
 from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.sentences import (
-    NOT_SHOWN,
-    WHY_NOT_SHOWN,
+    UNEXPLAINED,
     capitalise,
     cause_parameters,
     cause_words,
@@ -80,6 +80,8 @@ def doubts(result: StoredDiagnosis) -> list[str]:
             "may be missing, the true cause may differ from this one, or a tolerance exceeds 2.5 "
             "standard deviations."
         )
+    if shown.block is not None and (difference := held_out_sentence(gap, result.evidence)):
+        sentences.append(difference)
     if shown.block is None:
         sentences.append(
             "The band is too narrow to hold frequency lines out: all figures refer to fitted lines."
@@ -118,17 +120,16 @@ def _unexplained_lead(result: StoredDiagnosis) -> str:
             f"the noise {_on(result)}: nothing else is missing."
         )
     text = (
-        f"The model lacks something that no effect of the catalogue explains ({sure}): the gap of "
-        f"the re-tuned model is still {retuned} the noise {_on(result)}."
+        f"{capitalise(UNEXPLAINED)} ({sure}): the gap of the re-tuned model is still {retuned} the "
+        f"noise {_on(result)}."
     )
     proven = [row for row in result.verdict.causes if row.excess_after is not None]
     if proven:
         listed = "; ".join(_sized_cause(row) for row in proven)
         text = (
-            f"Proven by the redundant channels: {listed}. In addition, the model lacks something "
-            f"that no effect of the catalogue explains ({sure}): the gap of the re-tuned model is "
-            f"{retuned} the noise, with that fault corrected still {times(gap.after.excess)}, all "
-            f"{_on(result)}."
+            f"Proven by the redundant channels: {listed}. In addition, {UNEXPLAINED} ({sure}): the "
+            f"gap of the re-tuned model is {retuned} the noise, with that fault corrected still "
+            f"{times(gap.after.excess)}, all {_on(result)}."
         )
     if rest := rest_sentence(result.verdict, result.evidence):
         text += f" {capitalise(rest)}."
@@ -153,6 +154,8 @@ def _causes(result: StoredDiagnosis) -> str:
     if not rows:
         return "An effect is missing."
     established = [rows[row.cause] for row in result.shown.established] or rows[:1]
+    if result.verdict.verdict == "several":  # of these some may close less than a fifth
+        established = _list_joint_causes(result)
     listed = "; ".join(
         f"{_sized_cause(row)}, {format_probability(row.probability)}" for row in established
     )
@@ -170,6 +173,16 @@ def _causes(result: StoredDiagnosis) -> str:
     return f"{opening}: most probably ({sure}) {_sized_cause(first)}, otherwise {rival}."
 
 
+def _list_joint_causes(result: StoredDiagnosis) -> list[CauseRow]:
+    """Return the causes that the verdict's fit has together, established or not."""
+    established = {row.cause for row in result.shown.established}
+    return [
+        row
+        for number, row in enumerate(result.verdict.causes)
+        if number in established or row.excess_after is not None
+    ]
+
+
 def _sized_cause(row: CauseRow) -> str:
     words, sizes = cause_words(row), cause_parameters(row)
     return f"{words} ({sizes})" if sizes else words
@@ -177,7 +190,7 @@ def _sized_cause(row: CauseRow) -> str:
 
 def _shrinks(result: StoredDiagnosis) -> str:
     gap = result.verdict.gap
-    them = "them" if len(result.shown.established) > 1 else "it"
+    them = "them" if len(_list_joint_causes(result)) > 1 else "it"
     retuned, after = times(gap.retuned.excess), times(gap.after.excess)
     if gap.after.excess is None:
         return (

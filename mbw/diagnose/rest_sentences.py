@@ -2,7 +2,7 @@
 
 from diagnosis.inference.evidence import Evidence
 from diagnosis.settings import SETTINGS
-from diagnosis.verdict.schema import RemarkRow, RestRow, Verdict, Where
+from diagnosis.verdict.schema import RemarkRow, Verdict, Where
 from mbw.diagnose.fitted_sets import FittedRow, fitted_rows
 from mbw.diagnose.sentences import (
     capitalise,
@@ -32,7 +32,8 @@ def rest_sentence(verdict: Verdict, evidence: Evidence) -> str | None:
         return None
     error = model_error_words(rest.model_error)
     if verdict.verdict == "unexplained":
-        return f"{_describe_unexplained(rest, error)}{_best_candidate_words(verdict, evidence)}"
+        opening = _describe_unexplained(verdict, rest.spread, error)
+        return f"{opening}{_best_candidate_words(verdict, evidence)}"
     excess = "" if rest.excess is None else f" is {rest.excess:.3g} times the noise"
     opening = f"what remains{excess}" if excess else "a significant rest remains"
     spread = (
@@ -43,18 +44,22 @@ def rest_sentence(verdict: Verdict, evidence: Evidence) -> str | None:
     return f"{opening}: the model's error is {error} at each sensor; {spread}"
 
 
-def _describe_unexplained(rest: RestRow, error: str) -> str:
-    """Return what an unexplained gap is like: everywhere, or at one place."""
-    if rest.spread == "everywhere":
-        return f"the model's error is {error} everywhere: "
-    return f"the model's error is {error} at each sensor and mainly arises {_places(rest.where)}: "
+def _describe_unexplained(verdict: Verdict, spread: str, error: str) -> str:
+    """Return what an unexplained gap is like: everywhere, or at the places of the verdict."""
+    if spread == "everywhere":
+        return (
+            f"the model's error is {error} at each sensor, of which no single place explains most: "
+        )
+    return (
+        f"the model's error is {error} at each sensor and mainly arises {_places(verdict.where)}: "
+    )
 
 
 def _best_candidate_words(verdict: Verdict, evidence: Evidence) -> str:
-    """Return which single candidate closes most of the gap, and why it is not established."""
+    """Return the best single candidate, what it closes, and why it is not established."""
     row = find_best_candidate(evidence)
     if row is None or row.closed is None:
-        return "no single effect of the catalogue explains a fifth of it"
+        return "no single effect that was refitted closes a fifth of the gap"
     effect, location, _ = row.keys[0]
     shares = [
         cause.probability
@@ -68,16 +73,18 @@ def _best_candidate_words(verdict: Verdict, evidence: Evidence) -> str:
         why = f"its probability is below {100 * SETTINGS.min_row_probability:g} %"
     else:
         why = f"its probability is only {format_probability(probability)}"
+    best = "best" if row.log_odds is None else "most probable"
     return (
-        f"no cause is established; the best single candidate, {effect_noun(effect)} "
+        f"no cause is established; the {best} single candidate, {effect_noun(effect)} "
         f"{place_phrase(location)}, closes {100 * row.closed:.2g} % of the gap, but {why}"
     )
 
 
 def find_best_candidate(evidence: Evidence) -> FittedRow | None:
-    """Return the single effect that closes most of the gap; None if none closes a fifth.
+    """Return the most probable single effect; None if none closes a fifth of the gap.
 
-    An effect that a tolerance within its usual spread explains is no candidate.
+    If all are rejected, it is the one that closes most. An effect that a tolerance within its usual
+    spread explains is no candidate.
 
     Args:
         evidence: everything that was fitted.
@@ -90,6 +97,9 @@ def find_best_candidate(evidence: Evidence) -> FittedRow | None:
         and row.closed >= SETTINGS.min_closed
         and not row.is_outlier
     ]
+    weighed = [row for row in rows if row.log_odds is not None]
+    if weighed:
+        return max(weighed, key=lambda row: row.log_odds or 0.0)
     return max(rows, key=lambda row: row.closed or 0.0, default=None)
 
 

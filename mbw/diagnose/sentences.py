@@ -10,15 +10,14 @@ from diagnosis.verdict.schema import CauseRow, RemarkRow, Verdict
 from identification import FAULT_PHRASES, exchange_phrase
 from mbw.diagnose.effect_parameters import (
     interval_words,
+    may_size_be_zero,
     parameter_words,
     parameters_that_may_be_zero,
 )
 from mbw.diagnose.schema import ShownFile
 
-NOT_SHOWN = "the gap on held-out frequency lines does not shrink"
-WHY_NOT_SHOWN = (
-    "the effect is small compared with the loss of a whole block of lines; the correlation of "
-    "neighbouring lines reveals it"
+UNEXPLAINED = (
+    "the model lacks something, and no effect of the catalogue is established as its cause"
 )
 _NO_COHERENCE_SENTENCE = (
     "the files hold no coherence, or state no number of averages above one, so that the noise is "
@@ -66,15 +65,14 @@ def place_name(location: str) -> str:
     """Return a location as text, such as ``joint ty`` or ``sensors acc1 and acc2``."""
     what, _, name = location.partition(":")
     several = "s" if what == "sensor" and "+" in name else ""
-    return f"{what}{several} {name_place(location)}"
+    return f"{what}{several} {name if what == 'pair' else name_place(location)}"
 
 
 def place_phrase(location: str) -> str:
     """Return a location with its preposition, such as ``on body ty``."""
-    what, _, name = location.partition(":")
-    if what == "pair":
-        return f"between {name}"
-    return f"{_PREPOSITIONS.get(what, 'at')} {place_name(location)}"
+    what = location.partition(":")[0]
+    name = name_place(location) if what == "pair" else place_name(location)
+    return f"{_PREPOSITIONS.get(what, 'at')} {name}"
 
 
 def cause_words(row: CauseRow | RemarkRow) -> str:
@@ -87,38 +85,22 @@ def cause_words(row: CauseRow | RemarkRow) -> str:
 def cause_parameters(row: CauseRow) -> str:
     """Return the parameters of a cause with their units.
 
-    A size that may be zero is stated by its interval; the parameters beside it are not known.
+    A parameter that may be zero is stated with its interval. If the size of the effect may be
+    zero, the parameters beside it are not known.
     """
     doubtful = parameters_that_may_be_zero(row.interval)
+    is_size_doubtful = may_size_be_zero(row.parameters, row.interval)
     texts = []
     for name, value in row.parameters.items():
         if name in doubtful:
             low, high = (float(end) for end in row.interval[name])  # type: ignore[arg-type]
-            texts.append(interval_words(row.effect, row.dof, name, (low, high)))
-        elif doubtful:
+            size = parameter_words(row.effect, row.dof, name, value)
+            texts.append(f"{size} (95 %: {interval_words(row.effect, row.dof, name, (low, high))})")
+        elif is_size_doubtful:
             texts.append(f"{name.replace('_', ' ')} not known")
         else:
             texts.append(parameter_words(row.effect, row.dof, name, value))
     return ", ".join(texts)
-
-
-def closed_words(closed: float, ends: tuple[float, float] | None) -> str:
-    """Return the closed share of the gap as text, with its interval if there is one.
-
-    The jackknife does not know that at most the whole gap can be closed, so the ends are limited
-    here. A small gap may seem to grow, because a held-out block can remove a whole mode.
-
-    Args:
-        closed: closed share of the gap.
-        ends: ends of its interval; None if there is none.
-    """
-    if closed < 0:
-        return f"{NOT_SHOWN}: {WHY_NOT_SHOWN}"
-    interval = ""
-    if ends is not None:
-        low, high = (min(end, 1.0) for end in ends)
-        interval = f" (95 %: {low:.1%} to {high:.1%})"
-    return f"{min(closed, 1.0):.1%} of the gap beyond noise is closed{interval}"
 
 
 def site_words(site: str) -> str:

@@ -19,6 +19,7 @@ from mbw.diagnose.files import (
     write_files,
 )
 from mbw.diagnose.fitted_sets import key_words
+from mbw.diagnose.gap_sentences import closed_words, held_out_sentence, unestablished_words
 from mbw.diagnose.hypothesis_table import hypothesis_table
 from mbw.diagnose.level_sentences import level_sentences
 from mbw.diagnose.page import render
@@ -26,8 +27,8 @@ from mbw.diagnose.pulled_tolerance import pull_sentence
 from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
 from mbw.diagnose.result import collect_result, list_established, unfinished_fit_sentences
 from mbw.diagnose.sentences import (
+    UNEXPLAINED,
     cause_parameters,
-    closed_words,
     confounded_sentences,
     noise_sentences,
     serial_correlation_sentences,
@@ -157,10 +158,11 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
     """Print the verdict in a few lines."""
     campaign, present = diagnosis.session.campaign.name, diagnosis.present
     gap, count = verdict.gap, len(present.established)
+    joint_causes = sum(row.excess_after is not None for row in verdict.causes)
     established = "one effect is" if count == 1 else f"{count} effects are"
     words = {
         "none": "nothing is missing beyond tolerances and noise",
-        "unexplained": "the model lacks something that no effect of the catalogue explains",
+        "unexplained": UNEXPLAINED,
         "several": "several effects are present",
         "explained": "one effect is present",
         "partly": f"{established} established, and a significant rest remains",
@@ -169,19 +171,24 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
     steps = (
         ("as drawn (nominal model)", gap.as_drawn),
         ("re-tuned", gap.retuned),
-        (f"with the effect{'s' if count > 1 else ''}", gap.after),
+        (f"with the effect{'s' if joint_causes > 1 else ''}", gap.after),
     )
     for name, at in steps:
         if at.excess is not None:
             SCREEN.say(f"  {name}: {describe_gap(at.error, at.excess)}")
     if gap.closed is not None:
         SCREEN.say(f"  {closed_words(gap.closed, gap.interval.closed)}")
-    closed = {row.cause: row.closed for row in list_established(diagnosis, verdict)}
+    if difference := held_out_sentence(gap, diagnosis.evidence):
+        SCREEN.say(f"  {difference}")
+    established_rows = {row.cause for row in list_established(diagnosis, verdict)}
+    closed = {key[:2]: share for key, share in present.closes.items()}
     for number, row in enumerate(verdict.causes[:_MAX_LISTED_CAUSES]):
         name, sizes = key_words((row.effect, row.location, row.dof)), cause_parameters(row)
         sizes = f": {sizes}" if sizes else ""
-        share = closed.get(number)
+        share = closed.get((row.effect, row.location))
         part = "" if share is None else f"; closes {format_percent(share)} of the fitted lines' gap"
+        if share is not None and number not in established_rows:
+            part += f", {unestablished_words(share)}"
         SCREEN.say(f"  {row.probability:.0%} {name}{sizes}{part}")
     rest = rest_sentence(verdict, diagnosis.evidence)
     for text in (rest, *level_sentences(verdict), *remark_sentences(verdict)):

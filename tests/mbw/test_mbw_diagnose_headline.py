@@ -11,7 +11,7 @@ from diagnosed import diagnosed, lead_of
 from diagnosis.verdict.schema import CauseRow, RestRow, Where
 from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
-from mbw.diagnose.rest_sentences import rest_sentence
+from mbw.diagnose.rest_sentences import find_best_candidate, rest_sentence
 from mbw.diagnose.schema import EstablishedRow
 from mbw.diagnose.sentences import sensor_check_sentences
 from mbw.identify.schema import FaultRow
@@ -102,8 +102,8 @@ def test_a_rest_that_is_spread_everywhere_is_said_to_be(explained):
     nothing = evidence(1.0, [fitted(("drift", "joint:b"), cost=-0.3, gap=0.9)])
     page = render(replace(explained, verdict=verdict, shown=shown, evidence=nothing))
     assert lead_of(page).endswith(
-        "The model's error is 2.1 % of the motion everywhere: no single effect of the catalogue "
-        "explains a fifth of it."
+        "The model's error is 2.1 % of the motion at each sensor, of which no single place "
+        "explains most: no single effect that was refitted closes a fifth of the gap."
     )
 
 
@@ -116,7 +116,7 @@ def test_an_unexplained_gap_names_the_best_single_candidate(explained, probabili
     rest = RestRow(excess=7.0, model_error=0.045, significant=True, spread="local", where=where)
     rows = [] if probability is None else [fake("appendage", "body:a", None, probability)]
     verdict = explained.verdict.model_copy(
-        update={"verdict": "unexplained", "rest": rest, "causes": rows}
+        update={"verdict": "unexplained", "rest": rest, "where": where, "causes": rows}
     )
     sets = [
         fitted(("appendage", "body:a"), cost=-0.3, gap=0.66),
@@ -126,12 +126,32 @@ def test_an_unexplained_gap_names_the_best_single_candidate(explained, probabili
     ]
     assert rest_sentence(verdict, evidence(1.0, sets)) == (
         "the model's error is 4.5 % of the motion at each sensor and mainly arises on body a "
-        "(70 %): no cause is established; the best single candidate, a small mass on a spring on "
-        f"body a, closes 34 % of the gap, but {why}"
+        "(70 %): no cause is established; the most probable single candidate, a small mass on "
+        f"a spring on body a, closes 34 % of the gap, but {why}"
     )
     failed = evidence(1.0, sets[:1], rejected=(sets[0].keys,))
     said = rest_sentence(verdict, failed)
+    assert "the best single candidate, a small mass on a spring" in said
     assert said.endswith("closes 34 % of the gap, but it fails on held-out lines")
+
+
+def test_the_named_candidate_is_the_most_probable_not_the_one_that_closes_most():
+    link = fitted(("parallel_path", "pair:a-b"), cost=-0.36, gap=0.2)
+    link = link.model_copy(update={"parameters": (15,)})
+    delay = fitted(("sensor_delay", "sensor:acc1"), cost=-0.35, gap=0.7)
+    assert find_best_candidate(evidence(1.0, [link, delay])).keys == delay.keys
+
+
+def test_the_lead_lists_all_causes_of_several_also_those_that_close_little(explained):
+    both = [fake("appendage", "body:a", None, 0.99), fake("drift", "joint:b", None, 0.97)]
+    both = [row.model_copy(update={"excess_after": 1.05}) for row in both]
+    verdict = explained.verdict.model_copy(update={"verdict": "several", "causes": both})
+    shown = explained.shown.model_copy(
+        update={"means": ["", ""], "established": [EstablishedRow(cause=0, closed=0.9)]}
+    )
+    said = lead_of(render(replace(explained, verdict=verdict, shown=shown)))
+    assert said.startswith("Several effects are present: a small mass on a spring on body a")
+    assert "another stiffness in one test at joint b, 97 %. With them the gap falls" in said
 
 
 def test_refitted_sets_are_listed_with_their_residuals(explained):

@@ -19,7 +19,7 @@ from mbw.command import app
 from mbw.diagnose.files import NAMES, read_result, write_files
 from mbw.diagnose.fitted_sets import fitted_rows
 from mbw.diagnose.page import render
-from mbw.diagnose.sentences import place_name, place_phrase
+from mbw.diagnose.sentences import UNEXPLAINED, capitalise, place_name, place_phrase
 
 RUNNER = CliRunner()
 
@@ -112,7 +112,7 @@ def test_a_partly_explained_gap_names_cause_and_rest(folders, texts):
     assert verdict.verdict == "partly"
     assert lead.startswith(
         "One effect is established, and a rest remains: a link that bypasses joints between "
-        "stage1-stage3 (stiffness"
+        "stage1 and stage3 (stiffness"
     )
     assert f"{verdict.gap.retuned.excess:.3g} times the noise (re-tuned) to" in lead
     assert f"What remains is {rest.excess:.3g} times the noise: the model's error is" in lead
@@ -170,7 +170,7 @@ def test_what_no_known_effect_explains_is_located_by_a_free_force(texts, folders
     assert result.verdict.verdict == "unexplained"
     best = result.evidence.pushed[0]
     lead = lead_of(texts["unexplained"])
-    assert lead.startswith("The model lacks something that no effect of the catalogue explains (")
+    assert lead.startswith(f"{capitalise(UNEXPLAINED)} (")
     towards = f"{place_phrase(best.location)}, {name_direction(best.dof)}"
     assert f"The missing force most probably acts {towards}; second comes" in lead
     assert '<span class="badge trouble">unexplained' in texts["unexplained"]

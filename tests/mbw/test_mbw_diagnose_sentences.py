@@ -7,9 +7,9 @@ import pytest
 from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import number, parameter_lines, parameter_words
+from mbw.diagnose.gap_sentences import closed_words, held_out_sentence
 from mbw.diagnose.sentences import (
     cause_parameters,
-    closed_words,
     confounded_sentences,
     noise_sentences,
     place_name,
@@ -57,7 +57,9 @@ def test_sizes_have_as_many_digits_as_their_interval_leaves():
 
 
 def test_places_and_directions_are_words():
-    assert place_phrase("pair:ty-hexapod") == "between ty-hexapod"
+    assert place_phrase("pair:ty-hexapod") == "between ty and hexapod"
+    assert place_phrase("pair:x-stage-top") == "between x-stage-top"  # which hyphen joins them?
+    assert place_name("pair:ty-hexapod") == "pair ty-hexapod"
     assert place_phrase("hammer:acc11") == "at hammer acc11"
     assert place_name("sensor:acc1+acc2") == "sensors acc1 and acc2"
     assert name_direction("rx") == "about x"
@@ -76,11 +78,34 @@ def row(interval):
 
 def test_a_mass_that_may_be_zero_has_no_known_position():
     said = cause_parameters(row({"mass": (-0.31, 0.35)}))
-    assert said == "mass -0.31 … 0.35 kg, position not known"
+    assert said == "mass 0.02 kg (95 %: -0.31 … 0.35), position not known"
     page = _cause(row({"mass": (-0.31, 0.35)}), "a mass", {})
     assert "not known" in page
     assert "-0.31 … 0.35" in page
     assert "4000" not in page
+
+
+def test_a_link_whose_damping_may_be_zero_has_a_stiffness():
+    link = CauseRow(
+        effect="parallel_path", location="pair:a-b", dof=None, probability=1.0, excess_after=1.0,
+        parameters={"stiffness": 1.8e5, "damping": 18.3}, interval={"damping": (-51.3, 102.4)},
+    )  # fmt: skip
+    said = cause_parameters(link)
+    assert said == "stiffness 1.8e+05 N/m, damping 18.3 N s/m (95 %: -51 … 102)"
+    page = _cause(link, "a link", {})
+    assert "1.8e+05 N/m" in page
+    assert "not known" not in page
+
+
+def test_held_out_gaps_far_above_those_of_the_fit_are_explained():
+    def gap(excess):
+        return SimpleNamespace(retuned=SimpleNamespace(excess=excess))
+
+    null = SimpleNamespace(null=SimpleNamespace(chi_square=2.7**2))
+    said = held_out_sentence(gap(10.8), null)
+    assert "Fitted to all lines, the re-tuned model leaves 2.7 times the noise" in said
+    assert held_out_sentence(gap(3.9), null) is None
+    assert held_out_sentence(gap(None), null) is None
 
 
 @pytest.mark.parametrize("interval", [{}, {"mass": (0.01, 0.03)}])

@@ -10,7 +10,7 @@ from diagnosis import Hypothesis
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.posterior import compute_log_odds
 from diagnosis.settings import SETTINGS
-from diagnosis.verdict.schema import RemarkRow, RestRow, Where
+from diagnosis.verdict.schema import CauseRow, RemarkRow, RestRow, Where
 from mbw.command import app
 from mbw.diagnose import verb
 from mbw.diagnose.files import read_result
@@ -83,14 +83,18 @@ def test_without_a_present_cause_the_best_hypothesis_is_rejected_too():
 def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr(SCREEN, "quiet", False)
     result = read_result(diagnosed("partly", tmp_path))
-    present = SimpleNamespace(
-        established=[(row.effect, row.location, row.dof) for row in result.verdict.causes[:1]],
-        closes={},
-    )
+    keys = [(row.effect, row.location, row.dof) for row in result.verdict.causes[:1]]
+    late = CauseRow(
+        effect="hammer_delay", location="hammer:acc11", dof=None, probability=0.98,
+        parameters={"delay": -2e-4}, interval={}, excess_after=1.5,
+    )  # fmt: skip
+    causes = [*result.verdict.causes[:1], late]
+    closes = {keys[0]: 0.9, ("hammer_delay", "hammer:acc11", None): 0.06}
+    present = SimpleNamespace(established=keys, closes=closes)
     remark = RemarkRow(effect="sensor_gain", location="sensor:acc11", dof="tx", closed=0.004)
     campaign = SimpleNamespace(name="here", tests=())
     verb._say(
-        result.verdict.model_copy(update={"remarks": [remark]}),
+        result.verdict.model_copy(update={"remarks": [remark], "causes": causes}),
         SimpleNamespace(
             session=SimpleNamespace(campaign=campaign),
             present=present,
@@ -104,6 +108,12 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
     said = capsys.readouterr().err
     assert "here: one effect is established, and a significant rest remains" in said
     assert "parallel_path at pair:stage1-stage3: stiffness" in said
+    assert "; closes 90 % of the fitted lines' gap\n" in said
+    assert (
+        "98% hammer_delay at hammer:acc11: delay -0.2 ms; closes 6 % of the fitted lines' gap, "
+        "less than 20 %, so it is not established\n" in said
+    )
+    assert "\n  with the effects: " in said
     assert f"  what remains is {result.verdict.rest.excess:.3g} times the noise: the model" in said
     assert (
         "  A wrong gain at sensor acc11, along x is proven by the redundant channels, but it "
@@ -136,7 +146,7 @@ def test_a_gap_that_is_everywhere_has_no_place(capsys, monkeypatch, tmp_path):
     result = read_result(diagnosed("partly", tmp_path))
     assert "  where: joint:stage1 74%" in say_unexplained(result, capsys, monkeypatch, "local")
     said = say_unexplained(result, capsys, monkeypatch, "everywhere")
-    assert "the model's error is 1.8 % of the motion everywhere: " in said
+    assert "the model's error is 1.8 % of the motion at each sensor, of which no" in said
     assert "\n  where: " not in said
 
 
