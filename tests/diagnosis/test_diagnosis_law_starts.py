@@ -1,12 +1,13 @@
 """Where refits of laws begin: the rank-one update of a joint, and laws fitted alone."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from diagnosis.hypothesis import Scene
-from diagnosis.levels import joint_transient, tested_joint
+from diagnosis.levels import joint_transient, refit_laws, tested_joint
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.joint_update import JointUpdate
 from diagnosis.levels.law_family import HARDENING
@@ -145,3 +146,17 @@ def test_machines_with_other_numbers_of_modes_are_simulated_beside_each_other():
     together = compute_equivalent_stiffness(cases, FREQ_HZ)
     for values, case in zip(together, cases, strict=True):
         np.testing.assert_array_equal(values, compute_equivalent_stiffness([case], FREQ_HZ)[0])
+
+
+def test_a_refit_begins_with_the_nominal_damper(block, monkeypatch):
+    gap = 4e-7
+    scene = scene_of(block, lambda q: -STIFFNESS * np.clip(q, -gap, gap))
+    theta = scene.theta.copy()
+    theta[[p.name for p in scene.model.parameters].index("block_tz.damping")] *= 8.0
+    free = SimpleNamespace(session=scene.session, fit=SimpleNamespace(theta=theta))
+    monkeypatch.setattr(refit_laws, "_read_changes", lambda *_: np.zeros(3, complex))
+    overdamped = replace(scene, theta=theta)
+    (alone,) = fit_starts(overdamped, JOINT, ("backlash",), STIFFNESS, 8.0 * DAMPING)
+    (start,) = refit_laws._find_starts(overdamped, free, JOINT, ("backlash",))
+    assert (start.theta, start.cost) == (alone.theta, alone.cost)
+    np.testing.assert_allclose(start.parallel, [alone.parallel[0], DAMPING], rtol=1e-12)
