@@ -20,15 +20,16 @@ def channel_remarks(campaign: Campaign) -> tuple[str, ...]:
     Such channels read zero, read noise alone in every test, or hold the numbers of another channel
     up to their sign.
     """
-    faults: dict[str, list[str]] = {}
+    faults: dict[tuple[str, str], list[str]] = {}
     for test in campaign.tests:
-        for sentence in (*_describe_dead(test), *_describe_duplicates(test)):
-            faults.setdefault(sentence, []).append(str(test.condition.reference))
+        for fault in (*_describe_dead(test), *_describe_duplicates(test)):
+            faults.setdefault(fault, []).append(str(test.condition.reference))
     n_test = len(campaign.tests)
     return (
         *(
-            f"{sentence}, {'in every test' if len(hits) == n_test else 'hit at ' + ', '.join(hits)}"
-            for sentence, hits in faults.items()
+            f"{fact} {'in every test' if len(hits) == n_test else 'if hit at ' + ', '.join(hits)}: "
+            f"{advice}"
+            for (fact, advice), hits in faults.items()
         ),
         *_describe_noise_only(campaign),
     )
@@ -131,13 +132,13 @@ def _describe_noise_only(campaign: Campaign) -> list[str]:
     ]
 
 
-def _describe_dead(test: Test) -> list[str]:
-    """Return one sentence for each channel of a test that reads zero."""
+def _describe_dead(test: Test) -> list[tuple[str, str]]:
+    """Return fact and advice for each channel of a test that reads zero."""
     estimate = test.estimate
     outputs, values = estimate.frf.outputs, estimate.frf.values[:, :, 0]
     is_zero = np.abs(values).max(axis=0) == 0
     return [
-        f"{dof} is dead: it reads zero; ignore it, or repair its cable"
+        (f"{dof} is dead and reads zero", "ignore it, or repair its cable")
         for dof, zero in zip(outputs, is_zero, strict=True)
         if zero
     ]
@@ -152,11 +153,11 @@ def duplicate_channels(campaign: Campaign) -> frozenset[Output]:
     return frozenset(set.intersection(*of_tests))
 
 
-def _describe_duplicates(test: Test) -> list[str]:
-    """Return one sentence for each pair of channels of a test with equal numbers."""
+def _describe_duplicates(test: Test) -> list[tuple[str, str]]:
+    """Return fact and advice for each pair of channels of a test with equal numbers."""
     outputs = test.estimate.frf.outputs
     return [
-        f"{outputs[first]} and {outputs[second]} hold the same numbers: one is exported twice"
+        (f"{outputs[first]} and {outputs[second]} hold the same numbers", "one is exported twice")
         for first, second in _equal_pairs(test)
     ]
 

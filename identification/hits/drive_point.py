@@ -79,8 +79,8 @@ class DrivePoint:
             )
         return (
             f"{self.test}: at the drive point {self.output} the power of the hammer at "
-            f"{self.reference} has no clear sign: check that both are at one point"
-            + self._stand_in_hint
+            f"{self.reference} has no clear sign: check that both are at one point, "
+            "and that directions of the hammer are not exchanged" + self._stand_in_hint
         )
 
     @property

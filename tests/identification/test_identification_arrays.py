@@ -221,6 +221,14 @@ def test_channels_that_make_no_sense_are_refused(channels):
         parse_channels(Path("a.mat"), channels)
 
 
+def test_labels_that_are_named_twice_are_listed():
+    with pytest.raises(InputError, match=re.escape("channels name 3:+tx, 4:+ty twice: correct")):
+        parse_channels(Path("a.mat"), ["3:+x", "4:+y", "3:-x", "4:y", "5:z"])
+    many = [f"{node}:+x" for node in range(7)] * 2
+    with pytest.raises(InputError, match=re.escape("4:+tx and 2 more twice")):
+        parse_channels(Path("a.mat"), many)
+
+
 @pytest.mark.parametrize("second", ["11:+x", "11:-x"])
 def test_a_reference_named_twice_is_refused(tmp_path, second):
     path = save_frfs(tmp_path / "a.npz", tables()[0])

@@ -333,7 +333,7 @@ def test_a_point_with_power_of_both_signs_is_remarked(read, records):
     (point,) = drive_point_signs(campaign)
     assert abs(point.share) < 1
     if abs(point.share) < 0.5:
-        assert "has no clear sign: check that both are at one point" in point.remark
+        assert "has no clear sign: check that both are at one point, and" in point.remark
 
 
 def test_frf_files_have_their_drive_points_checked_too(read):
