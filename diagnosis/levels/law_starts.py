@@ -65,8 +65,8 @@ def fit_starts(
         stiffest: largest stiffness of the joint at any level.
         least_damping: least damping at any level.
     """
-    alone = _LawFit.of_scene(scene, joint)
-    return [_fit_effect(alone, effect, stiffest, least_damping) for effect in effects]
+    alone = _LawFit.of_scene(scene, joint, stiffest)
+    return [_fit_effect(alone, effect, least_damping) for effect in effects]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +95,7 @@ class _LawFit:
         joint: direction of the joint.
         tested: machine and hits.
         update: FRFs as the joint's stiffness changes.
+        stiffest: largest stiffness of the joint at any level.
         middle_stretch: largest stretch of the linear machine under hits of the middle level.
         largest_stretch: under any hit.
     """
@@ -102,11 +103,12 @@ class _LawFit:
     joint: JointDirection
     tested: TestedJoint
     update: JointUpdate
+    stiffest: float
     middle_stretch: float
     largest_stretch: float
 
     @classmethod
-    def of_scene(cls, scene: Scene, joint: JointDirection) -> "_LawFit":
+    def of_scene(cls, scene: Scene, joint: JointDirection, stiffest: float) -> "_LawFit":
         campaign = scene.session.campaign
         thin = thin_lines(campaign, LEVEL_SETTINGS.start_stride * scene.stride_factor)
         tested = replace(
@@ -117,11 +119,11 @@ class _LawFit:
         peaks = compute_peak_stretch(tested.transient(), tested.hits)
         is_low = np.abs(tested.hits.peak) <= levels[len(levels) // 2]
         update = JointUpdate.of_scene(scene, joint, tested, thin)
-        return cls(joint, tested, update, float(peaks[is_low].max()), float(peaks.max()))
+        return cls(joint, tested, update, stiffest, float(peaks[is_low].max()), float(peaks.max()))
 
-    def list_starts(self, family: LawFamily, stiffest: float, least_damping: float) -> list[Real]:
+    def list_starts(self, family: LawFamily, least_damping: float) -> list[Real]:
         """Return where a family may begin: any level's least damping, and the lowest level's."""
-        stiffness = self.tested.stiffness if family.softest_is_linear else stiffest
+        stiffness = self.tested.stiffness if family.softest_is_linear else self.stiffest
         starts = []
         for theta in family.starts(stiffness, self.middle_stretch):
             parameters = np.array(theta[: family.count])
@@ -144,11 +146,12 @@ class _LawFit:
         return points
 
     def limit(self, family: LawFamily, values: Real) -> Real:
-        """Return values within the bounds of a family; linear spring and damper near the fit."""
+        """Return values within the bounds of a family; spring near any level's, damper near it."""
         bounds = family.bounds(self.tested.stiffness, self.largest_stretch)[: family.count]
         share = LEVEL_SETTINGS.min_own_share
-        parallel = np.array([self.tested.stiffness, self.tested.damping])
-        lower, upper = np.array([*bounds, *zip(share * parallel, parallel / share, strict=True)]).T
+        spring = share * self.tested.stiffness, self.stiffest / share
+        damper = share * self.tested.damping, self.tested.damping / share
+        lower, upper = np.array([*bounds, spring, damper]).T
         limited: Real = np.clip(values, lower, upper)
         return limited
 
@@ -161,18 +164,16 @@ class _LawFit:
         return self.tested.add_laws(laws, self.update.freq_hz)
 
 
-def _fit_effect(alone: _LawFit, effect: str, stiffest: float, least_damping: float) -> LawStart:
+def _fit_effect(alone: _LawFit, effect: str, least_damping: float) -> LawStart:
     """Return the best law of an effect, its best families fitted."""
     best = []
     for family in FAMILIES[effect]:
-        starts = [(family, v) for v in alone.list_starts(family, stiffest, least_damping)]
-        points = [p for p in alone.evaluate(starts) if p is not None]
-        best += sorted(points, key=lambda point: point.error.cost)[:1]
+        starts = [(family, v) for v in alone.list_starts(family, least_damping)]
+        best += sorted(filter(None, alone.evaluate(starts)), key=lambda point: point.error.cost)[:1]
     if not best:
         raise ValueError(f"{effect} has no law that holds")
-    best.sort(key=lambda point: point.error.cost)
-    points = _fit_points(alone, best[: LEVEL_SETTINGS.fitted_families])
-    point = min(points, key=lambda point: point.error.cost)
+    best = sorted(best, key=lambda point: point.error.cost)[: LEVEL_SETTINGS.fitted_families]
+    point = min(_fit_points(alone, best), key=lambda point: point.error.cost)
     theta = point.family.complete(point.values[:-2], float(point.values[-2]))
     return LawStart(
         alone.joint,

@@ -110,6 +110,8 @@ class _FittedLaw:
         hits: fitted tolerances of the hits, by their names.
         refit: the best one so far.
         count: number of refits so far.
+        was_worse: whether the last refit ended higher than the best one. The machine had moved:
+            one more refit shows whether the objective falls again.
         is_settled: whether a further refit would change nothing.
     """
 
@@ -119,6 +121,7 @@ class _FittedLaw:
     hits: dict[str, float] = field(default_factory=dict)
     refit: Refit | None = None
     count: int = 0
+    was_worse: bool = False
     is_settled: bool = False
 
     @property
@@ -131,8 +134,10 @@ class _FittedLaw:
         gain = self.objective - refit.objective
         had_gap = self.refit is None or is_gap_visible(self.refit.gap)
         self.count += 1
-        is_unchanged = self.count > 2 and gain < LEVEL_SETTINGS.settled_nats
-        self.is_settled = is_unchanged or not had_gap
+        is_worse = gain < -LEVEL_SETTINGS.settled_nats
+        is_unchanged = gain < LEVEL_SETTINGS.settled_nats and (self.was_worse or not is_worse)
+        self.is_settled = (is_unchanged and self.count > 2) or not had_gap
+        self.was_worse = is_worse
         if self.count == 2 or gain > 0:
             self.refit = refit
         self.scene = replace(about, theta=_read_values(refit, about))

@@ -30,8 +30,9 @@ class LevelSettings:
         peak_sigma: standard deviation of a test's peak, relative: the mean of some hits by hand.
         duration_sigma: standard deviation of the duration that the noise of FRFs tells, relative.
         hit_scatter: usual standard deviation of the momentum of single hits by hand, relative.
-        hit_sizes: sizes of hits that stand for all; with two, the stiffness of a gap stays rough by
-            4 %, with eight by 1 %.
+        hit_sizes: sizes of hits that stand for all.
+        rough_hit_sizes: sizes that stand for all on a rough law: the stiffness of a gap stays rough
+            by 4 % with two, by 1 % with eight.
         variance_sigma: standard deviation of the logarithm of its square; the scatter is between
             8 and 18 %.
         level_unit: of the fitted stiffness, per unit of a level's stiffness and damping.
@@ -39,7 +40,8 @@ class LevelSettings:
             of the cells in which a law is linear in them. Where a decaying motion touches a stop or
             slides for the last time is rough in them on a scale of 1 %.
         linear_step: relative step of difference quotients by a joint's linear stiffness. It shifts
-            resonances by up to half as much, which must stay within their width.
+            resonances by up to half as much, which must stay within their width. On a rough law the
+            difference over so short a step is that of the roughness.
         kept_cells: simulated cells in memory.
         fits_per_turn: fits of a refit, each at the error that the one before left: the next turn
             simulates the law about another machine anyway.
@@ -94,6 +96,7 @@ class LevelSettings:
     duration_sigma: float = 0.1
     hit_scatter: float = 0.12
     hit_sizes: int = 4
+    rough_hit_sizes: int = 12
     variance_sigma: float = 0.8
     level_unit: float = 0.1
     difference_step: float = 0.05

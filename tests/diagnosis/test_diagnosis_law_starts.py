@@ -160,3 +160,13 @@ def test_a_refit_begins_with_the_nominal_damper(block, monkeypatch):
     (start,) = refit_laws._find_starts(overdamped, free, JOINT, ("backlash",))
     assert (start.theta, start.cost) == (alone.theta, alone.cost)
     np.testing.assert_allclose(start.parallel, [alone.parallel[0], DAMPING], rtol=1e-12)
+
+
+def test_a_gap_is_found_where_the_joint_hardly_acts_at_the_lowest_level(block):
+    gap = 1.6e-6
+    scene = scene_of(block, lambda q: -STIFFNESS * np.clip(q, -gap, gap))
+    theta = scene.theta.copy()
+    theta[[p.name for p in scene.model.parameters].index("block_tz.stiffness")] *= 0.03
+    (start,) = fit_starts(replace(scene, theta=theta), JOINT, ("backlash",), STIFFNESS, DAMPING)
+    assert start.theta[0] == pytest.approx(gap, rel=0.05)
+    assert start.parallel[0] == pytest.approx(STIFFNESS, rel=0.05)

@@ -101,3 +101,24 @@ def test_a_law_is_refitted_where_free_levels_explain_little(refit_with):
 def test_a_law_that_promises_little_is_not_refitted(refit_with, start, rivals):
     free = Result(-10.01, floor=0.099)
     assert refit_with(free, [start], {"backlash": [Result(-12.0)]}, rivals) == []
+
+
+def test_a_refit_that_ends_higher_is_followed_by_another(monkeypatch):
+    monkeypatch.setattr(module, "_read_values", lambda *_: np.zeros(0))
+    monkeypatch.setattr(module, "_read_start", lambda _, start: start)
+    monkeypatch.setattr(module, "map_values", lambda *_: {})
+    scene = Scene(SimpleNamespace(model=SimpleNamespace(parameters=())), np.zeros(0))
+    objectives = [-1.0, -2.0, -3.0, -2.5, -3.5, -3.5005]
+    law = module._FittedLaw(start_at("backlash", -1.0, 0.1), scene, 0.1)
+    settled = []
+    for objective in objectives:
+        fit = SimpleNamespace(parametrisation=None, theta=None)
+        causes = (SimpleNamespace(believed={}),)
+        fields = {"objective": objective, "gap": 50.0, "floor": 0.1, "fit": fit, "causes": causes}
+        law.take(SimpleNamespace(**fields), scene)
+        settled.append(law.is_settled)
+    assert settled == [False] * 5 + [True]
+    assert law.objective == objectives[-1]
+    law.take(SimpleNamespace(**{**fields, "objective": -3.0}), scene)
+    law.take(SimpleNamespace(**{**fields, "objective": -3.1}), scene)
+    assert law.is_settled
