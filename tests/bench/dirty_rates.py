@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from statistics import fmean, median
 
 from truth import TruthError
@@ -29,6 +30,7 @@ BETWEEN_2_AND_4 = 8**0.5  # survival ratio: the geometric mean
 FORCE = ("hammer_gain", "hammer_delay")
 GAIN_TO_BE_NAMED = 0.1  # |gain - 1| above it has to be named
 SAID = (EXPLAINED, PARTLY)
+POOLED_DIRT = (5, 15)  # per cent: the amounts that a rate is asked of
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,10 @@ def figures(rows: Sequence[dict], old: Sequence[dict] = ()) -> list[dict[str, ob
     found: list[dict[str, object]] = []
     for cell, here in cells.items():
         found += _of_cell(cell, here)
+    for ratio in (4, 2):
+        parts = [cells.get(f"dirt {dirt} %, ratio {ratio}", []) for dirt in POOLED_DIRT]
+        if pooled := list(chain(*parts)):
+            found += _of_one_fault(f"dirt 5 and 15 % together, ratio {ratio}", pooled)
     left_out = [row["left_out"] for row in rows if "left_out" in row]
     for reason in sorted(set(left_out)):
         found.append(_figure(f"campaigns left out: {reason}", left_out.count(reason), len(rows)))
@@ -99,12 +105,7 @@ def _of_cell(cell: str, here: list[Graded]) -> list[dict[str, object]]:
     rate = partial(_rate, cell, here)
     found: list[dict[str, object]] = []
     if kind in ("single", "clean"):
-        found += [
-            rate("effect and place first", lambda c: right_first(c.truth, c.verdict)),
-            rate("the fault itself first", lambda c: truth_is_first(c.truth, c.verdict)),
-            rate("verdict partly or explained", lambda c: c.verdict.verdict in SAID),
-            _mean_probability(cell, here),
-        ]
+        found += _of_one_fault(cell, here)
     elif kind == "several":
         found += [
             rate("all found", _has_all),
@@ -123,6 +124,17 @@ def _of_cell(cell: str, here: list[Graded]) -> list[dict[str, object]]:
         found += _by_dirt(cell, here, "wrong cause with p of 0.5 or more", has_wrong_cause)
     found.append(rate("wrong cause with p of 0.5 or more", has_wrong_cause))
     return [*found, *_time(cell, here)]
+
+
+def _of_one_fault(cell: str, here: list[Graded]) -> list[dict[str, object]]:
+    """Return how often one fault is named first, and its mean probability."""
+    rate = partial(_rate, cell, here)
+    return [
+        rate("effect and place first", lambda c: right_first(c.truth, c.verdict)),
+        rate("the fault itself first", lambda c: truth_is_first(c.truth, c.verdict)),
+        rate("verdict partly or explained", lambda c: c.verdict.verdict in SAID),
+        _mean_probability(cell, here),
+    ]
 
 
 def _by_dirt(cell: str, here: list[Graded], what: str, mark: Mark) -> list[dict[str, object]]:

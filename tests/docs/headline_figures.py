@@ -10,12 +10,12 @@ from tests.docs.results import RESULTS, bench_rows
 # Question; figure of the bench of real machines.
 DIRTY = (
     (
-        "One fault beside 5 % of small errors, ratio 4: first",
-        "dirt 5 %, ratio 4: effect and place first, %",
+        "One fault beside 5 or 15 % of small errors, ratio 4: first",
+        "dirt 5 and 15 % together, ratio 4: effect and place first, %",
     ),
     (
-        "One fault beside 15 % of small errors, ratio 2: first",
-        "dirt 15 %, ratio 2: effect and place first, %",
+        "One fault beside 5 or 15 % of small errors, ratio 2: first",
+        "dirt 5 and 15 % together, ratio 2: effect and place first, %",
     ),
     ("One fault of an exact machine: first", "clean: effect and place first, %"),
     ("Nothing missing: false alarms", "nothing: false alarms, %"),
