@@ -3,6 +3,9 @@
 ``appendage_part.py`` has its dynamic stiffness. Score tests scan the natural frequency of masses
 along the three world axes. Refits start at the best one and fit frequency, damping, masses, place
 and rigid part.
+
+An appendage is known by its resonance. A fit that ends with a frequency above the band, or with
+damping beyond which there is no peak, describes an added mass, and does not count.
 """
 
 from collections.abc import Iterator
@@ -39,6 +42,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 ),
                 state=appendage.state,
                 along=appendage.find_axis,
+                ends_above=appendage.resonance_names,
             )
 
 

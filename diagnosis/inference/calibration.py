@@ -22,6 +22,8 @@ class Calibration(BaseModel):
         max_noise_share: largest share of the noise in a variance: no model is exact, and the
             parameters of any cause fit some noise. A residual holds at most error_values /
             (1 - max_noise_share^noise_exponent) independent values.
+        tolerance_weight: what a nat of the cost of tolerances counts. Tolerances take up a part of
+            the model's error too, which any cause relieves.
         force_scale: temperature of the softmax over places, as a share of the largest gain.
         campaigns: number of campaigns of the calibration.
         command: command that makes the calibration.
@@ -36,6 +38,7 @@ class Calibration(BaseModel):
     error_values: float
     noise_exponent: float
     max_noise_share: float
+    tolerance_weight: float
     force_scale: float
     campaigns: int = 0
     command: str = ""

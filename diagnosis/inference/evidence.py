@@ -98,18 +98,26 @@ class FitSummary:
         without_gap = 1 - max(self.gap, 0.0) / self.chi_square
         return constants.count_independent(max(self.noise_share, without_gap), self.values)
 
-    def is_material_step(self, before: "FitSummary", min_closed: float) -> bool:
+    def is_material_step(
+        self, before: "FitSummary", min_closed: float, null: "FitSummary | None" = None
+    ) -> bool:
         """Return whether one more cause closes so much of the gap that remains without it.
 
         Beside a strong effect a weaker one closes little of the gap of the null model. Where other
-        causes leave no visible gap, no further one is material.
+        causes leave no visible gap, a further one is material only if it closes as much of a
+        visible gap of the null model: either of two effects may leave less than is visible.
 
         Args:
             before: fit without the cause.
             min_closed: part of its gap.
+            null: the null model; None if only the gap before counts.
         """
-        has_rest = not before.keys or is_gap_visible(before.gap)
-        return has_rest and before.gap - self.gap >= min_closed * before.gap
+        closed = before.gap - self.gap
+        if not before.keys or is_gap_visible(before.gap):
+            return closed >= min_closed * before.gap
+        if null is None or not is_gap_visible(null.gap):
+            return False
+        return closed >= min_closed * null.gap
 
 
 class FittedSet(_Row, FitSummary):

@@ -1,7 +1,7 @@
 r"""Posterior probabilities of sets of causes, each with or without a rest.
 
-Every set S is fitted at its own model-error floor; c_S is its mean -ln L per value, tolerances
-included. The noise of n values is independent, but the error of a model is shared by lines,
+Every set S is fitted at its own model-error floor; c_S is its mean -ln L per value, P_S the cost of
+its tolerances. The noise of n values is independent, but the error of a model is shared by lines,
 channels and hits: with a share s of the noise in the variance, the residual of the best set holds
 
     N = 1 / [s^q / n + (1 - s^q) / n_e]
@@ -10,13 +10,15 @@ independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error
 lines do not share counts as noise. Relative to the empty set with a rest ("unexplained"), the log
 probability is
 
-    l_S = N (c_0 - c_S) - k_S / 2 - n_S ln M,
+    l_S = N (c_0 - c_S) + w (P_0 - P_S) - k_S / 2 - n_S ln M,
 
 where n_S is the number of its causes that no redundant channels prove, and k_S that of the fitted
 parameters of all. The best of M hypotheses gains by chance; ln M is the cost of a uniform prior,
 which a fault does not pay that redundant channels prove without a model. By chance k parameters
-gain k / 2 nats on average (Wilks 1938). n_e and q are calibrated on virtual machines whose errors
-are known. The empty set without a rest ("none") has odds of
+gain k / 2 nats on average (Wilks 1938). Fits weigh tolerances against all n values, so that these
+take up model error, and any cause relieves them: of a nat the share w counts. n_e, q and w are
+calibrated on virtual machines whose errors are known. The empty set without a rest ("none") has
+odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
@@ -134,10 +136,13 @@ def compute_log_odds(
     null = evidence.null
     best = min(sets, key=lambda fitted: fitted.objective)
     count = best.count_independent(constants)
-    gains = np.array([null.objective - fitted.objective for fitted in sets])
+    gains = np.array([null.cost - fitted.cost for fitted in sets])
+    relief = constants.tolerance_weight * np.array([null.prior - fitted.prior for fitted in sets])
     parameters = np.array([fitted.parameter_count for fitted in sets]) / 2
     causes = np.array([evidence.price_causes(fitted.keys) for fitted in sets])
-    logs: np.ndarray[tuple[int], np.dtype[np.float64]] = count * gains - parameters - causes
+    logs: np.ndarray[tuple[int], np.dtype[np.float64]] = (
+        count * gains + relief - parameters - causes
+    )
     return logs
 
 
@@ -160,7 +165,7 @@ def select_material_sets(
         fewer = [fits[without] for without in sets_without.values() if without in fits]
         if sets_without[fitted.keys[-1]] not in fits:
             fewer.append(null)
-        return all(fitted.is_material_step(before, settings.min_closed) for before in fewer)
+        return all(fitted.is_material_step(before, settings.min_closed, null) for before in fewer)
 
     return [fitted for fitted in sets if is_material(fitted)]
 

@@ -113,6 +113,14 @@ class Refit(FitSummary):
         free = is_added & ~varies.coordinates_at_bound(x) & (x != 0)
         return int(free.sum())
 
+    @property
+    def shows_another_effect(self) -> bool:
+        """Whether a cause ended at a bound at which another effect begins."""
+        varies, x = self.fit.parametrisation, self.fit.x
+        ends = {name for cause in self.causes for name in cause.ends_above}
+        is_end = np.isin(np.array(varies.names), list(ends))
+        return bool((is_end & varies.coordinates_at_bound(x) & (x > 0)).any())
+
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
         """Return how far a cause that only releases tolerances shifts them.
 

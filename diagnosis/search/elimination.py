@@ -172,4 +172,5 @@ def _replace_cause(
         if score.hypothesis.site != left_out.site and score.hypothesis.spring is None
     ]
     tasks = [add_cause(refit, rival) for rival in rivals[: settings.max_variants]]
-    return run_refits(base.scene, tasks, settings.schedule)
+    replaced = run_refits(base.scene, tasks, settings.schedule)
+    return [rival for rival in replaced if not rival.shows_another_effect]

@@ -46,7 +46,7 @@ class Search:
 def is_last_material(search: Search, refit: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether the last cause of a set is material."""
     before = search.refit_of(refit.keys[:-1]) or search.null
-    return refit.is_material_step(before, settings.min_closed)
+    return refit.is_material_step(before, settings.min_closed, search.null)
 
 
 def is_material(search: Search, refit: Refit, settings: DiagnosisSettings) -> bool:

@@ -76,13 +76,17 @@ class CauseSearch:
         )
 
     def refit(self, trials: Sequence[Trial]) -> list[Refit]:
-        """Return a refit with each further cause that the tests show, beside a law on one level."""
+        """Return a refit with each further cause that the tests show, beside a law on one level.
+
+        Those do not count that end where another effect begins.
+        """
         tasks = [
             add_cause(self.seen, hypothesis, stages)
             for hypothesis, stages in trials
             if self.shows(hypothesis)
         ]
-        return run_refits(self.scene, tasks, self.settings.schedule)
+        refits = run_refits(self.scene, tasks, self.settings.schedule)
+        return [refit for refit in refits if not refit.shows_another_effect]
 
     def finish(
         self,

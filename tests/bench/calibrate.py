@@ -33,6 +33,7 @@ from diagnosis.inference.posterior import Posterior, compute_posterior, read_sit
 ROWS = Path(__file__).parent / "results" / "calibrate.430000.json.gz"
 FILE = Path(__file__).parents[2] / "diagnosis" / "inference" / "calibration.json"
 ERROR_VALUES = (4, 6, 8, 10, 12, 14, 16, 20, 24, 32, 48, 64)
+TOLERANCE_WEIGHTS = (0.0, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.3, 1.0)
 MIN_TRUTH_PROBABILITY = 0.01  # that a campaign counts at least: one outlier rules nothing
 COMMAND = "python -m tests.bench.calibrate"
 
@@ -53,7 +54,9 @@ def fit_constants() -> Calibration:
     """Return the constants of about the largest likelihood, and where they come from."""
     start = load_calibration()
     candidates = [
-        start.model_copy(update={"error_values": float(values)}) for values in ERROR_VALUES
+        start.model_copy(update={"error_values": float(values), "tolerance_weight": weight})
+        for values in ERROR_VALUES
+        for weight in TOLERANCE_WEIGHTS
     ]
     best = max(candidates, key=log_likelihood)
     seeds = sorted(row["seed"] for row in read_rows())

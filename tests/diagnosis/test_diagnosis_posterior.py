@@ -21,6 +21,7 @@ CONSTANTS = Calibration(
     error_values=80.0,
     noise_exponent=2.0,
     max_noise_share=0.99,
+    tolerance_weight=0.05,
     force_scale=0.04,
 )
 A, B, C = (("mass_error", f"body:{name}", None) for name in "abc")
@@ -56,11 +57,14 @@ def total(posterior):
 
 
 def test_the_log_odds_of_a_set_are_those_computed_by_hand():
-    first = fitted((A,), -2.0, 5.0, parameters=(4,))
+    first = fitted((A,), -2.0, 5.0, parameters=(4,), prior=-30.0)
     both = fitted((A, B), -3.0, 4.0, parameters=(4, 15))  # 1 / chi square is the noise share
     logs = compute_log_odds(evidence(), [first, both], CONSTANTS)
     count = 1 / (0.2**2 / 6000 + (1 - 0.2**2) / 80.0)  # at the noise share of the best set
-    expected = [count * 2.0 - 4 / 2 - np.log(50), count * 3.0 - 19 / 2 - 2 * np.log(50)]
+    expected = [
+        count * 2.0 + 0.05 * 30 - 4 / 2 - np.log(50),
+        count * 3.0 - 19 / 2 - 2 * np.log(50),
+    ]
     np.testing.assert_allclose(logs, expected)
 
 
@@ -86,10 +90,10 @@ def test_a_badly_known_variance_is_no_model_error():
     assert with_gap.count_independent(CONSTANTS) == pytest.approx(expected)
 
 
-def test_the_cost_of_tolerances_counts_with_the_values_that_the_fit_saw():
+def test_the_cost_of_tolerances_counts_by_its_weight():
     free, shifted = fitted((A,), -2.0, 5.0), fitted((B,), -2.0, 5.0, prior=60.0)
     first, second = compute_log_odds(evidence(), [free, shifted], CONSTANTS)
-    assert first - second == pytest.approx(60.0 / 6000 * CONSTANTS.count_independent(0.2, 6000))
+    assert first - second == pytest.approx(0.05 * 60.0)
 
 
 def test_log_odds_of_no_set_are_an_empty_array():
@@ -253,3 +257,9 @@ def test_the_first_cause_of_a_gap_that_noise_nearly_hides_is_material():
     assert select_material_sets(null, [alone], SETTINGS) == [alone]
     pair = fitted((A, B), -2.0, 0.0)  # what A leaves is not visible
     assert select_material_sets(null, [alone, pair], SETTINGS) == [alone]
+
+
+def test_two_causes_are_material_if_each_leaves_less_than_is_visible():
+    null, alone = fitted((), 0.0, 0.45), fitted((A,), -1.0, 0.2)
+    both, little = fitted((A, B), -2.0, 0.03), fitted((A, C), -1.2, 0.15)  # of 0.45: 38 and 11 %
+    assert select_material_sets(null, [alone, both, little], SETTINGS) == [alone, both]
