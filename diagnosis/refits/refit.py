@@ -119,7 +119,8 @@ class Refit(FitSummary):
         varies, x = self.fit.parametrisation, self.fit.x
         ends = {name for cause in self.causes for name in cause.ends_above}
         is_end = np.isin(np.array(varies.names), list(ends))
-        return bool((is_end & varies.coordinates_at_bound(x) & (x > 0)).any())
+        is_upper = varies.upper - x < x - varies.lower
+        return bool((is_end & is_upper & varies.coordinates_at_bound(x)).any())
 
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
         """Return how far a cause that only releases tolerances shifts them.

@@ -3,11 +3,12 @@
 Each kept row holds the evidence of one virtual machine and its truth (``calibration_rows``): real
 instruments, 0, 5, 15 and 30 % of small errors beside one effect, several or none, and exact
 machines. Of each the logarithm of the probability of a right verdict counts: all effects that are
-present, and beside them nothing but small errors of that machine. ``error_values`` maximises it on
-a grid. These campaigns hardly determine ``noise_exponent``: with the likeliest number of values 6
-is 3 nats below 20 and 0.5 above 4, and single campaigns make such differences. It decides how
-sharply exact machines tell rivals apart, and few of these machines are exact. It stays at 6, and
-``max_noise_share`` at 0.997: a residual holds at most about 560 independent values.
+present, and beside them nothing but small errors of that machine. ``error_values`` and
+``tolerance_weight`` maximise it on a grid. These campaigns hardly determine ``noise_exponent``:
+with the likeliest number of values 6 is 2.4 nats below 20 and 1.4 above 4, and single campaigns
+make such differences. It decides how sharply exact machines tell rivals apart, and few of these
+machines are exact. It stays at 6, and ``max_noise_share`` at 0.997: a residual holds at most about
+450 independent values.
 
 ``hidden``, its width and ``force_scale`` are those that earlier series of campaigns gave (seeds
 80000 to 320673), but for ``hidden.lines``: four times the largest gap of exact machines among

@@ -287,6 +287,26 @@ def test_how_far_released_tolerances_are_off_counts_how_many_they_are(case):
     assert shift({}, only(scene, "joint_coupling")[0]) is None
 
 
+def test_an_appendage_that_ends_without_a_peak_is_another_effect(case):
+    scene, null, *_ = case
+    hypothesis = only(scene, "appendage")[-1]
+    session = add_hypothesis(scene.session, hypothesis)
+    varies = session.parametrisation
+    frequency, damping = (np.array(varies.names) == name for name in hypothesis.ends_above)
+
+    def ends(x):
+        ended = Ended(x, varies)
+        refit = Refit(hypothesis, session, ended, null.statistics, null.fitted_values)
+        return refit.shows_another_effect
+
+    inside = np.clip(np.zeros(varies.size), varies.lower, varies.upper)
+    inside[frequency] -= 0.1
+    assert not ends(inside)
+    assert ends(np.where(damping, varies.upper, inside))
+    assert ends(np.where(frequency, varies.upper, inside))
+    assert not ends(np.where(damping, varies.lower, inside))  # a sharp resonance is an appendage
+
+
 def test_a_cause_has_as_many_parameters_as_its_fit_moves_freely(case):
     scene, null, coupled, _ = case
     assert coupled.count_parameters(coupled.causes[0]) == 3  # stiffness and damping follow others

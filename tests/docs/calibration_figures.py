@@ -61,7 +61,13 @@ def constants_table() -> str:
     ]
     rows += [
         (f"`{name}`", significant(getattr(constants, name)))
-        for name in ("hidden_width", "error_values", "noise_exponent", "force_scale")
+        for name in (
+            "hidden_width",
+            "error_values",
+            "noise_exponent",
+            "tolerance_weight",
+            "force_scale",
+        )
     ]
     return table(("Constant", "Value"), rows)
 
