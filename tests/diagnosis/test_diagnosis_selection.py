@@ -70,7 +70,7 @@ def test_causes_that_predict_held_out_lines_no_better_are_not_admitted(two_effec
     evidence, posterior, left = admit_predictive_causes(*arguments)
     assert found.search.selected.keys in evidence.rejected
     assert len(set(map(frozenset, evidence.rejected))) == len(evidence.rejected)  # none twice
-    assert posterior.unexplained > 0.95
+    assert posterior.unexplained > 0.9
     assert left.after is None
 
 
