@@ -118,8 +118,8 @@ class Hypothesis:
             the first round refits it from the alternative start values too, whatever its score.
         bounds: lowest and highest values of parameters of Parts, by name.
         believed: standard deviations of the priors of parameters of Parts, by name.
-        ends_above: parameters at whose upper bound another effect begins: a fit that ends there
-            shows that one.
+        valid_below_bound: parameters that describe the effect only below their upper bound. A fit
+            that ends at the bound describes another effect, such as a mass for an appendage.
         is_modelled: whether a fit with the Parts, or the corrected campaign, contains the effect.
         members: hypotheses of a set of several; empty for a single one.
         spring: joint direction of a law that depends on the level: its Parts are scored, but a
@@ -145,7 +145,7 @@ class Hypothesis:
     is_slope_informative: bool = True
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     believed: Mapping[str, float] = field(default_factory=dict)
-    ends_above: tuple[str, ...] = ()
+    valid_below_bound: tuple[str, ...] = ()
     is_modelled: bool = True
     members: tuple["Hypothesis", ...] = ()
     spring: "JointDirection | None" = None

@@ -42,7 +42,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 ),
                 state=appendage.state,
                 along=appendage.find_axis,
-                ends_above=appendage.resonance_names,
+                valid_below_bound=appendage.resonance_names,
             )
 
 

@@ -22,8 +22,8 @@ class Calibration(BaseModel):
         max_noise_share: largest share of the noise in a variance: no model is exact, and the
             parameters of any cause fit some noise. A residual holds at most error_values /
             (1 - max_noise_share^noise_exponent) independent values.
-        tolerance_weight: what a nat of the cost of tolerances counts. Tolerances take up a part of
-            the model's error too, which any cause relieves.
+        tolerance_weight: weight of the cost of tolerances in the log probability. It is far below
+            1, since tolerances absorb a part of the model's error too, which any cause relieves.
         force_scale: temperature of the softmax over places, as a share of the largest gain.
         campaigns: number of campaigns of the calibration.
         command: command that makes the calibration.

@@ -93,7 +93,7 @@ class FitSummary:
         therefore at least what the gap leaves, 1 - gap / chi square.
 
         Args:
-            constants: of the posterior.
+            constants: calibrated constants of the posterior.
         """
         without_gap = 1 - max(self.gap, 0.0) / self.chi_square
         return constants.count_independent(max(self.noise_share, without_gap), self.values)

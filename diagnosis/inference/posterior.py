@@ -16,9 +16,9 @@ where n_S is the number of its causes that no redundant channels prove, and k_S 
 parameters of all. The best of M hypotheses gains by chance; ln M is the cost of a uniform prior,
 which a fault does not pay that redundant channels prove without a model. By chance k parameters
 gain k / 2 nats on average (Wilks 1938). Fits weigh tolerances against all n values, so that these
-take up model error, and any cause relieves them: of a nat the share w counts. n_e, q and w are
-calibrated on virtual machines whose errors are known. The empty set without a rest ("none") has
-odds of
+absorb model error, and any cause relieves them: their cost counts with a weight w far below 1. n_e,
+q and w are calibrated on virtual machines whose errors are known. The empty set without a rest
+("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 

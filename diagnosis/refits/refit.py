@@ -115,12 +115,12 @@ class Refit(FitSummary):
 
     @property
     def shows_another_effect(self) -> bool:
-        """Whether a cause ended at a bound at which another effect begins."""
+        """Whether a cause ended at an upper bound where its Parts describe another effect."""
         varies, x = self.fit.parametrisation, self.fit.x
-        ends = {name for cause in self.causes for name in cause.ends_above}
-        is_end = np.isin(np.array(varies.names), list(ends))
+        limited = [name for cause in self.causes for name in cause.valid_below_bound]
+        is_limited = np.isin(np.array(varies.names), limited)
         is_upper = varies.upper - x < x - varies.lower
-        return bool((is_end & is_upper & varies.coordinates_at_bound(x)).any())
+        return bool((is_limited & is_upper & varies.coordinates_at_bound(x)).any())
 
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
         """Return how far a cause that only releases tolerances shifts them.

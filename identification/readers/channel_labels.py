@@ -4,11 +4,19 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from identification.words import Dof, Input, InputError, Output, Port, UsageError, parse_port
+from identification.words import (
+    Dof,
+    Input,
+    InputError,
+    Output,
+    Port,
+    UsageError,
+    parse_port,
+    shorten_names,
+)
 
 _NODE_RANGE = re.compile(r"(?P<first>[0-9]{1,18})(\.\.(?P<last>[0-9]{1,18}))?")
 _MAX_CHANNELS = 100_000  # of a campaign: a range beyond it is a slip of the pen
-_MAX_NAMED_LABELS = 5  # of repeated labels in a message
 _MAX_QUOTED_LETTERS = 40  # of a wrong text in a message
 
 
@@ -35,11 +43,8 @@ def _refuse_duplicates(path: Path, key: str, dofs: tuple[Port, ...]) -> tuple[Po
     counts = Counter(dof.positive for dof in dofs)
     repeated = [str(dof) for dof, count in counts.items() if count > 1]
     if repeated:
-        named = ", ".join(repeated[:_MAX_NAMED_LABELS])
-        more = f" and {len(repeated) - _MAX_NAMED_LABELS} more" * (
-            len(repeated) > _MAX_NAMED_LABELS
-        )
-        raise InputError(f"{path}: {key} name {named}{more} twice: correct the labels")
+        named = shorten_names(repeated)
+        raise InputError(f"{path}: {key} name {named} twice: correct the labels")
     return dofs
 
 

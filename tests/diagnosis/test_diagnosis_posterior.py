@@ -81,11 +81,11 @@ def test_noise_is_independent_and_model_error_is_shared():
 def test_a_badly_known_variance_is_no_model_error():
     """Lines beside each other share nothing: the residual is noise that is larger than stated."""
     share = 0.9
-    known = fitted((A,), -2.0, 0.2, noise_share=share)
-    doubted = known.model_copy(update={"serial": 0.0, "doubt": 0.2})
-    assert known.count_independent(CONSTANTS) == CONSTANTS.count_independent(share, 6000)
-    assert doubted.count_independent(CONSTANTS) == CONSTANTS.count_independent(1.0, 6000)
-    with_gap = doubted.model_copy(update={"serial": 0.06})
+    certain = fitted((A,), -2.0, 0.2, noise_share=share)
+    doubtful = certain.model_copy(update={"serial": 0.0, "doubt": 0.2})
+    assert certain.count_independent(CONSTANTS) == CONSTANTS.count_independent(share, 6000)
+    assert doubtful.count_independent(CONSTANTS) == CONSTANTS.count_independent(1.0, 6000)
+    with_gap = doubtful.model_copy(update={"serial": 0.06})
     expected = CONSTANTS.count_independent(1 - 0.06 / 1.2, 6000)
     assert with_gap.count_independent(CONSTANTS) == pytest.approx(expected)
 

@@ -292,7 +292,7 @@ def test_an_appendage_that_ends_without_a_peak_is_another_effect(case):
     hypothesis = only(scene, "appendage")[-1]
     session = add_hypothesis(scene.session, hypothesis)
     varies = session.parametrisation
-    frequency, damping = (np.array(varies.names) == name for name in hypothesis.ends_above)
+    frequency, damping = (np.array(varies.names) == name for name in hypothesis.valid_below_bound)
 
     def ends(x):
         ended = Ended(x, varies)

@@ -225,7 +225,7 @@ def test_labels_that_are_named_twice_are_listed():
     with pytest.raises(InputError, match=re.escape("channels name 3:+tx, 4:+ty twice: correct")):
         parse_channels(Path("a.mat"), ["3:+x", "4:+y", "3:-x", "4:y", "5:z"])
     many = [f"{node}:+x" for node in range(7)] * 2
-    with pytest.raises(InputError, match=re.escape("4:+tx and 2 more twice")):
+    with pytest.raises(InputError, match=re.escape("4:+tx, ... (7 in all) twice: correct")):
         parse_channels(Path("a.mat"), many)
 
 
