@@ -104,7 +104,7 @@ def diagnose(
     5. The best cause stays if it is material and more probable than no cause; the search then
        continues from the model that has it, for up to five causes.
     6. Each earlier cause is left out in turn, and dropped if the others explain as much, or
-       replaced if another cause explains more.
+       replaced if another cause explains more; all are moved to neighbouring bodies.
     7. A free force is fitted at every place: that with the largest gain locates the gap, or the
        rest.
     8. The posterior weighs all sets of causes, by the number of independent values of the residual.

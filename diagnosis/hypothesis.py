@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diagnosis.labels import name_direction, name_place
+from diagnosis.movable import Movable
 from diagnosis.refit_record import RefitRecord
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from identification.words import Campaign, Real
@@ -115,7 +116,7 @@ class Hypothesis:
             closer to it rank in the order of their proposal.
         signed: whether the scored sizes cannot be negative.
         is_slope_informative: whether the slope at size zero tells what the effect explains; else
-            the first round refits it from the alternative start values too, whatever its score.
+            each round refits it from the alternative start values too, whatever its score.
         bounds: lowest and highest values of parameters of Parts, by name.
         believed: standard deviations of the priors of parameters of Parts, by name.
         valid_below_bound: parameters that describe the effect only below their upper bound. A fit
@@ -124,6 +125,7 @@ class Hypothesis:
         members: hypotheses of a set of several; empty for a single one.
         spring: joint direction of a law that depends on the level: its Parts are scored, but a
             refit fits the law itself (``diagnosis.levels``).
+        movable: how its fitted values start the same effect at other bodies; None if they do not.
         state: returns the parameters of the verdict from the fitted ones.
         along: returns the direction of the verdict from the fitted parameters, if a fit finds it.
     """
@@ -149,6 +151,7 @@ class Hypothesis:
     is_modelled: bool = True
     members: tuple["Hypothesis", ...] = ()
     spring: "JointDirection | None" = None
+    movable: Movable | None = None
     state: Callable[[Mapping[str, float]], dict[str, Value]] = state_nothing
     along: Callable[[Mapping[str, float]], str | None] = find_no_direction
 

@@ -8,13 +8,16 @@ An appendage is known by its resonance. A fit that ends with a frequency above t
 damping beyond which there is no peak, describes an added mass, and does not count.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
 from diagnosis.effects.appendage_part import SCAN_DAMPING_RATIO, AppendagePart
 from diagnosis.effects.scales import ARM_UNIT_M, LOG_FREQUENCY_UNIT, LOG_UNIT, MASS_SHARE_UNIT
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.movable import Movable
+from identification.words import Real
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -40,10 +43,45 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 bounds=_find_bounds(
                     appendage, lowest, highest, scene.settings.max_added_mass_share
                 ),
+                movable=Movable(
+                    (body,), partial(_read_values, appendage), partial(_start_values, appendage)
+                ),
                 state=appendage.state,
                 along=appendage.find_axis,
                 valid_below_bound=appendage.resonance_names,
             )
+
+
+def _read_values(appendage: AppendagePart, fitted: Mapping[str, float]) -> dict[str, Real]:
+    """Return masses [kg], place [m], and resonance and rigid part, which need no units."""
+    masses, place, shape_values = (
+        np.array([fitted[name] for name in names]) for names in _group_names(appendage)
+    )
+    place = _find_centre(appendage) + ARM_UNIT_M * place
+    return {"masses": appendage.mass_unit * masses, "place": place, "shape_values": shape_values}
+
+
+def _start_values(appendage: AppendagePart, values: Mapping[str, Real]) -> dict[str, float]:
+    """Return start values from those of an appendage of the same scanned frequency."""
+    parts = (
+        values["masses"] / appendage.mass_unit,
+        (values["place"] - _find_centre(appendage)) / ARM_UNIT_M,
+        values["shape_values"],
+    )
+    names = [name for names in _group_names(appendage) for name in names]
+    return dict(zip(names, np.concatenate(parts).tolist(), strict=True))
+
+
+def _find_centre(appendage: AppendagePart) -> Real:
+    """Return the drawn centre of mass of the body [m]; (3,)."""
+    centre: Real = appendage.machine.layout.centres[appendage.number]
+    return centre
+
+
+def _group_names(appendage: AppendagePart) -> tuple[tuple[str, ...], ...]:
+    """Return the names of masses, of the place and of what needs no units."""
+    resonance_and_rigid = (*appendage.resonance_names, *appendage.rigid_names)
+    return appendage.mass_names, appendage.place_names, resonance_and_rigid
 
 
 def _find_bounds(

@@ -103,12 +103,13 @@ class AppendagePart:
         return inertia
 
     @property
-    def _mass_unit(self) -> float:
+    def mass_unit(self) -> float:
+        """Unit of the masses [kg]."""
         return MASS_SHARE_UNIT * float(self.inertia[0, 0])
 
     def build(self) -> AddedPart:
         """Return the Part."""
-        units = [f"{self._mass_unit:g} kg"] * 3
+        units = [f"{self.mass_unit:g} kg"] * 3
         units += [f"{LOG_FREQUENCY_UNIT:.0%}", f"{LOG_UNIT:.0%}"] + [f"{ARM_UNIT_M:g} m"] * 3
         units += ["1"] * 2
         names = (*self.mass_names, *self.resonance_names, *self.place_names, *self.rigid_names)
@@ -144,7 +145,7 @@ class AppendagePart:
     def _sum_inertia(self, theta: Real, masses: Real) -> Real:
         """Return G' diag(masses) G; (6, 6)."""
         moved = self._move(theta)
-        inertia: Real = self._mass_unit * moved.T @ (masses[:, None] * moved)
+        inertia: Real = self.mass_unit * moved.T @ (masses[:, None] * moved)
         return inertia
 
     def compute_change(self, theta: Real) -> tuple[Change, ...]:
@@ -187,7 +188,7 @@ class AppendagePart:
         for k, direction in enumerate(np.eye(3)):
             turned = transport(ARM_UNIT_M * direction)[:3] - np.eye(3, 6)
             core[5 + k] += turned.T @ momentum + momentum.T @ turned
-        return self._mass_unit * core
+        return self.mass_unit * core
 
     def weigh(self, theta: Real) -> Real:
         """Return the spatial inertia that the nominal body counts already, negative; (6, 6)."""
@@ -199,7 +200,7 @@ class AppendagePart:
         A body on the ground is felt along its axis alone, a child of the body is rigid across it.
         """
         omega, zeta = self._resonance(theta)
-        masses, place = self._mass_unit * theta[:3], ARM_UNIT_M * theta[5:8]
+        masses, place = self.mass_unit * theta[:3], ARM_UNIT_M * theta[5:8]
         layout = self.machine.layout
         body, centre = layout.bodies[self.number], layout.centres[self.number]
         single = find_single_axis(masses)
@@ -236,7 +237,7 @@ class AppendagePart:
         single, is_rigid = find_single_axis(masses), fitted[self.rigid_names[0]] >= 0.5
         nearest = (place if is_rigid else np.where(single, 0.0, place)).tolist()
         return {
-            "mass": self._mass_unit * float(masses.max()),
+            "mass": self.mass_unit * float(masses.max()),
             "frequency": omega / (2 * np.pi),
             "damping": zeta,
             "position": Vague(nearest) if single.any() else tuple(nearest),

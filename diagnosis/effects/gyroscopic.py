@@ -15,6 +15,7 @@ import numpy as np
 from diagnosis.effects.points import find_middle_frequency, name_vector
 from diagnosis.effects.scales import MASS_SHARE_UNIT
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.movable import Movable
 from identification.words import Condition, Real
 from mbmodel import AddedPart, Change, NotInMjcf, Parameter
 
@@ -43,8 +44,24 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         part = AddedPart.linear(f"body:{body}", parameters, (spin,), fractions)
         part = replace(part, written=partial(_explain_rotor, body, unit))
         yield Hypothesis(
-            "gyroscopic", f"body:{body}", parts=(part,), state=partial(_state_momentum, names, unit)
+            "gyroscopic",
+            f"body:{body}",
+            parts=(part,),
+            movable=_build_movable(body, names, unit),
+            state=partial(_state_momentum, names, unit),
         )
+
+
+def _build_movable(body: str, names: tuple[str, ...], unit: float) -> Movable:
+    """Return how the rotor is carried to other bodies: as its angular momentum."""
+
+    def read(fitted: Mapping[str, float]) -> dict[str, Real]:
+        return {"momentum": unit * np.array([fitted[name] for name in names])}
+
+    def start(values: Mapping[str, Real]) -> dict[str, float]:
+        return dict(zip(names, (values["momentum"] / unit).tolist(), strict=True))
+
+    return Movable((body,), read, start)
 
 
 def _state_momentum(

@@ -82,7 +82,7 @@ class Link:
         return offset
 
     @cached_property
-    def _units(self) -> Real:
+    def units(self) -> Real:
         """Units of stiffness and damping."""
         mass = min(float(self.machine.body_mass[6 * k, 6 * k]) for k in self.pair)
         unit = MASS_SHARE_UNIT * mass * self.omega**2
@@ -107,7 +107,7 @@ class Link:
         return self._name_entries(_ENTRY_NAMES[:3])
 
     @property
-    def _names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
         """Names of the sizes k, of the entries of N, and of the point."""
         prefix = self.along_axes[0].rpartition(".")[0]
         point = (f"{prefix}.point_{axis}" for axis in "xyz")
@@ -120,7 +120,7 @@ class Link:
         slides = [s.stiffness for s in self.machine.springs if s.name in springs and not s.angular]
         if not any(slides):
             return ()
-        size = float(np.median([value for value in slides if value > 0])) / float(self._units[0])
+        size = float(np.median([value for value in slides if value > 0])) / float(self.units[0])
         return (dict.fromkeys(self.along_axes[:3], size),)
 
     @property
@@ -130,13 +130,13 @@ class Link:
             (-self._distance - self._offset) / ARM_UNIT_M,
             (self._distance - self._offset) / ARM_UNIT_M,
         )
-        turned = dict.fromkeys(self._names[6:12], (-1.0, 1.0))
+        turned = dict.fromkeys(self.names[6:12], (-1.0, 1.0))
         return turned | {
-            name: (float(low[k]), float(high[k])) for k, name in enumerate(self._names[12:])
+            name: (float(low[k]), float(high[k])) for k, name in enumerate(self.names[12:])
         }
 
     @property
-    def _start(self) -> Real:
+    def start(self) -> Real:
         """Start point [m]; (3,)."""
         start: Real = self._centres.mean(axis=0) + self._offset
         return start
@@ -144,10 +144,10 @@ class Link:
     @property
     def part(self) -> AddedPart:
         """Part with the link."""
-        units = [f"{self._units[0]:g} N/m"] * 3 + [f"{self._units[1]:g} N s/m"] * 3 + ["1"] * 6
+        units = [f"{self.units[0]:g} N/m"] * 3 + [f"{self.units[1]:g} N s/m"] * 3 + ["1"] * 6
         parameters = tuple(
             Parameter(name, 0.0, unit, positive=False)
-            for name, unit in zip(self._names, [*units, *[f"{ARM_UNIT_M:g} m"] * 3], strict=True)
+            for name, unit in zip(self.names, [*units, *[f"{ARM_UNIT_M:g} m"] * 3], strict=True)
         )
         place = f"pair:{self.name}"
         return AddedPart(
@@ -173,7 +173,7 @@ class Link:
 
     def _find_motion(self, theta: Real) -> Real:
         """Return R, the relative motion at the point per motion of both bodies; (3, 12)."""
-        point = self._start + ARM_UNIT_M * theta[12:]
+        point = self.start + ARM_UNIT_M * theta[12:]
         low, high = (transport(point - centre)[:3] for centre in self._centres)
         return np.hstack([-low, high])
 
@@ -185,7 +185,7 @@ class Link:
     def compute_change(self, theta: Real) -> tuple[Change, ...]:
         """Return the change by springs and dampers."""
         motion = self._find_motion(theta)
-        core = self._units[:, None, None] * (motion.T @ self._build_matrices(theta) @ motion)
+        core = self.units[:, None, None] * (motion.T @ self._build_matrices(theta) @ motion)
         return (self._build_change(core),)
 
     def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
@@ -198,25 +198,25 @@ class Link:
             slope = np.hstack([-turned, turned])
             half = slope.T @ both @ motion
             core[12 + axis] = half + half.swapaxes(-1, -2)
-        return (self._build_change(core * self._units[:, None, None]),)
+        return (self._build_change(core * self.units[:, None, None]),)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """Return the mean stiffness and damping [SI]."""
-        stiffness, damping = self._build_matrices(np.array([fitted[name] for name in self._names]))
+        stiffness, damping = self._build_matrices(np.array([fitted[name] for name in self.names]))
         weight = stiffness if stiffness.any() else np.eye(3)
         means = [np.trace(weight @ matrix) / np.trace(weight) for matrix in (stiffness, damping)]
-        mean_stiffness, mean_damping = (self._units * means).tolist()
+        mean_stiffness, mean_damping = (self.units * means).tolist()
         return {"stiffness": mean_stiffness, "damping": mean_damping}
 
     def write(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
         """Return a tendon along each principal axis of K, and of C if its axes differ."""
-        both = self._build_matrices(theta) * self._units[:, None, None]
+        both = self._build_matrices(theta) * self.units[:, None, None]
         stiffness, damping = both
-        point = self._start + ARM_UNIT_M * theta[12:]
+        point = self.start + ARM_UNIT_M * theta[12:]
         product = stiffness @ damping
         difference = np.abs(product - damping @ stiffness).max()
         if difference <= HALF_PRECISION * np.abs(product).max(initial=0.0):
-            _, axes = np.linalg.eigh(stiffness / self._units[0] + np.pi * damping / self._units[1])
+            _, axes = np.linalg.eigh(stiffness / self.units[0] + np.pi * damping / self.units[1])
             rows = [("", axis, (axis @ stiffness @ axis, axis @ damping @ axis)) for axis in axes.T]
         else:
             of_springs, of_dampers = (np.linalg.eigh(matrix)[1].T for matrix in both)

@@ -7,7 +7,7 @@ the six numbers of I has a standard deviation of the mass at the radius of gyrat
 no sensor shows one of them, nothing but the prior keeps the whole inertia positive.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -16,9 +16,10 @@ import numpy as np
 from diagnosis.effects.points import name_vector
 from diagnosis.effects.scales import MASS_SHARE_UNIT
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.movable import Movable
 from diagnosis.settings import DiagnosisSettings
 from identification.words import Real
-from mbmodel import AddedPart, Change, Parameter
+from mbmodel import AddedPart, Change, Parameter, transport
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -46,6 +47,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             parts=(replace(part, weighs=partial(np.tensordot, b=core[:, 2], axes=1)),),
             bounds=dict(zip(names, _find_bounds(scene.settings, inertia, gyration), strict=True)),
             believed=dict.fromkeys(spread, 1 / MASS_SHARE_UNIT),
+            movable=_build_movable(body, names, core[:, 2], machine.layout.centres[number]),
             state=partial(_state_mass, moved, unit, gyration),
         )
 
@@ -61,6 +63,30 @@ def _build_core(unit: float, gyration: float) -> Real:
     for k, (i, j) in enumerate(zip(*np.triu_indices(3), strict=True)):
         core[4 + k, 2, 3 + i, 3 + j] = core[4 + k, 2, 3 + j, 3 + i] = unit * gyration**2
     return core
+
+
+def _build_movable(body: str, names: Sequence[str], core: Real, centre: Real) -> Movable:
+    """Return how the mass is carried to other bodies: as its spatial inertia at the origin.
+
+    Args:
+        body: the body.
+        names: names of the parameters.
+        core: spatial inertia at the centre of mass per parameter; (10, 6, 6).
+        centre: drawn centre of mass [m]; (3,).
+    """
+
+    def read(fitted: Mapping[str, float]) -> dict[str, Real]:
+        to_centre = transport(centre)
+        inertia = np.tensordot([fitted[name] for name in names], core, axes=1)
+        return {"inertia": to_centre.T @ inertia @ to_centre}
+
+    def start(values: Mapping[str, Real]) -> dict[str, float]:
+        to_origin = transport(-centre)
+        inertia = to_origin.T @ values["inertia"] @ to_origin
+        theta = np.linalg.lstsq(core.reshape(len(names), -1).T, inertia.ravel())[0]
+        return dict(zip(names, theta.tolist(), strict=True))
+
+    return Movable((body,), read, start)
 
 
 def _find_bounds(

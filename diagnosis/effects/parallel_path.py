@@ -22,12 +22,18 @@ This is the stiffness in each direction of an isotropic link, and the stiffness 
 link with one axis.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import partial
 from itertools import combinations
+
+import numpy as np
 
 from diagnosis.effects.link import Link, list_start_points
 from diagnosis.effects.points import are_joined, find_middle_frequency
+from diagnosis.effects.scales import ARM_UNIT_M
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.movable import Movable
+from identification.words import Real
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -49,8 +55,29 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                     signed=True,
                     bounds=link.bounds,
                     otherwise=link.stiff_starts,
+                    movable=Movable(
+                        link.bodies, partial(_read_values, link), partial(_start_values, link)
+                    ),
                     state=link.state,
                 )
+
+
+def _read_values(link: Link, fitted: Mapping[str, float]) -> dict[str, Real]:
+    """Return the sizes of springs and dampers [SI], the entries of N, and the point [m]."""
+    theta = np.array([fitted[name] for name in link.names])
+    return {
+        "sizes": link.units[:, None] * theta[:6].reshape(2, 3),
+        "axes": theta[6:12],
+        "point": link.start + ARM_UNIT_M * theta[12:],
+    }
+
+
+def _start_values(link: Link, values: Mapping[str, Real]) -> dict[str, float]:
+    """Return start values from those of a link between other bodies."""
+    sizes = (values["sizes"] / link.units[:, None]).ravel()
+    point = (values["point"] - link.start) / ARM_UNIT_M
+    theta = np.concatenate([sizes, values["axes"], point]).tolist()
+    return dict(zip(link.names, theta, strict=True))
 
 
 EFFECT = Effect(

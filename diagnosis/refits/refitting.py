@@ -26,8 +26,11 @@ from tuning import (
     Minimum,
     Session,
     Stage,
+    estimate_model_error,
     fit_at_error_floor,
+    predict,
     rebuild_for_machine,
+    thin_lines,
 )
 from tuning.workers.independent_calls import Call, run_in_parallel
 
@@ -95,6 +98,20 @@ def add_cause(
     start = find_start(base, session, hypothesis)
     causes = join_hypotheses((*base.causes, hypothesis))
     return RefitTask(causes, session, start, base.floor, first_stages)
+
+
+def limit_floor(task: RefitTask, stride: int) -> RefitTask:
+    """Return a refit that starts at the model error of its start values, at most its floor.
+
+    Args:
+        task: refit with start values.
+        stride: every ``stride``-th line counts.
+    """
+    if task.start is None:
+        return task
+    thin = thin_lines(task.session.campaign, stride)
+    error = estimate_model_error(predict(task.session.model, task.start, thin), thin)
+    return task if error is None else replace(task, floor=min(error.floor, task.floor))
 
 
 def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule) -> list[Refit]:

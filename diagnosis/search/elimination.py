@@ -24,14 +24,20 @@ from diagnosis.refits.refitting import (
     add_cause,
     add_hypothesis,
     find_start,
+    limit_floor,
     run_refits,
 )
 from diagnosis.search.fitted_sets import Search, is_last_material, is_more_probable
-from diagnosis.search.one_level import CauseSearch, has_law, hold_law, select_listed
+from diagnosis.search.one_level import (
+    CauseSearch,
+    has_law,
+    hold_law,
+    refit_on_all_levels,
+    select_listed,
+)
 from diagnosis.search.refit_round import list_excluded, score_hypotheses
 from diagnosis.search.score_test import select_best_of_sites
 from diagnosis.settings import DiagnosisSettings
-from tuning import estimate_model_error, predict, thin_lines
 
 
 def reconsider_causes(
@@ -56,7 +62,7 @@ def reconsider_causes(
     seen = CauseSearch.beside(scene, best, settings).seen
     shorter = _leave_out(scene, search, best, list(kept_causes.values()), settings)
     open_sets = [refit for refit in shorter if not _is_decided(search, seen, refit, settings)]
-    without = _refit_on_all_levels(scene, open_sets, settings)
+    without = refit_on_all_levels(scene, open_sets, settings)
     search = replace(search, refits=(*search.refits, *without))
     kept = best
     if is_last_material(search, best, settings) and is_more_probable(search, best, search.selected):
@@ -71,7 +77,7 @@ def reconsider_causes(
             small = tuple(map(key_of, base.checks.small))
             listed = select_listed(refit, [seen, *replaced], search.hypotheses, small, settings)
             replaced = [rival for rival in listed if rival is not seen]
-        rivals += _refit_on_all_levels(scene, replaced, settings)
+        rivals += refit_on_all_levels(scene, replaced, settings)
     search = replace(search, refits=(*search.refits, *rivals))
     for rival in rivals:
         kept = rival if is_more_probable(search, rival, kept) else kept
@@ -123,11 +129,7 @@ def _leave_out(
         session = add_hypothesis(scene.session, kept)
         start = find_start(best, session, None)
         task = hold_law(RefitTask(kept, session, start, search.null.floor))
-        thin = thin_lines(task.session.campaign, settings.score_stride * scene.stride_factor)
-        error = estimate_model_error(predict(session.model, start, thin), thin)
-        if error is not None:
-            task = replace(task, floor=min(error.floor, task.floor))
-        tasks.append(task)
+        tasks.append(limit_floor(task, settings.score_stride * scene.stride_factor))
     return run_refits(scene, tasks, settings.schedule)
 
 
@@ -145,20 +147,6 @@ def _is_decided(search: Search, seen: Refit, refit: Refit, settings: DiagnosisSe
     view = replace(search, null=refit, selected=refit, refits=())
     is_material = seen.is_material_step(refit, settings.min_closed)
     return is_material and is_more_probable(view, seen, refit)
-
-
-def _refit_on_all_levels(
-    scene: Scene, refits: Sequence[Refit], settings: DiagnosisSettings
-) -> list[Refit]:
-    """Return refits on all levels, where those beside a law begin at their fits to one."""
-    tasks = []
-    for refit in refits:
-        if has_law(refit) and refit.hypothesis is not None:
-            session = add_hypothesis(scene.session, refit.hypothesis)
-            start = find_start(refit, session, None)
-            tasks.append(RefitTask(refit.hypothesis, session, start, refit.floor))
-    on_all = iter(run_refits(scene, tasks, settings.schedule))
-    return [next(on_all) if has_law(refit) else refit for refit in refits]
 
 
 def _replace_cause(

@@ -177,3 +177,17 @@ def select_listed(
         for number, (refit, log) in enumerate(zip(rivals, logs[1:], strict=True))
         if not number or (log >= least and refit.is_material_step(before, settings.min_closed))
     ]
+
+
+def refit_on_all_levels(
+    scene: Scene, refits: Sequence[Refit], settings: DiagnosisSettings
+) -> list[Refit]:
+    """Return refits on all levels, where those beside a law begin at their fits to one."""
+    tasks = []
+    for refit in refits:
+        if has_law(refit) and refit.hypothesis is not None:
+            session = add_hypothesis(scene.session, refit.hypothesis)
+            start = find_start(refit, session, None)
+            tasks.append(RefitTask(refit.hypothesis, session, start, refit.floor))
+    on_all = iter(run_refits(scene, tasks, settings.schedule))
+    return [next(on_all) if has_law(refit) else refit for refit in refits]

@@ -55,7 +55,7 @@ def refit_round(
 ) -> list[Refit]:
     """Refit the promising hypotheses; where a rest remains, others from distant starts.
 
-    These are the best one, with its further shapes, and in the first round those without a slope.
+    These are the best one, with its further shapes, and those without a slope.
     """
     scene, search = base.scene, CauseSearch.beside(base.scene, current, settings)
     promising = _select_promising(ranked, settings)
@@ -70,7 +70,7 @@ def refit_round(
         refits += refit_laws(scene, current, laws, base.null.floor, refits, settings)
     best = min(refits, key=lambda refit: refit.objective, default=None)
     if best is not None and is_gap_visible(best.gap):
-        distant = [] if current.causes else _list_without_slope(ranked, best.causes[-1])
+        distant = _list_without_slope(ranked, best.causes[-1])
         refits += search.refit(
             [
                 *_list_variants(best.causes[-1], ranked, refits, settings),

@@ -2,8 +2,9 @@
 
 Each round scores every hypothesis about the best set so far, and refits the most promising one of
 each effect and place together with that set. The best set stays if it is material and probable.
-Each earlier cause is left out in turn, and dropped or replaced (``elimination.py``). A further one
-is found by the next round, from a model that has the first (Draper and Smith 1998, ch. 15).
+Each earlier cause is left out in turn, and dropped or replaced (``elimination.py``). All are moved
+to neighbouring bodies (``moved_causes.py``). A further one is found by the next round, from a model
+that has the first (Draper and Smith 1998, ch. 15).
 
 While others are missing, an effect may be improbable or close little of the gap. The search
 therefore goes on as long as the last cause closes much or makes the set more probable, and a gap
@@ -27,6 +28,7 @@ from diagnosis.search.fitted_sets import (
     is_last_material,
     is_more_probable,
 )
+from diagnosis.search.moved_causes import move_causes
 from diagnosis.search.refit_round import list_excluded, refit_round, score_hypotheses
 from diagnosis.settings import DiagnosisSettings
 from tuning import is_gap_visible
@@ -64,6 +66,7 @@ def select_causes(
             break
         best = min(promising, key=lambda refit: refit.objective)
         before, (search, path) = path, reconsider_causes(base, search, best, settings)
+        search, path = move_causes(base.scene, search, path, settings)
         stalled_before, is_stalled = is_stalled, not is_more_probable(search, path, before)
         if is_acceptable(search, path, settings):
             search = replace(search, selected=path)

@@ -17,6 +17,7 @@ def drawn(
     ratio: float | tuple[float, ...] | None = 4.0,
     place: str | None = None,
     lines: int = 241,
+    stages: int = 3,
 ) -> tuple[Session, str]:
     """A session, and its answer as text.
 
@@ -27,8 +28,9 @@ def drawn(
         ratio: survival ratio of each, or that of all; None for a drawn size.
         place: of the effects; drawn if None.
         lines: of 1 Hz.
+        stages: of the tree.
     """
-    tree = draw_tree(seed, 3)
+    tree = draw_tree(seed, stages)
     names = [effect for effect in effects if effect is not None]
     ratios = ratio if isinstance(ratio, tuple) else (ratio,) * len(names)
     cause = Cause(tuple(Wanted(*row) for row in zip(names, repeat(place), ratios, strict=False)))

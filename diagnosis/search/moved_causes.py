@@ -1,0 +1,123 @@
+"""Causes of a set moved to neighbouring bodies, with their fitted values.
+
+An effect at a body resembles the same effect at a body that a stiff joint joins to it, as a link to
+either of two granites. Each moved cause starts at the same place in space with the same values, so
+that the fit stays in the basin of the set it comes from. A fit from no effect at all may end in a
+worse one, and a score test ranks a strong effect at its neighbour below weak ones elsewhere.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.effects import load_catalogue
+from diagnosis.effects.points import are_joined
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.hypothesis_set import join_hypotheses
+from diagnosis.inference.evidence import Key
+from diagnosis.refits.refit import Refit, map_values
+from diagnosis.refits.refitting import (
+    RefitTask,
+    add_hypothesis,
+    find_start,
+    limit_floor,
+    run_refits,
+)
+from diagnosis.search.fitted_sets import Search, is_more_probable
+from diagnosis.search.one_level import CauseSearch, has_law, hold_law, refit_on_all_levels
+from diagnosis.search.refit_round import move_scene
+from diagnosis.settings import DiagnosisSettings
+from mbmodel import Machine
+
+
+def move_causes(
+    scene: Scene, search: Search, best: Refit, settings: DiagnosisSettings
+) -> tuple[Search, Refit]:
+    """Return the search and its best set, after moves of single causes until none is better.
+
+    Beside a law a move is fitted to one level, and to all if it is better there.
+
+    Args:
+        scene: scene of the null model.
+        search: sets of causes that were fitted.
+        best: set whose causes are moved.
+        settings: schedule of the refits.
+    """
+    visited: set[frozenset[Key]] = set()
+    while frozenset(best.keys) not in visited and any(cause.movable for cause in best.causes):
+        visited.add(frozenset(best.keys))
+        seen = CauseSearch.beside(scene, best, settings).seen
+        tasks = [
+            limit_floor(hold_law(task), settings.score_stride * scene.stride_factor)
+            for task in _list_moves(scene, seen, search.null.floor)
+            if task.hypothesis is None or frozenset(_list_keys(task.hypothesis)) not in visited
+        ]
+        moved = [
+            refit
+            for refit in run_refits(scene, tasks, settings.schedule)
+            if not refit.shows_another_effect
+            and (not has_law(refit) or refit.objective < seen.objective)
+        ]
+        moved = refit_on_all_levels(scene, moved, settings)
+        search = replace(search, refits=(*search.refits, *moved))
+        for refit in moved:
+            best = refit if is_more_probable(search, refit, best) else best
+    return search, best
+
+
+def _list_keys(hypothesis: Hypothesis) -> list[Key]:
+    """Return the keys of the causes of a set."""
+    return [cause.key for cause in hypothesis.members or (hypothesis,)]
+
+
+def _list_moves(scene: Scene, fitted: Refit, floor: float) -> Iterator[RefitTask]:
+    """Yield the refits of a set with one of its causes moved to a neighbour.
+
+    Args:
+        scene: scene of the null model.
+        fitted: the set.
+        floor: relative model error at the start of the refits.
+    """
+    for cause in fitted.causes:
+        kept = [kept_cause for kept_cause in fitted.causes if kept_cause is not cause]
+        session = add_hypothesis(scene.session, join_hypotheses(kept)) if kept else scene.session
+        for moved in _list_moved(scene, fitted, cause):
+            whole = add_hypothesis(session, moved)
+            start = find_start(fitted, whole, moved)
+            yield RefitTask(join_hypotheses((*kept, moved)), whole, start, floor)
+
+
+def _list_moved(scene: Scene, fitted: Refit, cause: Hypothesis) -> Iterator[Hypothesis]:
+    """Yield a cause at each neighbour, which starts at its fitted values."""
+    if cause.movable is None:
+        return
+    present = {present_cause.site for present_cause in fitted.causes}
+    shapes: dict[str, list[Hypothesis]] = {}
+    for hypothesis in load_catalogue()[cause.effect](move_scene(scene, fitted)):
+        shapes.setdefault(hypothesis.site, []).append(hypothesis)
+    names = [hypothesis.coordinates for hypothesis in shapes.get(cause.site, ())]
+    if cause.coordinates not in names:
+        return
+    shape = names.index(cause.coordinates)
+    values = cause.movable.read(map_values(fitted.session.parametrisation, fitted.fit.theta))
+    for site, rivals in shapes.items():
+        rival = rivals[min(shape, len(rivals) - 1)]
+        if site in present or rival.movable is None:
+            continue
+        if _are_neighbours(scene.model.machine, cause.movable.bodies, rival.movable.bodies):
+            yield replace(rival, begin=_limit(rival, rival.movable.start(values)))
+
+
+def _are_neighbours(machine: Machine, bodies: tuple[str, ...], moved: tuple[str, ...]) -> bool:
+    """Return whether bodies differ in one, and a joint joins the two that differ."""
+    gone, new = {*bodies} - {*moved}, {*moved} - {*bodies}
+    return len(gone) == len(new) == 1 and are_joined(machine, gone.pop(), new.pop())
+
+
+def _limit(hypothesis: Hypothesis, values: dict[str, float]) -> dict[str, float]:
+    """Return start values within the bounds of a hypothesis."""
+    return {
+        name: float(np.clip(value, *hypothesis.bounds.get(name, (-np.inf, np.inf))))
+        for name, value in values.items()
+    }

@@ -1,0 +1,110 @@
+"""Causes moved to neighbouring bodies: the same place in space, the same values."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diagnosis import EFFECTS
+from diagnosis.effects.points import are_joined
+from diagnosis.hypothesis import Scene
+from diagnosis.refits.refitting import add_cause, run_refits
+from diagnosis.search.fitted_sets import Search
+from diagnosis.search.moved_causes import move_causes
+from diagnosis.settings import SETTINGS
+from mbmodel import transport
+from tests.helpers.drawn import drawn
+from tests.helpers.refits import early_scene, propose_at, refit_null, refit_with
+
+MOVABLE = ("parallel_path", "appendage", "mass_error", "gyroscopic")
+OMEGA = 2 * np.pi * np.array([20.0, 90.0])
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    session, _ = drawn(tmp_path_factory.mktemp("machine"), 72_012, lines=61, stages=5)
+    return Scene(session, session.model.drawn)
+
+
+def felt_together(machine, hypothesis, begin, moved):
+    """Return Z(omega) that is added where some bodies move as one, about the origin; (2, 12, 12).
+
+    Args:
+        machine: with its bodies.
+        hypothesis: whose Part acts.
+        begin: values of its parameters.
+        moved: names of the bodies that move together, as do all others.
+    """
+    (part,) = hypothesis.parts
+    theta = np.array([begin[parameter.name] for parameter in part.parameters])
+    rows = []
+    for body, centre in zip(machine.layout.bodies, machine.layout.centres, strict=True):
+        both = np.zeros((6, 12))
+        side = slice(0, 6) if body in moved else slice(6, 12)
+        both[:, side] = transport(centre)
+        rows.append(both)
+    frame = np.vstack(rows)
+    total = np.zeros((2, 12, 12), complex)
+    for change in part.finite(theta):
+        for line, s in enumerate(1j * OMEGA):
+            core = sum(change.core[k] * s**k for k in range(3))
+            shape = 1.0 if change.shape is None else change.shape(np.array([s]))[0]
+            total[line] += shape * (frame.T @ change.left @ core @ change.right.T @ frame)
+    return total
+
+
+@pytest.mark.parametrize("effect", MOVABLE)
+def test_a_moved_effect_is_felt_alike_where_both_bodies_move_as_one(scene, effect):
+    machine, random = scene.model.machine, np.random.default_rng(5)
+    hypotheses = list(EFFECTS[effect](scene))
+    first = hypotheses[0]
+    bodies = first.movable.bodies
+    other = next(
+        one
+        for one in hypotheses
+        if len({*one.movable.bodies} - {*bodies}) == 1
+        and are_joined(machine, *({*one.movable.bodies} ^ {*bodies}))
+    )
+    names = [parameter.name for parameter in first.parts[0].parameters]
+    values = dict(zip(names, random.uniform(0.05, 0.3, len(names)).tolist(), strict=True))
+    same = first.movable.start(first.movable.read(values))
+    assert same == pytest.approx(values)
+    begin = other.movable.start(first.movable.read(values))
+    together = {*other.movable.bodies} ^ {*bodies}
+    before = felt_together(machine, first, values, together)
+    after = felt_together(machine, other, begin, together)
+    assert np.abs(before).max() > 0
+    np.testing.assert_allclose(after, before, atol=1e-9 * np.abs(before).max())
+
+
+def test_a_link_at_the_wrong_one_of_two_joined_bodies_is_moved_to_the_right_one(tmp_path):
+    session, text = drawn(tmp_path, 72_520, "parallel_path", ratio=6.0, lines=161, stages=4)
+    location = text.partition('location = "')[2].partition('"')[0]
+    scene = early_scene(session)
+    null = refit_null(scene)
+    right = propose_at(scene, "parallel_path", location)[0]
+    wrong = [
+        one
+        for one in EFFECTS["parallel_path"](scene)
+        if len({*one.movable.bodies} & {*right.movable.bodies}) == 1
+    ]
+    assert wrong, "the machine has no other pair with a body of the link"
+    best = refit_with(scene, null, wrong[0])
+    scores = tuple(SimpleNamespace(hypothesis=one) for one in (right, wrong[0]))
+    search, moved = move_causes(scene, Search(null, best, scores, (best,)), best, SETTINGS)
+    assert [key[1] for key in moved.keys] == [location]
+    assert moved.objective < best.objective
+    assert {refit.keys[-1][1] for refit in search.refits} >= {wrong[0].location, location}
+    (cold,) = run_refits(scene, [add_cause(null, right)], SETTINGS.schedule)
+    assert moved.objective < cold.objective + 1e-3  # as good as from no link, or better
+    again, kept = move_causes(scene, search, moved, SETTINGS)
+    assert kept.keys == moved.keys
+    assert len(again.refits) > len(search.refits)
+
+
+def test_causes_of_sensors_are_not_moved(scene):
+    null = refit_null(scene)
+    fault = next(iter(EFFECTS["sensor_position"](scene)))
+    best = refit_with(scene, null, fault)
+    search = Search(null, best, refits=(best,))
+    assert move_causes(scene, search, best, SETTINGS) == (search, best)
