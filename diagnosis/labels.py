@@ -1,6 +1,7 @@
 """Places and directions of a verdict in words."""
 
 from identification.words import Dof, UsageError
+from mbmodel import WORLD
 
 LEVELS = "levels"  # instead of a direction: from one visit to a level to the next
 
@@ -33,5 +34,6 @@ def name_place(location: str) -> str:
     """
     kind, _, name = location.partition(":")
     if kind == "pair" and name.count("-") == 1:
-        return name.replace("-", " and ")
+        lower, upper = name.split("-")
+        return f"{'the ground' if lower == WORLD else lower} and {upper}"
     return name.replace("+", " and ") if kind == "sensor" else name

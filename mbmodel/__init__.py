@@ -27,7 +27,7 @@ from mbmodel.frf.ports import parse_input, parse_output
 from mbmodel.frf.request import FrfRequest
 from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
-from mbmodel.machine import Machine, parent_bodies
+from mbmodel.machine import WORLD, Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
@@ -103,6 +103,7 @@ __all__ = [
     "CONTROL",
     "NORMAL_QUANTILE_95",
     "STAGE_COPY_NAME",
+    "WORLD",
     "AddedPart",
     "Addition",
     "AlternativePlants",

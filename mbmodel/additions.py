@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from identification.words import Real
-from mbmodel.machine import Axle, Machine
+from mbmodel.machine import WORLD, Axle, Machine
 from mbmodel.mjcf.edit import Addition, Element, NotInMjcf, Values
 from mbmodel.parts import Change
 
@@ -118,7 +118,7 @@ def link_elements(
     Args:
         name: of the addition.
         machine: as drawn.
-        bodies: names of both.
+        bodies: names of both; ``world`` for the ground.
         along: a point and the unit vector of the axis, in world axes [m]; (3,) each.
         sizes: stiffness [N/m] and damping [N s/m].
     """
@@ -126,7 +126,7 @@ def link_elements(
     ends = tuple(
         Addition(
             f"{name}.{which}",
-            body,
+            "worldbody" if body == WORLD else body,
             Element("site", {"name": f"{name}.{which}", "pos": _local_position(machine, body, at)}),
         )
         for which, body, at in zip(
@@ -259,5 +259,7 @@ def _spatial_tendon(name: str, sizes: Real) -> Addition:
 
 def _local_position(machine: Machine, body: str, point: Real) -> tuple[float, ...]:
     """Return a point of the world in a body's own frame [m]."""
+    if body == WORLD:
+        return tuple(point.tolist())
     drawn_body = machine.drawing.bodies[body]
     return tuple((drawn_body.frame.T @ (point - drawn_body.origin)).tolist())

@@ -214,6 +214,9 @@ class Machine:
         return gravity
 
 
+WORLD = "world"  # MuJoCo's name of the ground
+
+
 def parent_bodies(machine: Machine) -> dict[str, str | None]:
     """Return the body that each body stands on; None for the ground.
 

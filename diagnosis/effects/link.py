@@ -16,6 +16,7 @@ from diagnosis.hypothesis import Value
 from diagnosis.rounding import HALF_PRECISION
 from identification.words import Real
 from mbmodel import (
+    WORLD,
     AddedPart,
     Addition,
     Change,
@@ -41,25 +42,34 @@ def list_start_points() -> Real:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link between two bodies of a machine.
+    """A link between two bodies of a machine, or from the ground to a body.
+
+    The centre of the body stands for that of the ground, ``radii`` for their distance.
 
     Args:
         machine: the nominal machine.
-        pair: numbers of the bodies.
+        pair: numbers of the bodies; None first for the ground.
         omega: frequency in the middle of the band [rad/s].
         at: number of its start point.
+        radii: largest distance of a place from its centre of mass [radii of gyration].
     """
 
     machine: Machine
-    pair: tuple[int, int]
+    pair: tuple[int | None, int]
     omega: float
     at: int
+    radii: float
 
     @cached_property
     def bodies(self) -> tuple[str, str]:
         """Lower and upper body."""
-        low, high = (self.machine.layout.bodies[k] for k in self.pair)
+        low, high = (WORLD if k is None else self.machine.layout.bodies[k] for k in self.pair)
         return low, high
+
+    @cached_property
+    def _moving(self) -> list[int]:
+        """Numbers of the bodies that move."""
+        return [k for k in self.pair if k is not None]
 
     @property
     def name(self) -> str:
@@ -68,12 +78,16 @@ class Link:
 
     @cached_property
     def _centres(self) -> Real:
-        centres: Real = self.machine.layout.centres[list(self.pair)]
+        centres: Real = self.machine.layout.centres[[self._moving[0], self._moving[-1]]]
         return centres
 
     @cached_property
     def _distance(self) -> float:
-        return float(np.linalg.norm(np.ptp(self._centres, axis=0)))
+        if len(self._moving) == 2:
+            return float(np.linalg.norm(np.ptp(self._centres, axis=0)))
+        span = slice(6 * self._moving[0], 6 * self._moving[0] + 6)
+        inertia = self.machine.body_mass[span, span]
+        return self.radii * float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
 
     @cached_property
     def _offset(self) -> Real:
@@ -84,7 +98,7 @@ class Link:
     @cached_property
     def units(self) -> Real:
         """Units of stiffness and damping."""
-        mass = min(float(self.machine.body_mass[6 * k, 6 * k]) for k in self.pair)
+        mass = min(float(self.machine.body_mass[6 * k, 6 * k]) for k in self._moving)
         unit = MASS_SHARE_UNIT * mass * self.omega**2
         return np.array([unit, unit / self.omega])
 
@@ -92,13 +106,14 @@ class Link:
     def _frame(self) -> Real:
         frame = np.zeros((6 * len(self.machine.layout.bodies), 12))
         for side, body in enumerate(self.pair):
-            frame[6 * body : 6 * body + 6, 6 * side : 6 * side + 6] = np.eye(6)
+            if body is not None:
+                frame[6 * body : 6 * body + 6, 6 * side : 6 * side + 6] = np.eye(6)
         return frame
 
     def _name_entries(self, entries: tuple[str, ...]) -> tuple[str, ...]:
         """Return the names of entries of stiffness, then of damping."""
-        # Names of bodies may hold a hyphen, numbers do not.
-        prefix = f"pair{self.pair[0]}-{self.pair[1]}.link{self.at}"
+        low, high = self.pair  # names of bodies may hold a hyphen, numbers do not
+        prefix = f"pair{WORLD if low is None else low}-{high}.link{self.at}"
         return tuple(f"{prefix}.{kind}_{e}" for kind in ("stiffness", "damping") for e in entries)
 
     @property

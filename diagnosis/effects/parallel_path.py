@@ -4,6 +4,8 @@ At a point p the upper body moves against the lower one by
 
     r = R u,   R = [-G(p - c_low), G(p - c_high)],   G(d) = [1, -[d]x].
 
+The lower one may be the ground, as for a cable to the frame: then R = G(p - c_high).
+
 The link answers with K r + s C r, K and C symmetric and without negative eigenvalues: springs and
 dampers along any axes, or along one alone (``link.py``). It adds R' (K + s C) R, which is no net
 force on both bodies together.
@@ -34,19 +36,20 @@ from diagnosis.effects.scales import ARM_UNIT_M
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.movable import Movable
 from identification.words import Real
+from mbmodel import WORLD
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """Yield one for each pair of bodies and start point."""
-    machine = scene.model.machine
-    bodies = machine.layout.bodies
-    omega = find_middle_frequency(scene)
+    """Yield one for each pair of bodies, or of the ground and a body, and start point."""
+    machine, radii = scene.model.machine, scene.settings.max_added_mass_share
+    omega, bodies = find_middle_frequency(scene), machine.layout.bodies
     # The coordinate of a body's mode is a point, to which no link is tied.
     solid = [k for k in range(len(bodies)) if machine.body_mass[6 * k + 3, 6 * k + 3] > 0]
-    for low, high in combinations(solid, 2):
-        if not are_joined(machine, bodies[low], bodies[high]):
+    pairs = [*combinations(solid, 2), *((None, body) for body in solid)]
+    for low, high in pairs:
+        if not are_joined(machine, WORLD if low is None else bodies[low], bodies[high]):
             for at in range(len(list_start_points())):
-                link = Link(machine, (low, high), omega, at)
+                link = Link(machine, (low, high), omega, at, radii)
                 yield Hypothesis(
                     "parallel_path",
                     f"pair:{link.name}",

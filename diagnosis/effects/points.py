@@ -14,7 +14,7 @@ from identification.words import (
     is_hammer_point,
     node_number,
 )
-from mbmodel import ChannelPart, Machine, parent_bodies
+from mbmodel import WORLD, ChannelPart, Machine, parent_bodies
 
 
 def list_varying_names(scene: Scene) -> set[str]:
@@ -130,6 +130,6 @@ def find_own_springs(machine: Machine, stage: str) -> tuple[str, ...]:
 
 
 def are_joined(machine: Machine, lower: str, upper: str) -> bool:
-    """Return whether a joint joins two bodies."""
-    parents = parent_bodies(machine)
+    """Return whether a joint joins two bodies, or a body and the ground."""
+    parents = {body: parent or WORLD for body, parent in parent_bodies(machine).items()}
     return parents.get(upper) == lower or parents.get(lower) == upper

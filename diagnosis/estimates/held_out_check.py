@@ -5,7 +5,9 @@ better on lines that it did not see. There a set must be more probable than no c
 
     N (c_before - c_after) > n_S ln M,
 
-c being the mean -ln L per value at the floor of held-out residuals. N is the number of independent
+c being the mean -ln L per value on held-out lines, each block of neighbouring lines at the floor
+of its own residuals. Without the lines of a narrow mode a fit misses that mode by far, whatever the
+causes: at one floor for all lines, few such blocks would decide. N is the number of independent
 values of the fit with the causes, and the rest as in ``diagnosis.inference.posterior``: on lines
 that they were not fitted to, parameters gain nothing by chance, and pay nothing. The residuals on
 held-out lines are no measure of N, since they hold the errors of the parameters too.
@@ -16,6 +18,8 @@ that is hardly visible on held-out lines, the fits alone decide.
 """
 
 from dataclasses import replace
+
+import numpy as np
 
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps
 from diagnosis.inference.calibration import load_calibration
@@ -71,8 +75,26 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bo
     excess = before.gap.excess
     if excess is None or not is_gap_visible(excess**2 - 1):
         return True
-    first, last = (residual_statistics(gap.predicted, gap.campaign) for gap in (before, after))
+    first, last = (_mean_cost(gap) for gap in (before, after))
     if first is None or last is None:
         return True
     count = after.refit.count_independent(load_calibration())
-    return count * (first.cost - last.cost) > price
+    return count * (first - last) > price
+
+
+def _mean_cost(gap: HeldOutGap) -> float | None:
+    """Return the mean -ln L per value, each block at its own floor; None where nothing moves."""
+    lines = len(gap.campaign.freq_hz)
+    statistics = [
+        residual_statistics(
+            [values[start : start + width] for values in gap.predicted],
+            gap.campaign.select_lines(np.arange(lines) // width == start // width),
+        )
+        for width in [gap.width or lines]
+        for start in range(0, lines, width)
+    ]
+    blocks = [(block.cost, block.values) for block in statistics if block is not None]
+    if not blocks:
+        return None
+    costs, counts = zip(*blocks, strict=True)
+    return float(np.average(costs, weights=counts))

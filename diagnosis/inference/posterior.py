@@ -13,12 +13,13 @@ probability is
     l_S = N (c_0 - c_S) + w (P_0 - P_S) - k_S / 2 - n_S ln M,
 
 where n_S is the number of its causes that no redundant channels prove, and k_S that of the fitted
-parameters of all. The best of M hypotheses gains by chance; ln M is the cost of a uniform prior,
-which a fault does not pay that redundant channels prove without a model. By chance k parameters
-gain k / 2 nats on average (Wilks 1938). Fits weigh tolerances against all n values, so that these
-absorb model error, and any cause relieves them: their cost counts with a weight w far below 1. n_e,
-q and w are calibrated on virtual machines whose errors are known. The empty set without a rest
-("none") has odds of
+parameters of all. Sets of the same effects have the same number, the most that a fit of them has: a
+fit may end a hair from a bound at one place and at it elsewhere. The best of M hypotheses gains by
+chance; ln M is the cost of a uniform prior, which a fault does not pay that redundant channels
+prove without a model. By chance k parameters gain k / 2 nats on average (Wilks 1938). Fits weigh
+tolerances against all n values, so that these absorb model error, and any cause relieves them:
+their cost counts with a weight w far below 1. n_e, q and w are calibrated on virtual machines whose
+errors are known. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
@@ -35,7 +36,8 @@ import numpy as np
 from scipy.special import softmax
 
 from diagnosis.inference.calibration import Calibration, load_calibration
-from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain, Key
+from diagnosis.inference.evidence import Evidence, FittedSet, Key
+from diagnosis.inference.places import weigh_places
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 
@@ -123,7 +125,7 @@ def compute_posterior(
     several = sum(share for keys, share in probabilities.items() if _count_causes(keys) > 1)
     causes = _sum_presence(probabilities, settings.min_row_probability)
     ordered = tuple(sorted(probabilities.items(), key=lambda row: -row[1]))
-    where = _weigh_places(evidence, causes, unexplained, constants)
+    where = weigh_places(evidence, causes, unexplained, constants)
     return Posterior(none, unexplained, several, causes, where, ordered)
 
 
@@ -138,12 +140,28 @@ def compute_log_odds(
     count = best.count_independent(constants)
     gains = np.array([null.cost - fitted.cost for fitted in sets])
     relief = constants.tolerance_weight * np.array([null.prior - fitted.prior for fitted in sets])
-    parameters = np.array([fitted.parameter_count for fitted in sets]) / 2
+    parameters = _count_parameters(evidence, sets) / 2
     causes = np.array([evidence.price_causes(fitted.keys) for fitted in sets])
     logs: np.ndarray[tuple[int], np.dtype[np.float64]] = (
         count * gains + relief - parameters - causes
     )
     return logs
+
+
+def _count_parameters(
+    evidence: Evidence, sets: Sequence[FittedSet]
+) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
+    """Return k_S of sets, the most that a fit with the same effects has; (n_set,)."""
+    counts: dict[tuple[str, ...], int] = {}
+    for fitted in (*evidence.sets, *sets):
+        effects = _list_effects(fitted)
+        counts[effects] = max(fitted.parameter_count, counts.get(effects, 0))
+    return np.array([counts[_list_effects(fitted)] for fitted in sets], float)
+
+
+def _list_effects(fitted: FittedSet) -> tuple[str, ...]:
+    """Return the effects of a set in alphabetical order."""
+    return tuple(sorted(effect for effect, _, _ in fitted.keys))
 
 
 def select_material_sets(
@@ -213,33 +231,3 @@ def _sum_presence(sets: Mapping[Keys, float], min_probability: float) -> Shares:
         if probability >= min_probability
     ]
     return tuple(sorted(rows, key=lambda row: -row[1]))
-
-
-def _weigh_places(
-    evidence: Evidence, causes: Shares, unexplained: float, constants: Calibration
-) -> tuple[tuple[str, float], ...]:
-    """Return places with their shares, which sum to one."""
-    shares: dict[str, float] = {}
-    for (_, place, _), probability in causes:
-        shares[place] = shares.get(place, 0.0) + probability
-    for place in evidence.unknown:
-        shares[place] = shares.get(place, 0.0) + unexplained / len(evidence.unknown)
-    if not evidence.unknown:
-        forces = compute_force_shares(evidence.pushed, constants)
-        for place, share in forces.items():
-            shares[place] = shares.get(place, 0.0) + max(unexplained, NEGLIGIBLE_SHARE) * share
-    total = sum(shares.values())
-    order = sorted(shares.items(), key=lambda row: -row[1])
-    return tuple((place, share / total) for place, share in order)
-
-
-def compute_force_shares(
-    forces: Sequence[ForceGain], constants: Calibration | None = None
-) -> dict[str, float]:
-    """Return the share of each place at which an unknown force may act."""
-    if not forces:
-        return {}
-    gains = np.array([max(force.gain, 0.0) for force in forces])
-    scale = (constants or load_calibration()).force_scale
-    shares = softmax(gains / (scale * max(float(gains.max()), 1.0))).tolist()
-    return {force.location: share for force, share in zip(forces, shares, strict=True)}

@@ -18,7 +18,8 @@ import numpy as np
 from diagnosis.estimates.held_out_gap import GapEstimates
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import Evidence, Key
-from diagnosis.inference.posterior import Posterior, compute_force_shares, read_site
+from diagnosis.inference.places import compute_force_shares
+from diagnosis.inference.posterior import Posterior, read_site
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
 from diagnosis.search.fitted_sets import Search

@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.words import Layout
 from mbmodel.geometry.surfaces import MachineGeometry
+from mbw.diagnose.machine_rows import list_linked
 from mbw.page.html import fill_template, read_fragment
 from mbw.page.picture import picture_data
 
@@ -78,8 +79,7 @@ def find_points(location: str, layout: Layout) -> tuple[list[str], list[list[flo
     """
     kind, _, name = location.partition(":")
     if kind == "pair":
-        pairs = [(a, b) for a in layout.bodies for b in layout.bodies if f"{a}-{b}" == name]
-        names = list(pairs[0]) if pairs else []
+        names = list_linked(name, layout.bodies)
     elif kind in ("body", "joint"):
         names = [name] if name in layout.bodies else []
     else:

@@ -1,12 +1,12 @@
 """Machine of a diagnosis as rows and arrays, from which the page can be drawn without the MJCF."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from identification.words import Layout
-from mbmodel import Machine, MachineGeometry
+from mbmodel import WORLD, Machine, MachineGeometry
 from mbmodel.geometry.surfaces import Surface, TendonLine
 from mbw.diagnose.schema import LineRow, MachineRow, MeshRow, PlaceRow
 
@@ -101,7 +101,7 @@ def place_row(location: str, machine: Machine) -> PlaceRow:
         anchors = [axle.anchor for axle in machine.axles if axle.stage == name]
         return _place([name], [np.mean(anchors, axis=0)] if anchors else [])
     if kind == "pair":
-        bodies = _pair(name, layout.bodies)
+        bodies = list_linked(name, layout.bodies)
         ends = [layout.centres[layout.bodies.index(body)] for body in bodies]
         row = _place(bodies, [np.mean(ends, axis=0)] if ends else [])
         return row.model_copy(update={"line": _place(bodies, ends).points})
@@ -120,7 +120,17 @@ def _place(bodies: list[str], points: list[Any]) -> PlaceRow:
     )
 
 
-def _pair(name: str, bodies: tuple[str, ...]) -> list[str]:
-    """Return both bodies of ``lower-upper``, whose names may contain hyphens themselves."""
-    pairs = [(lower, upper) for lower in bodies for upper in bodies if name == f"{lower}-{upper}"]
-    return list(pairs[0]) if pairs else []
+def list_linked(name: str, bodies: Sequence[str]) -> list[str]:
+    """Return the bodies of ``lower-upper``, whose names may contain hyphens themselves.
+
+    Args:
+        name: of the pair; the lower one may be the ground, ``world``, which is not returned.
+        bodies: all bodies.
+    """
+    pairs = (
+        [lower, upper]
+        for lower in (*bodies, WORLD)
+        for upper in bodies
+        if name == f"{lower}-{upper}"
+    )
+    return [body for body in next(pairs, []) if body in bodies]

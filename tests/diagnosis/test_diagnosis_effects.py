@@ -14,7 +14,15 @@ from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.refits.refitting import add_hypothesis
 from diagnosis.settings import SETTINGS
 from identification.words import Condition, Dof
-from mbmodel import Model, PartContext, RigidDirection, load_machine, parent_bodies, rotation_matrix
+from mbmodel import (
+    Model,
+    PartContext,
+    RigidDirection,
+    load_machine,
+    parent_bodies,
+    rotation_matrix,
+    transport,
+)
 from tests.helpers.drawn import drawn
 
 LAPLACE = 2j * np.pi * np.array([4.0, 23.0, 57.0, 140.0])
@@ -394,3 +402,27 @@ def test_the_slopes_of_a_passive_matrix_are_those_of_differences():
     for number, unit in enumerate(step * np.eye(6)):
         (high, low) = (build_passive(x[:3], x[3:]) for x in (theta + unit, theta - unit))
         np.testing.assert_allclose(slopes[number], (high - low) / (2 * step), atol=1e-9)
+
+
+def test_a_link_to_the_ground_pulls_at_its_point_of_the_body_alone(scene):
+    machine = scene.model.machine
+    links = [
+        one for one in EFFECTS["parallel_path"](scene) if one.location.startswith("pair:world-")
+    ]
+    linked = {one.location.removeprefix("pair:world-") for one in links}
+    parents = parent_bodies(machine)
+    assert linked == {body for body in machine.layout.bodies if parents[body] is not None}
+    one = links[-1]
+    assert one.movable.bodies == ("world", one.location.removeprefix("pair:world-"))
+    (part,) = one.parts
+    theta = np.zeros(15)
+    theta[:3], theta[12:] = 2.0, (1.0, -2.0, 0.5)
+    values = one.movable.read(dict(zip((p.name for p in part.parameters), theta, strict=True)))
+    (change,) = part.finite(theta)
+    matrix = change.left @ change.core[0] @ change.right.T
+    number = machine.layout.bodies.index(one.movable.bodies[1])
+    motion = np.zeros((3, 6 * len(machine.layout.bodies)))
+    arm = transport(values["point"] - machine.layout.centres[number])
+    motion[:, 6 * number : 6 * number + 6] = arm[:3]
+    expected = motion.T @ np.diag(values["sizes"][0]) @ motion
+    np.testing.assert_allclose(matrix, expected, atol=1e-9 * np.abs(expected).max())

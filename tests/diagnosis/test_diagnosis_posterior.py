@@ -96,6 +96,15 @@ def test_the_cost_of_tolerances_counts_by_its_weight():
     assert first - second == pytest.approx(0.05 * 60.0)
 
 
+def test_sets_of_the_same_effects_have_as_many_parameters_wherever_they_act():
+    here, there = ("appendage", "body:a", "tx"), ("appendage", "body:b", "tx")
+    rows = [fitted((key,), -2.0, 5.0, parameters=(n,)) for key, n in ((here, 9), (there, 10))]
+    first, second = compute_log_odds(evidence(sets=tuple(rows)), rows, CONSTANTS)
+    assert first == pytest.approx(second)
+    (alone,) = compute_log_odds(evidence(), rows[:1], CONSTANTS)
+    assert alone == pytest.approx(first + 0.5)
+
+
 def test_log_odds_of_no_set_are_an_empty_array():
     assert compute_log_odds(evidence(), [], CONSTANTS).shape == (0,)
 

@@ -12,6 +12,7 @@ from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import parameter_words
 from mbw.diagnose.files import read_result
 from mbw.diagnose.link_axis import axis_words, link_axis, principal_axis
+from mbw.diagnose.machine_rows import list_linked
 from mbw.diagnose.page import render
 from mbw.diagnose.schema import PlaceRow
 from mbw.diagnose.sentences import place_name
@@ -120,3 +121,11 @@ def test_the_picture_draws_a_link_as_a_line(linked, tmp_path):
     if found["drawn"]:
         assert found["ends"] == [[0.0, -0.2], [0.1, 0.0], [0.5, 1.9]]
         assert found["other"] == [[], [], []]
+
+
+def test_a_link_to_the_ground_stands_at_its_body():
+    bodies = ("base-plate", "head")
+    assert list_linked("base-plate-head", bodies) == ["base-plate", "head"]
+    assert list_linked("world-head", bodies) == ["head"]
+    assert list_linked("world-base-plate", bodies) == ["base-plate"]
+    assert list_linked("head-world", bodies) == []

@@ -58,6 +58,7 @@ def test_sizes_have_as_many_digits_as_their_interval_leaves():
 
 def test_places_and_directions_are_words():
     assert place_phrase("pair:ty-hexapod") == "between ty and hexapod"
+    assert place_phrase("pair:world-hexapod") == "between the ground and hexapod"
     assert place_phrase("pair:x-stage-top") == "between x-stage-top"  # which hyphen joins them?
     assert place_name("pair:ty-hexapod") == "pair ty-hexapod"
     assert place_phrase("hammer:acc11") == "at hammer acc11"

@@ -7,6 +7,7 @@ from truth.campaign.draw import stream
 from truth.campaign.protocol import Protocol, occasions, takes
 from truth.effects import Scene
 from truth.effects.other_packages import known_effects
+from truth.effects.parallel_path import WORLD
 from truth.errors import NoPlaceError, TruthError
 from truth.machine.station import Station
 
@@ -46,7 +47,9 @@ def find_place(place: str, station: Station) -> str:
         "joint": bodies,
         "sensor": list(nodes),
         "hammer": [*nodes, *hits, *(motor.name for motor in station.motors)],
-        "pair": [f"{lower}-{upper}" for lower in bodies for upper in bodies if lower != upper],
+        "pair": [
+            f"{lower}-{upper}" for lower in (*bodies, WORLD) for upper in bodies if lower != upper
+        ],
     }
     parts = name.split("+") if kind == "sensor" else [name]
     for part in (nodes.get(part, part) for part in parts):

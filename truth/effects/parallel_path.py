@@ -16,6 +16,7 @@ RATIO = (0.03, 0.3)
 TIME_CONSTANT = (1e-4, 1e-3)  # s
 ASIDE = 0.5  # of the distance of the centres of mass, along each axis
 LIMITS = (1e-4, 3.0)
+WORLD = "world"  # the ground
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,12 @@ class ParallelPath(Sized):
 
     Args:
         size: k over the geometric mean of the slides' stiffness on the way between the bodies.
-        lower: name of the body that comes first in the station.
+        lower: name of the body that comes first in the station, or ``world`` for the ground.
         upper: name of the other.
         reference: that geometric mean [N/m].
         time_constant: c/k [s].
-        aside: that point less the middle of both centres of mass [m].
+        aside: that point less the middle of both centres of mass, of a link to the ground less
+            that of the body [m].
         axis: unit vector; none for all directions.
     """
 
@@ -56,10 +58,13 @@ class ParallelPath(Sized):
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the link."""
         del occasion
-        lower, upper = (tested.station.index(name) for name in (self.lower, self.upper))
-        stages = tested.station.stages
-        point = (stages[lower].com + stages[upper].com) / 2 + np.array(self.aside)
-        motion = body_motion(rig, tested, upper, point) - body_motion(rig, tested, lower, point)
+        station = tested.station
+        moving = [station.index(name) for name in (self.upper, self.lower) if name != WORLD]
+        middle = np.mean([station.stages[index].com for index in moving], axis=0)
+        motions = [
+            body_motion(rig, tested, index, middle + np.array(self.aside)) for index in moving
+        ]
+        motion = motions[0] - sum(motions[1:], np.zeros_like(motions[0]))
         felt = motion[:3] if self.axis is None else np.array([self.axis]) @ motion[:3]
         stiffness = springs(felt, [self.size * self.reference] * len(felt))
         return rig.with_matrices(damping=self.time_constant * stiffness, stiffness=stiffness)
@@ -68,14 +73,23 @@ class ParallelPath(Sized):
 def draw_parallel_path(
     random: np.random.Generator, scene: Scene, place: str | None
 ) -> ParallelPath | None:
-    """Draw two bodies that no joint joins, stiffness, damping, point and axis of the link."""
+    """Draw two bodies that no joint joins, stiffness, damping, point and axis of the link.
+
+    One may be the ground, ``world``, if it is named.
+    """
     station = scene.station
     pairs = [
         (lower, upper, reference)
         for lower, upper in combinations(range(len(station.stages)), 2)
         if (reference := _reference(station, lower, upper))
     ]
-    names = [stage.name for stage in station.stages]
+    if place is not None and place.rpartition(":")[2].startswith(f"{WORLD}-"):
+        pairs = [
+            (GROUND, upper, reference)
+            for upper in range(len(station.stages))
+            if (reference := _reference(station, GROUND, upper))
+        ]
+    names = [*(stage.name for stage in station.stages), WORLD]  # the ground is number -1
     locations = [f"pair:{names[lower]}-{names[upper]}" for lower, upper, _ in pairs]
     number = draw_location(random, place, locations)
     if number is None:
@@ -88,7 +102,10 @@ def draw_parallel_path(
         time_constant=log_uniform(random, TIME_CONSTANT),
         size=log_uniform(random, RATIO),
     )
-    apart = float(np.linalg.norm(station.stages[lower].com - station.stages[upper].com))
+    stage = station.stages[upper]
+    apart = float(np.linalg.norm(station.stages[lower].com - stage.com))
+    if lower == GROUND:
+        apart = float(np.sqrt(np.trace(stage.inertia) / stage.mass))
     aside = apart * random.uniform(-ASIDE, ASIDE, 3)
     is_strut, axis = choose(random, (True, False)), unit_vector(random)
     return replace(whole, aside=tuple(aside.tolist()), axis=axis if is_strut else None)
