@@ -7,9 +7,11 @@ import pytest
 from small_machine import virtual_campaign
 
 from tuning import STAGES, fit, fit_held_out, parametrise
+from tuning.fitting.stage_search import minimise_stage
 from tuning.fitting.stages import LAST_STAGE
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.sparse_misfit import SparseMisfit
+from tuning.solvers.gauss_newton import Box, gauss_newton
 
 WHOLE = replace(LAST_STAGE, normal_stride=1)
 
@@ -85,3 +87,25 @@ def test_held_out_fits_end_at_the_minima_of_their_lines(model, fine):
         whole = normal.dense() + np.diag(result.parametrisation.has_prior.astype(float))
         step = np.linalg.solve(whole[np.ix_(free, free)], gradient[free])
         assert 0.5 * gradient[free] @ step < 1.0  # nats, of which a campaign has thousands
+
+
+def test_normal_equations_of_few_lines_do_not_end_a_search_beside_a_narrow_mode(model, true_theta):
+    damping = np.array([p.name.endswith(".damping") for p in model.parameters])
+    narrow = np.where(damping, 0.02 * true_theta, true_theta)
+    campaign = virtual_campaign(model, narrow, noise=0.05, lines=600)
+    parametrisation = parametrise(model, campaign.tolerance)
+    start = parametrisation.coordinates(narrow * np.where(damping, 1.5, 1.002))
+    few = LAST_STAGE.build_problem(model, campaign, parametrisation)
+    assert isinstance(few, SparseMisfit)
+    box = Box(
+        parametrisation.lower,
+        parametrisation.upper,
+        parametrisation.has_prior.astype(float),
+        np.full(parametrisation.size, np.inf),
+    )
+    whole = gauss_newton(few.whole, start, box, tolerance=1e-8, exact_curvature=True)
+    alone = gauss_newton(few, start, box, tolerance=1e-8)
+    end = minimise_stage(few, parametrisation, start, LAST_STAGE)
+    assert end.outcome == "converged"
+    assert end.value < whole.value + 2.0
+    assert alone.value > end.value + 100.0

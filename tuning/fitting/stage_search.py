@@ -1,10 +1,12 @@
 """Minimisation of one stage of a fit, by the Gauss-Newton method or by NLopt.
 
 Both start from the same damping and end by the same rule: when a step is predicted to decrease the
-misfit by less than the stage asks for.
+misfit by less than the stage asks for. Where normal equations come from few lines, all lines follow
+from where these end.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -57,27 +59,41 @@ def minimise_stage(
         ),
     )
     damping = _START_DAMPING if stage.model_error_floor > 0 else _FINAL_START_DAMPING
-    if algorithm != GAUSS_NEWTON:
-        return search_whitened(
-            problem,
-            x,
-            box,
-            algorithm=algorithm,
-            damping=damping,
-            min_gain_nats=min_gain_nats,
-            tolerance=stage.tolerance,
-            max_whitenings=stage.max_steps,
-            report=report,
-        )
-    return gauss_newton(
-        problem,
-        x,
-        box,
-        initial_normal=initial_normal,
-        min_gain_nats=min_gain_nats,
-        damping=damping,
-        tolerance=stage.tolerance,
-        max_steps=stage.max_steps,
-        exact_curvature=stage.exact_curvature,
-        report=report,
-    )
+
+    def search(phase: Misfit | SparseMisfit, start: Minimum) -> Minimum:
+        def report_all(count: int, value: float) -> None:
+            if report is not None:
+                report(start.evaluations + count, value)
+
+        if algorithm != GAUSS_NEWTON:
+            end = search_whitened(
+                phase,
+                start.x,
+                box,
+                algorithm=algorithm,
+                damping=damping,
+                min_gain_nats=min_gain_nats,
+                tolerance=stage.tolerance,
+                max_whitenings=stage.max_steps,
+                report=report_all,
+            )
+        else:
+            end = gauss_newton(
+                phase,
+                start.x,
+                box,
+                initial_normal=None if start.evaluations else initial_normal,
+                min_gain_nats=min_gain_nats,
+                damping=damping,
+                tolerance=stage.tolerance,
+                max_steps=stage.max_steps,
+                exact_curvature=stage.exact_curvature,
+                report=report_all,
+            )
+        return replace(end, evaluations=start.evaluations + end.evaluations)
+
+    end = search(problem, Minimum(x, np.inf, 0, "converged", ""))
+    # Few lines may miss a narrow mode and predict no gain far from the minimum: all lines decide.
+    if isinstance(problem, SparseMisfit) and end.outcome == "converged":
+        end = search(problem.whole, end)
+    return end

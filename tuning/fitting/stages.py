@@ -28,7 +28,7 @@ class Stage:
             ends.
         exact_curvature: whether stalled steps are replaced by steps with the exact curvature.
         normal_stride: normal equations come from every ``normal_stride``-th of the lines that
-            count, but from at least 128 lines.
+            count, but from at least 128 lines; near the minimum they come from all.
     """
 
     model_error_floor: float
@@ -147,7 +147,14 @@ STAGES = (
     Stage(0.1, stride=4, tolerances_vary=True),
     Stage(0.03, stride=4, logarithmic=False, tolerances_vary=True),
     Stage(0.0, stride=4, logarithmic=False, tolerances_vary=True),
-    Stage(0.0, tolerance=1e-8, logarithmic=False, tolerances_vary=True, normal_stride=4),
+    Stage(
+        0.0,
+        tolerance=1e-8,
+        logarithmic=False,
+        tolerances_vary=True,
+        exact_curvature=True,
+        normal_stride=4,
+    ),
 )
 LAST_STAGE = STAGES[-1]
 
