@@ -1,6 +1,9 @@
 """A link between two bodies as a Part: springs and dampers at one point (``parallel_path``).
 
-Springs and dampers are passive, so K and C have no negative eigenvalue (``passive_matrix``).
+Springs and dampers are passive, so K and C have no negative eigenvalue. Each spring has a damper
+beside it, so that both have the same axes (``passive_matrix``),
+
+    K = (1 + N) diag(k) (1 + N),   C = (1 + N) diag(c) (1 + N).
 """
 
 from collections.abc import Mapping
@@ -9,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from diagnosis.effects.passive_matrix import build_passive, slope_passive
-from diagnosis.effects.points import find_own_springs
+from diagnosis.effects.passive_matrix import build_columns, build_passive, slope_passive
+from diagnosis.effects.points import find_own_springs, name_vector
 from diagnosis.effects.scales import ARM_UNIT_M, MASS_SHARE_UNIT
 from diagnosis.hypothesis import Value
 from diagnosis.rounding import HALF_PRECISION
@@ -28,7 +31,6 @@ from mbmodel import (
 )
 
 _ASIDE_SHARE = 0.4  # of the distance of the centres of mass: points of the scan beside the middle
-_ENTRY_NAMES = ("x", "y", "z", "xy", "xz", "yz")
 
 
 def list_start_points() -> Real:
@@ -110,23 +112,22 @@ class Link:
                 frame[6 * body : 6 * body + 6, 6 * side : 6 * side + 6] = np.eye(6)
         return frame
 
-    def _name_entries(self, entries: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the names of entries of stiffness, then of damping."""
+    @property
+    def _prefix(self) -> str:
         low, high = self.pair  # names of bodies may hold a hyphen, numbers do not
-        prefix = f"pair{WORLD if low is None else low}-{high}.link{self.at}"
-        return tuple(f"{prefix}.{kind}_{e}" for kind in ("stiffness", "damping") for e in entries)
+        return f"pair{WORLD if low is None else low}-{high}.link{self.at}"
 
     @property
     def along_axes(self) -> tuple[str, ...]:
         """Names of the sizes of stiffness and damping, which lie along the axes where N = 0."""
-        return self._name_entries(_ENTRY_NAMES[:3])
+        kinds = (f"{self._prefix}.{kind}_" for kind in ("stiffness", "damping"))
+        return tuple(name for kind in kinds for name in name_vector(kind))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the sizes k, of the entries of N, and of the point."""
-        prefix = self.along_axes[0].rpartition(".")[0]
-        point = (f"{prefix}.point_{axis}" for axis in "xyz")
-        return (*self.along_axes, *self._name_entries(_ENTRY_NAMES[3:]), *point)
+        """Names of the sizes k and c, of the entries of N, and of the point."""
+        axes = (f"{self._prefix}.axes_{entry}" for entry in ("xy", "xz", "yz"))
+        return (*self.along_axes, *axes, *name_vector(f"{self._prefix}.point_"))
 
     @property
     def stiff_starts(self) -> tuple[dict[str, float], ...]:
@@ -145,9 +146,9 @@ class Link:
             (-self._distance - self._offset) / ARM_UNIT_M,
             (self._distance - self._offset) / ARM_UNIT_M,
         )
-        turned = dict.fromkeys(self.names[6:12], (-1.0, 1.0))
+        turned = dict.fromkeys(self.names[6:9], (-1.0, 1.0))
         return turned | {
-            name: (float(low[k]), float(high[k])) for k, name in enumerate(self.names[12:])
+            name: (float(low[k]), float(high[k])) for k, name in enumerate(self.names[9:])
         }
 
     @property
@@ -159,7 +160,7 @@ class Link:
     @property
     def part(self) -> AddedPart:
         """Part with the link."""
-        units = [f"{self.units[0]:g} N/m"] * 3 + [f"{self.units[1]:g} N s/m"] * 3 + ["1"] * 6
+        units = [f"{self.units[0]:g} N/m"] * 3 + [f"{self.units[1]:g} N s/m"] * 3 + ["1"] * 3
         parameters = tuple(
             Parameter(name, 0.0, unit, positive=False)
             for name, unit in zip(self.names, [*units, *[f"{ARM_UNIT_M:g} m"] * 3], strict=True)
@@ -171,24 +172,19 @@ class Link:
 
     def _build_matrices(self, theta: Real) -> Real:
         """Return K and C in their units; (2, 3, 3)."""
-        return np.array(
-            [
-                build_passive(theta[3 * k : 3 * k + 3], theta[6 + 3 * k : 9 + 3 * k])
-                for k in range(2)
-            ]
-        )
+        return np.array([build_passive(theta[3 * k : 3 * k + 3], theta[6:9]) for k in range(2)])
 
     def _build_slopes(self, theta: Real) -> Real:
-        """Return the slopes of K and C by the entries of both; (12, 2, 3, 3)."""
-        slopes = np.zeros((12, 2, 3, 3))
+        """Return the slopes of K and C by the sizes of both and by N; (9, 2, 3, 3)."""
+        slopes = np.zeros((9, 2, 3, 3))
         for k in range(2):
-            places = [*range(3 * k, 3 * k + 3), *range(6 + 3 * k, 9 + 3 * k)]
-            slopes[places, k] = slope_passive(theta[places[:3]], theta[places[3:]])
+            by_entry = slope_passive(theta[3 * k : 3 * k + 3], theta[6:9])
+            slopes[3 * k : 3 * k + 3, k], slopes[6:, k] = by_entry[:3], by_entry[3:]
         return slopes
 
     def _find_motion(self, theta: Real) -> Real:
         """Return R, the relative motion at the point per motion of both bodies; (3, 12)."""
-        point = self.start + ARM_UNIT_M * theta[12:]
+        point = self.start + ARM_UNIT_M * theta[9:]
         low, high = (transport(point - centre)[:3] for centre in self._centres)
         return np.hstack([-low, high])
 
@@ -207,12 +203,12 @@ class Link:
         """Return the slopes by each parameter."""
         motion, both = self._find_motion(theta), self._build_matrices(theta)
         core = np.zeros((len(theta), 2, 12, 12))
-        core[:12] = motion.T @ self._build_slopes(theta) @ motion
+        core[:9] = motion.T @ self._build_slopes(theta) @ motion
         for axis, unit in enumerate(np.eye(3)):
             turned = transport(ARM_UNIT_M * unit)[:3] - np.eye(3, 6)
             slope = np.hstack([-turned, turned])
             half = slope.T @ both @ motion
-            core[12 + axis] = half + half.swapaxes(-1, -2)
+            core[9 + axis] = half + half.swapaxes(-1, -2)
         return (self._build_change(core * self.units[:, None, None]),)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
@@ -224,27 +220,16 @@ class Link:
         return {"stiffness": mean_stiffness, "damping": mean_damping}
 
     def write(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
-        """Return a tendon along each principal axis of K, and of C if its axes differ."""
-        both = self._build_matrices(theta) * self.units[:, None, None]
-        stiffness, damping = both
-        point = self.start + ARM_UNIT_M * theta[12:]
-        product = stiffness @ damping
-        difference = np.abs(product - damping @ stiffness).max()
-        if difference <= HALF_PRECISION * np.abs(product).max(initial=0.0):
-            _, axes = np.linalg.eigh(stiffness / self.units[0] + np.pi * damping / self.units[1])
-            rows = [("", axis, (axis @ stiffness @ axis, axis @ damping @ axis)) for axis in axes.T]
-        else:
-            of_springs, of_dampers = (np.linalg.eigh(matrix)[1].T for matrix in both)
-            rows = [("k", axis, (axis @ stiffness @ axis, 0.0)) for axis in of_springs]
-            rows += [("c", axis, (0.0, axis @ damping @ axis)) for axis in of_dampers]
-        additions: list[Addition | NotInMjcf] = []
-        largest = np.abs(both).max(axis=(1, 2))
-        for number, (kind, axis, sizes) in enumerate(rows):
-            name = f"{self.name}.{kind}{number % 3}"
-            if any(np.abs(sizes) > HALF_PRECISION * largest):
-                low, high = self.bodies
-                line = point, axis
-                additions += link_elements(
-                    name, self.machine, (low, high), line, np.maximum(sizes, 0.0)
-                )
+        """Return a tendon along each axis, with a spring and a damper."""
+        sizes = self.units[:, None] * theta[:6].reshape(2, 3)
+        point = self.start + ARM_UNIT_M * theta[9:]
+        largest = sizes.max(axis=1, initial=0.0)
+        additions: list[Addition] = []
+        for number, axis in enumerate(build_columns(theta[6:9]).T):
+            length = float(np.linalg.norm(axis))
+            along = sizes[:, number] * length**2
+            if any(along > HALF_PRECISION * largest):
+                line = point, axis / length
+                name = f"{self.name}.{number}"
+                additions += link_elements(name, self.machine, self.bodies, line, along)
         return tuple(additions)

@@ -7,8 +7,8 @@ At a point p the upper body moves against the lower one by
 The lower one may be the ground, as for a cable to the frame: then R = G(p - c_high).
 
 The link answers with K r + s C r, K and C symmetric and without negative eigenvalues: springs and
-dampers along any axes, or along one alone (``link.py``). It adds R' (K + s C) R, which is no net
-force on both bodies together.
+dampers along the same axes, or along one alone (``link.py``). It adds R' (K + s C) R, which is no
+net force on both bodies together.
 
 Score tests take K and C along the world axes, at a point halfway between the centres of mass and at
 six points about it. Refits start at the best of these and fit point and axes, with dR/dp linear in
@@ -70,8 +70,8 @@ def _read_values(link: Link, fitted: Mapping[str, float]) -> dict[str, Real]:
     theta = np.array([fitted[name] for name in link.names])
     return {
         "sizes": link.units[:, None] * theta[:6].reshape(2, 3),
-        "axes": theta[6:12],
-        "point": link.start + ARM_UNIT_M * theta[12:],
+        "axes": theta[6:9],
+        "point": link.start + ARM_UNIT_M * theta[9:],
     }
 
 

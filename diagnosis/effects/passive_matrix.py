@@ -20,21 +20,25 @@ def build_passive(sizes: Real, off_diagonal: Real) -> Real:
         sizes: k; (3,).
         off_diagonal: n_xy, n_xz and n_yz; (3,).
     """
-    columns = _build_columns(off_diagonal)
+    columns = build_columns(off_diagonal)
     matrix: Real = (columns * sizes) @ columns
     return matrix
 
 
 def slope_passive(sizes: Real, off_diagonal: Real) -> Real:
     """Return the slopes of ``build_passive`` by the sizes, then by N; (6, 3, 3)."""
-    columns = _build_columns(off_diagonal)
+    columns = build_columns(off_diagonal)
     along = columns.T[:, :, None] * columns.T[:, None, :]
-    half = (_build_columns(np.eye(3)) - np.eye(3)) @ (sizes[:, None] * columns)
+    half = (build_columns(np.eye(3)) - np.eye(3)) @ (sizes[:, None] * columns)
     return np.concatenate([along, half + half.swapaxes(-1, -2)])
 
 
-def _build_columns(off_diagonal: Real) -> Real:
-    """Return 1 + N; (..., 3, 3)."""
+def build_columns(off_diagonal: Real) -> Real:
+    """Return 1 + N, whose columns are the axes; (..., 3, 3).
+
+    Args:
+        off_diagonal: n_xy, n_xz and n_yz; (..., 3).
+    """
     columns = np.broadcast_to(np.eye(3), (*off_diagonal.shape[:-1], 3, 3)).copy()
     rows, ends = np.triu_indices(3, k=1)
     columns[..., rows, ends] = columns[..., ends, rows] = off_diagonal

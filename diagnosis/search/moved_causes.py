@@ -6,7 +6,7 @@ that the fit stays in the basin of the set it comes from. A fit from no effect a
 worse one, and a score test ranks a strong effect at its neighbour below weak ones elsewhere.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,9 +32,15 @@ from mbmodel import Machine
 
 
 def move_causes(
-    scene: Scene, search: Search, best: Refit, settings: DiagnosisSettings
+    scene: Scene,
+    search: Search,
+    best: Refit,
+    causes: Sequence[Hypothesis],
+    settings: DiagnosisSettings,
 ) -> tuple[Search, Refit]:
     """Return the search and its best set, after moves of single causes until none is better.
+
+    A cause that is better elsewhere is moved on from there.
 
     Beside a law a move is fitted to one level, and to all if it is better there.
 
@@ -42,15 +48,16 @@ def move_causes(
         scene: scene of the null model.
         search: sets of causes that were fitted.
         best: set whose causes are moved.
+        causes: those that are moved, in turn.
         settings: schedule of the refits.
     """
     visited: set[frozenset[Key]] = set()
-    while frozenset(best.keys) not in visited and any(cause.movable for cause in best.causes):
+    while frozenset(best.keys) not in visited and any(cause.movable for cause in causes):
         visited.add(frozenset(best.keys))
         seen = CauseSearch.beside(scene, best, settings).seen
         tasks = [
             limit_floor(hold_law(task), settings.score_stride * scene.stride_factor)
-            for task in _list_moves(scene, seen, search.null.floor)
+            for task in _list_moves(scene, seen, causes, search.null.floor)
             if task.hypothesis is None or frozenset(_list_keys(task.hypothesis)) not in visited
         ]
         moved = [
@@ -63,6 +70,7 @@ def move_causes(
         search = replace(search, refits=(*search.refits, *moved))
         for refit in moved:
             best = refit if is_more_probable(search, refit, best) else best
+        causes = best.causes[-1:]
     return search, best
 
 
@@ -71,15 +79,18 @@ def _list_keys(hypothesis: Hypothesis) -> list[Key]:
     return [cause.key for cause in hypothesis.members or (hypothesis,)]
 
 
-def _list_moves(scene: Scene, fitted: Refit, floor: float) -> Iterator[RefitTask]:
-    """Yield the refits of a set with one of its causes moved to a neighbour.
+def _list_moves(
+    scene: Scene, fitted: Refit, causes: Sequence[Hypothesis], floor: float
+) -> Iterator[RefitTask]:
+    """Yield the refits of a set with one of its causes moved to a neighbour, which is last then.
 
     Args:
         scene: scene of the null model.
         fitted: the set.
+        causes: causes of the set that are moved.
         floor: relative model error at the start of the refits.
     """
-    for cause in fitted.causes:
+    for cause in causes:
         kept = [kept_cause for kept_cause in fitted.causes if kept_cause is not cause]
         session = add_hypothesis(scene.session, join_hypotheses(kept)) if kept else scene.session
         for moved in _list_moved(scene, fitted, cause):

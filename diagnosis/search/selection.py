@@ -2,9 +2,9 @@
 
 Each round scores every hypothesis about the best set so far, and refits the most promising one of
 each effect and place together with that set. The best set stays if it is material and probable.
-Each earlier cause is left out in turn, and dropped or replaced (``elimination.py``). All are moved
-to neighbouring bodies (``moved_causes.py``). A further one is found by the next round, from a model
-that has the first (Draper and Smith 1998, ch. 15).
+Each earlier cause is left out in turn, and dropped or replaced (``elimination.py``). The last one
+is moved to neighbouring bodies (``moved_causes.py``), at the end all others too. A further one is
+found by the next round, from a model that has the first (Draper and Smith 1998, ch. 15).
 
 While others are missing, an effect may be improbable or close little of the gap. The search
 therefore goes on as long as the last cause closes much or makes the set more probable, and a gap
@@ -66,13 +66,15 @@ def select_causes(
             break
         best = min(promising, key=lambda refit: refit.objective)
         before, (search, path) = path, reconsider_causes(base, search, best, settings)
-        search, path = move_causes(base.scene, search, path, settings)
+        search, path = move_causes(base.scene, search, path, path.causes[-1:], settings)
         stalled_before, is_stalled = is_stalled, not is_more_probable(search, path, before)
         if is_acceptable(search, path, settings):
             search = replace(search, selected=path)
         if not is_gap_visible(path.gap):
             break
-    return search
+    earlier = search.selected.causes[:-1]  # moved while others were missing
+    search, moved = move_causes(base.scene, search, search.selected, earlier, settings)
+    return replace(search, selected=moved) if is_acceptable(search, moved, settings) else search
 
 
 def _is_promising(search: Search, refit: Refit, path: Refit, settings: DiagnosisSettings) -> bool:

@@ -182,19 +182,19 @@ def test_a_link_states_what_it_has_in_each_direction_or_in_its_own(scene):
     one = next(EFFECTS["parallel_path"](scene))
     (part,) = one.parts
     stiffness, damping = 3.0e5, 120.0
-    slopes = part.derivatives(np.zeros(15))[0].core
+    slopes = part.derivatives(np.zeros(12))[0].core
     units = slopes[0, 0, 0, 0], slopes[3, 1, 0, 0]
     names = [parameter.name for parameter in part.parameters]
-    alike = np.zeros(15)
+    alike = np.zeros(12)
     alike[:3], alike[3:6] = stiffness / units[0], damping / units[1]
     said = one.state(dict(zip(names, alike, strict=True)))
     assert said == pytest.approx({"stiffness": stiffness, "damping": damping})
     # A strut, wherever it is, gives k n n' at its point: y is turned towards x and z.
     axis = np.array([0.6, -0.64, 0.48])
-    strut = np.zeros(15)
+    strut = np.zeros(12)
     strut[[1, 4]] = axis[1] ** 2 * np.array([stiffness / units[0], damping / units[1]])
-    strut[[6, 9]], strut[[8, 11]] = axis[0] / axis[1], axis[2] / axis[1]
-    strut[12:] = 1.0, -2.0, 0.5  # tenths of a metre from halfway
+    strut[6], strut[8] = axis[0] / axis[1], axis[2] / axis[1]
+    strut[9:] = 1.0, -2.0, 0.5  # tenths of a metre from halfway
     said = one.state(dict(zip(names, strut, strict=True)))
     assert said == pytest.approx({"stiffness": stiffness, "damping": damping})
     (change,) = part.finite(strut)
@@ -415,8 +415,8 @@ def test_a_link_to_the_ground_pulls_at_its_point_of_the_body_alone(scene):
     one = links[-1]
     assert one.movable.bodies == ("world", one.location.removeprefix("pair:world-"))
     (part,) = one.parts
-    theta = np.zeros(15)
-    theta[:3], theta[12:] = 2.0, (1.0, -2.0, 0.5)
+    theta = np.zeros(12)
+    theta[:3], theta[9:] = 2.0, (1.0, -2.0, 0.5)
     values = one.movable.read(dict(zip((p.name for p in part.parameters), theta, strict=True)))
     (change,) = part.finite(theta)
     matrix = change.left @ change.core[0] @ change.right.T

@@ -91,13 +91,15 @@ def test_a_link_at_the_wrong_one_of_two_joined_bodies_is_moved_to_the_right_one(
     assert wrong, "the machine has no other pair with a body of the link"
     best = refit_with(scene, null, wrong[0])
     scores = tuple(SimpleNamespace(hypothesis=one) for one in (right, wrong[0]))
-    search, moved = move_causes(scene, Search(null, best, scores, (best,)), best, SETTINGS)
+    search, moved = move_causes(
+        scene, Search(null, best, scores, (best,)), best, best.causes, SETTINGS
+    )
     assert [key[1] for key in moved.keys] == [location]
     assert moved.objective < best.objective
     assert {refit.keys[-1][1] for refit in search.refits} >= {wrong[0].location, location}
     (cold,) = run_refits(scene, [add_cause(null, right)], SETTINGS.schedule)
     assert moved.objective < cold.objective + 1e-3  # as good as from no link, or better
-    again, kept = move_causes(scene, search, moved, SETTINGS)
+    again, kept = move_causes(scene, search, moved, moved.causes, SETTINGS)
     assert kept.keys == moved.keys
     assert len(again.refits) > len(search.refits)
 
@@ -107,4 +109,4 @@ def test_causes_of_sensors_are_not_moved(scene):
     fault = next(iter(EFFECTS["sensor_position"](scene)))
     best = refit_with(scene, null, fault)
     search = Search(null, best, refits=(best,))
-    assert move_causes(scene, search, best, SETTINGS) == (search, best)
+    assert move_causes(scene, search, best, best.causes, SETTINGS) == (search, best)
