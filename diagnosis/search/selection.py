@@ -74,7 +74,8 @@ def select_causes(
             break
     earlier = search.selected.causes[:-1]  # moved while others were missing
     search, moved = move_causes(base.scene, search, search.selected, earlier, settings)
-    return replace(search, selected=moved) if is_acceptable(search, moved, settings) else search
+    is_better = moved is not search.selected and is_acceptable(search, moved, settings)
+    return replace(search, selected=moved) if is_better else search
 
 
 def _is_promising(search: Search, refit: Refit, path: Refit, settings: DiagnosisSettings) -> bool:
