@@ -1,4 +1,4 @@
-"""An effect of bodies in terms that do not depend on the bodies, to carry it to others."""
+"""Transfer of the fitted values of an effect from one body to another."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from identification.words import Real
 
 @dataclass(frozen=True, eq=False)
 class Movable:
-    """What a hypothesis needs to take up the fitted values of the same effect at other bodies.
+    """Conversion between the parameters of an effect and values that hold at every body.
 
     Args:
         bodies: bodies on which the effect acts.
-        read: returns its fitted values in SI units and world axes, by name.
-        start: returns start values of its parameters from such values.
+        read: returns values in SI units and world axes from the fitted parameters.
+        start: returns start values of the parameters from such values.
     """
 
     bodies: tuple[str, ...]

@@ -46,7 +46,8 @@ def list_start_points() -> Real:
 class Link:
     """A link between two bodies of a machine, or from the ground to a body.
 
-    The centre of the body stands for that of the ground, ``radii`` for their distance.
+    A link to the ground starts at the body's centre of mass or beside it, and stays within
+    ``radii`` radii of gyration.
 
     Args:
         machine: the nominal machine.

@@ -85,12 +85,12 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bo
 def _mean_cost(gap: HeldOutGap) -> float | None:
     """Return the mean -ln L per value, each block at its own floor; None where nothing moves."""
     lines = len(gap.campaign.freq_hz)
+    width = gap.width or lines
     statistics = [
         residual_statistics(
             [values[start : start + width] for values in gap.predicted],
             gap.campaign.select_lines(np.arange(lines) // width == start // width),
         )
-        for width in [gap.width or lines]
         for start in range(0, lines, width)
     ]
     blocks = [(block.cost, block.values) for block in statistics if block is not None]

@@ -6,7 +6,7 @@ that the fit stays in the basin of the set it comes from. A fit from no effect a
 worse one, and a score test ranks a strong effect at its neighbour below weak ones elsewhere.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -48,7 +48,7 @@ def move_causes(
         scene: scene of the null model.
         search: sets of causes that were fitted.
         best: set whose causes are moved.
-        causes: those that are moved, in turn.
+        causes: causes of the set that are moved, one in each refit.
         settings: schedule of the refits.
     """
     visited: set[frozenset[Key]] = set()
@@ -57,8 +57,7 @@ def move_causes(
         seen = CauseSearch.beside(scene, best, settings).seen
         tasks = [
             limit_floor(hold_law(task), settings.score_stride * scene.stride_factor)
-            for task in _list_moves(scene, seen, causes, search.null.floor)
-            if task.hypothesis is None or frozenset(_list_keys(task.hypothesis)) not in visited
+            for task in _list_moves(scene, seen, causes, visited, search.null.floor)
         ]
         moved = [
             refit
@@ -74,13 +73,12 @@ def move_causes(
     return search, best
 
 
-def _list_keys(hypothesis: Hypothesis) -> list[Key]:
-    """Return the keys of the causes of a set."""
-    return [cause.key for cause in hypothesis.members or (hypothesis,)]
-
-
 def _list_moves(
-    scene: Scene, fitted: Refit, causes: Sequence[Hypothesis], floor: float
+    scene: Scene,
+    fitted: Refit,
+    causes: Sequence[Hypothesis],
+    visited: Container[frozenset[Key]],
+    floor: float,
 ) -> Iterator[RefitTask]:
     """Yield the refits of a set with one of its causes moved to a neighbour, which is last then.
 
@@ -88,12 +86,15 @@ def _list_moves(
         scene: scene of the null model.
         fitted: the set.
         causes: causes of the set that are moved.
+        visited: sets from which causes were moved already.
         floor: relative model error at the start of the refits.
     """
     for cause in causes:
-        kept = [kept_cause for kept_cause in fitted.causes if kept_cause is not cause]
+        kept = [stays for stays in fitted.causes if stays is not cause]
         session = add_hypothesis(scene.session, join_hypotheses(kept)) if kept else scene.session
         for moved in _list_moved(scene, fitted, cause):
+            if frozenset((*(stays.key for stays in kept), moved.key)) in visited:
+                continue
             whole = add_hypothesis(session, moved)
             start = find_start(fitted, whole, moved)
             yield RefitTask(join_hypotheses((*kept, moved)), whole, start, floor)

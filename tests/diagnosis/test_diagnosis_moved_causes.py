@@ -60,10 +60,10 @@ def test_a_moved_effect_is_felt_alike_where_both_bodies_move_as_one(scene, effec
     first = hypotheses[0]
     bodies = first.movable.bodies
     other = next(
-        one
-        for one in hypotheses
-        if len({*one.movable.bodies} - {*bodies}) == 1
-        and are_joined(machine, *({*one.movable.bodies} ^ {*bodies}))
+        hypothesis
+        for hypothesis in hypotheses
+        if len({*hypothesis.movable.bodies} - {*bodies}) == 1
+        and are_joined(machine, *({*hypothesis.movable.bodies} ^ {*bodies}))
     )
     names = [parameter.name for parameter in first.parts[0].parameters]
     values = dict(zip(names, random.uniform(0.05, 0.3, len(names)).tolist(), strict=True))
@@ -84,13 +84,13 @@ def test_a_link_at_the_wrong_one_of_two_joined_bodies_is_moved_to_the_right_one(
     null = refit_null(scene)
     right = propose_at(scene, "parallel_path", location)[0]
     wrong = [
-        one
-        for one in EFFECTS["parallel_path"](scene)
-        if len({*one.movable.bodies} & {*right.movable.bodies}) == 1
+        link
+        for link in EFFECTS["parallel_path"](scene)
+        if len({*link.movable.bodies} & {*right.movable.bodies}) == 1
     ]
     assert wrong, "the machine has no other pair with a body of the link"
     best = refit_with(scene, null, wrong[0])
-    scores = tuple(SimpleNamespace(hypothesis=one) for one in (right, wrong[0]))
+    scores = tuple(SimpleNamespace(hypothesis=link) for link in (right, wrong[0]))
     search, moved = move_causes(
         scene, Search(null, best, scores, (best,)), best, best.causes, SETTINGS
     )

@@ -280,14 +280,14 @@ def test_a_link_joins_bodies_that_no_joint_joins_and_scales_with_what_it_bypasse
 
 def test_a_link_to_the_ground_is_drawn_where_it_is_named_alone(nominal):
     scene = scene_of(nominal, 11)
-    one = draw_parallel_path(random_of(1), scene, "pair:world-spindle")
-    assert (one.lower, one.upper) == ("world", "spindle")
-    assert one.answer().location == "pair:world-spindle"
+    link = draw_parallel_path(random_of(1), scene, "pair:world-spindle")
+    assert (link.lower, link.upper) == ("world", "spindle")
+    assert link.answer().location == "pair:world-spindle"
     bypassed = [
         j.stiffness for i in range(5) for j in nominal.stages[i].joints if j.kind == "slide"
     ]
-    assert one.reference == pytest.approx(np.exp(np.mean(np.log(bypassed))))
-    effect = replace(one, axis=None, aside=(0.0, 0.1, 0.0))
+    assert link.reference == pytest.approx(np.exp(np.mean(np.log(bypassed))))
+    effect = replace(link, axis=None, aside=(0.0, 0.1, 0.0))
     added = rig_of(nominal, [effect]).equations.stiffness - rig_of(nominal).equations.stiffness
     x = random_of(2).normal(size=len(added))
     stretch = x[24:27] + np.cross(x[27:30], [0.0, 0.1, 0.0])
