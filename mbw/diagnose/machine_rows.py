@@ -104,7 +104,8 @@ def place_row(location: str, machine: Machine) -> PlaceRow:
         bodies = list_linked(name, layout.bodies)
         ends = [layout.centres[layout.bodies.index(body)] for body in bodies]
         row = _place(bodies, [np.mean(ends, axis=0)] if ends else [])
-        return row.model_copy(update={"line": _place(bodies, ends).points})
+        line = _place(bodies, ends).points if len(ends) > 1 else []  # no line ends at the ground
+        return row.model_copy(update={"line": line})
     if kind == "body":
         bodies = [name] if name in layout.bodies else []
         return _place(bodies, [layout.centres[layout.bodies.index(body)] for body in bodies])

@@ -1,6 +1,7 @@
 """Places of a verdict on its page: rows for all, links as lines, frames of positions."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,14 +10,16 @@ from browser import CHROMIUM, GL, browse, data_of
 from diagnosed import diagnosed, plain
 
 from diagnosis.verdict.schema import CauseRow
+from mbmodel import load_machine
 from mbw.diagnose.effect_parameters import parameter_words
 from mbw.diagnose.files import read_result
 from mbw.diagnose.link_axis import axis_words, link_axis, principal_axis
-from mbw.diagnose.machine_rows import list_linked
+from mbw.diagnose.machine_rows import list_linked, place_row
 from mbw.diagnose.page import render
 from mbw.diagnose.schema import PlaceRow
 from mbw.diagnose.sentences import place_name
 
+ROOT = Path(__file__).resolve().parents[2]
 LINK = "pair:stage1-stage3"
 PROBE = """<script>
 addEventListener("load", () => setTimeout(() => {
@@ -121,6 +124,24 @@ def test_the_picture_draws_a_link_as_a_line(linked, tmp_path):
     if found["drawn"]:
         assert found["ends"] == [[0.0, -0.2], [0.1, 0.0], [0.5, 1.9]]
         assert found["other"] == [[], [], []]
+
+
+def test_a_link_to_the_ground_has_a_row_without_a_line(explained):
+    machine = load_machine(ROOT / "assets" / "two_bodies.xml")
+    body = machine.layout.bodies[-1]
+    row = place_row(f"pair:world-{body}", machine)
+    assert row.bodies == [body]
+    assert row.line == []
+    assert row.points == [pytest.approx(tuple(machine.layout.centres[-1]))]
+    place = f"pair:world-{body}"
+    verdict = explained.verdict.model_copy(
+        update={"causes": [cause("parallel_path", place, stiffness=4.5e5, damping=50.0)]}
+    )
+    shown = explained.shown.model_copy(
+        update={"means": [""], "places": {**explained.shown.places, place: row}}
+    )
+    page = render(replace(explained, verdict=verdict, shown=shown))
+    assert place_name(place) in [drawn_row["name"] for drawn_row in data_of(page)["places"]]
 
 
 def test_a_link_to_the_ground_stands_at_its_body():
