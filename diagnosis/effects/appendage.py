@@ -1,8 +1,9 @@
 """Small mass on a spring: a cable carrier, a loose cover, a box on flexures.
 
 ``appendage_part.py`` has its dynamic stiffness. Score tests scan the natural frequency of masses
-along the three world axes. Refits start at the best one and fit frequency, damping, masses, place
-and rigid part.
+along the three world axes: felt along its axis alone, as a cable, and on every second frequency
+rigid across it, as a box on flexures, whose mass may outweigh its resonance. Refits start at the
+best one and fit frequency, damping, masses, place and rigid part.
 
 An appendage is known by its resonance. A fit that ends with a frequency above the band, or with
 damping beyond which there is no peak, describes an added mass, and does not count.
@@ -13,15 +14,16 @@ from functools import partial
 
 import numpy as np
 
+from diagnosis.effects.appendage_masses import find_single_axis
 from diagnosis.effects.appendage_part import SCAN_DAMPING_RATIO, AppendagePart
 from diagnosis.effects.scales import ARM_UNIT_M, LOG_FREQUENCY_UNIT, LOG_UNIT, MASS_SHARE_UNIT
-from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Vague, Value
 from diagnosis.movable import Movable
 from identification.words import Real
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """Yield one for each body and frequency of the scan."""
+    """Yield one for each body, shape and frequency of the scan."""
     machine = scene.model.machine
     band = scene.session.campaign.freq_hz
     lowest, highest = (share * float(band[-1]) for share in scene.settings.appendage_ends)
@@ -32,8 +34,12 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         if not machine.body_mass[6 * number, 6 * number] > 0:
             continue  # the coordinate of a body's mode
         frame = np.eye(len(machine.body_mass))[:, 6 * number : 6 * number + 6]
-        for at, frequency in enumerate(frequencies):
-            appendage = AppendagePart(machine, number, f"{body}.appendage{at}", frequency, frame)
+        shapes = [
+            *((f"{body}.appendage{at}", value, False) for at, value in enumerate(frequencies)),
+            *((f"{body}.box{at}", value, True) for at, value in enumerate(frequencies[::2])),
+        ]
+        for name, frequency, is_box in shapes:
+            appendage = AppendagePart(machine, number, name, frequency, frame, is_box)
             yield Hypothesis(
                 "appendage",
                 f"body:{body}",
@@ -46,8 +52,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 movable=Movable(
                     (body,), partial(_read_values, appendage), partial(_start_values, appendage)
                 ),
-                state=appendage.state,
-                along=appendage.find_axis,
+                state=partial(_state_parameters, appendage),
+                along=partial(_find_axis, appendage),
                 valid_below_bound=appendage.resonance_names,
             )
 
@@ -82,6 +88,33 @@ def _group_names(appendage: AppendagePart) -> tuple[tuple[str, ...], ...]:
     """Return the names of masses, of the place and of what needs no units."""
     resonance_and_rigid = (*appendage.resonance_names, *appendage.rigid_names)
     return appendage.mass_names, appendage.place_names, resonance_and_rigid
+
+
+def _state_parameters(appendage: AppendagePart, fitted: Mapping[str, float]) -> dict[str, Value]:
+    """Return the parameters of the verdict.
+
+    Where an appendage lies along its axis shows only if it is rigid across.
+    """
+    omega, zeta = appendage.find_resonance(
+        np.array([0.0] * 3 + [fitted[name] for name in appendage.resonance_names])
+    )
+    masses = np.array([fitted[name] for name in appendage.mass_names])
+    place = np.array([ARM_UNIT_M * fitted[name] for name in appendage.place_names])
+    single = find_single_axis(masses)
+    is_rigid = appendage.find_across(fitted[appendage.rigid_names[0]]) >= 0.5
+    nearest = (place if is_rigid else np.where(single, 0.0, place)).tolist()
+    return {
+        "mass": appendage.mass_unit * float(masses.max()),
+        "frequency": omega / (2 * np.pi),
+        "damping": zeta,
+        "position": Vague(nearest) if single.any() else tuple(nearest),
+    }
+
+
+def _find_axis(appendage: AppendagePart, fitted: Mapping[str, float]) -> str | None:
+    """Return the axis, such as ``tx``, of an appendage that moves along one axis alone."""
+    single = find_single_axis(np.array([fitted[name] for name in appendage.mass_names]))
+    return f"t{'xyz'[int(np.argmax(single))]}" if single.any() else None
 
 
 def _find_bounds(

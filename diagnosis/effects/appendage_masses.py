@@ -22,7 +22,10 @@ def find_rigid_slopes(theta: Real) -> Real:
     largest, (across, counted) = theta[:3].max(), theta[8:]
     slopes = np.zeros((3, len(theta)))
     slopes[:, :3] = -across * np.eye(3)
-    slopes[:, np.argmax(theta[:3])] += across - counted
+    if largest > 0:
+        slopes[:, np.argmax(theta[:3])] += across - counted
+    else:
+        slopes[:, :3] += across - counted  # beside no other mass, each is the largest
     slopes[:, 8] = largest - theta[:3]
     slopes[:, 9] = -largest
     return slopes

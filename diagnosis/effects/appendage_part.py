@@ -16,7 +16,6 @@ is rigid across them, such as a box on flexures. ``counted`` is 1 if the nominal
 the appendage already. ``resonator.py`` has R.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +34,6 @@ from diagnosis.effects.scales import (
     MASS_SHARE_UNIT,
 )
 from diagnosis.effects.spring_laws import Shape
-from diagnosis.hypothesis import Vague, Value
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from identification.words import Real
 from mbmodel import (
@@ -67,6 +65,7 @@ class AppendagePart:
         name: prefix of its parameters.
         frequency: natural frequency of the scan [Hz].
         frame: coordinates of the body among those of all bodies; (6 n_body, 6).
+        is_box: whether it starts as rigid across its axes: the parameter is 1 - ``across`` then.
     """
 
     machine: Machine
@@ -74,6 +73,7 @@ class AppendagePart:
     name: str
     frequency: float
     frame: Real
+    is_box: bool = False
 
     @property
     def mass_names(self) -> tuple[str, ...]:
@@ -88,7 +88,7 @@ class AppendagePart:
     @property
     def rigid_names(self) -> tuple[str, str]:
         """Names of the shares of the rigid part."""
-        return f"{self.name}.across", f"{self.name}.counted"
+        return f"{self.name}.{'slack' if self.is_box else 'across'}", f"{self.name}.counted"
 
     @property
     def resonance_names(self) -> tuple[str, str]:
@@ -127,7 +127,7 @@ class AppendagePart:
             weighs=self.weigh,
         )
 
-    def _resonance(self, theta: Real) -> tuple[float, float]:
+    def find_resonance(self, theta: Real) -> tuple[float, float]:
         """Return the natural frequency [rad/s] and the damping ratio."""
         omega = 2 * np.pi * self.frequency * float(np.exp(LOG_FREQUENCY_UNIT * theta[3]))
         return omega, SCAN_DAMPING_RATIO * float(np.exp(LOG_UNIT * theta[4]))
@@ -148,18 +148,32 @@ class AppendagePart:
         inertia: Real = self.mass_unit * moved.T @ (masses[:, None] * moved)
         return inertia
 
+    def find_across(self, value: float) -> float:
+        """Return ``across`` from its parameter."""
+        return 1.0 - value if self.is_box else value
+
+    def _resolve(self, theta: Real) -> Real:
+        """Return the parameters with ``across`` at its place; (n_parameter,)."""
+        resolved = theta.copy()
+        resolved[8] = self.find_across(float(theta[8]))
+        return resolved
+
     def compute_change(self, theta: Real) -> tuple[Change, ...]:
         """Return the change by all three masses on their springs, and by their rigid part."""
+        theta = self._resolve(theta)
         sprung = self._sum_inertia(theta, theta[:3])
         rigid = self._sum_inertia(theta, find_rigid_masses(theta))
-        resonator = build_resonator(*self._resonance(theta))
+        resonator = build_resonator(*self.find_resonance(theta))
         return self._build_change(sprung, resonator), self._build_change(rigid, None)
 
     def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
         """Return the slopes by masses and place, of the rigid part, by frequency and damping."""
-        omega, zeta = self._resonance(theta)
+        theta = self._resolve(theta)
+        omega, zeta = self.find_resonance(theta)
         sprung = self._find_slopes(theta, theta[:3], np.eye(3, len(theta)))
-        rigid = self._find_slopes(theta, find_rigid_masses(theta), find_rigid_slopes(theta))
+        slopes = find_rigid_slopes(theta)
+        slopes[:, 8] *= -1.0 if self.is_box else 1.0
+        rigid = self._find_slopes(theta, find_rigid_masses(theta), slopes)
         changes = [
             self._build_change(sprung, build_resonator(omega, zeta)),
             self._build_change(rigid, None),
@@ -199,7 +213,8 @@ class AppendagePart:
 
         A body on the ground is felt along its axis alone, a child of the body is rigid across it.
         """
-        omega, zeta = self._resonance(theta)
+        theta = self._resolve(theta)
+        omega, zeta = self.find_resonance(theta)
         masses, place = self.mass_unit * theta[:3], ARM_UNIT_M * theta[5:8]
         layout = self.machine.layout
         body, centre = layout.bodies[self.number], layout.centres[self.number]
@@ -223,27 +238,3 @@ class AppendagePart:
                     carried_mass_element(f"{name}_rigid", self.machine, body, fixed, carried)
                 )
         return tuple(additions)
-
-    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """Return the parameters of the verdict.
-
-        Where an appendage lies along its axis shows only if it is rigid across.
-        """
-        omega, zeta = self._resonance(
-            np.array([0.0] * 3 + [fitted[name] for name in self.resonance_names])
-        )
-        masses = np.array([fitted[name] for name in self.mass_names])
-        place = np.array([ARM_UNIT_M * fitted[name] for name in self.place_names])
-        single, is_rigid = find_single_axis(masses), fitted[self.rigid_names[0]] >= 0.5
-        nearest = (place if is_rigid else np.where(single, 0.0, place)).tolist()
-        return {
-            "mass": self.mass_unit * float(masses.max()),
-            "frequency": omega / (2 * np.pi),
-            "damping": zeta,
-            "position": Vague(nearest) if single.any() else tuple(nearest),
-        }
-
-    def find_axis(self, fitted: Mapping[str, float]) -> str | None:
-        """Return the axis, such as ``tx``, of an appendage that moves along one axis alone."""
-        single = find_single_axis(np.array([fitted[name] for name in self.mass_names]))
-        return f"t{'xyz'[int(np.argmax(single))]}" if single.any() else None

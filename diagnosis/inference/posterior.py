@@ -18,7 +18,7 @@ fit may end a hair from a bound at one place and at it elsewhere. The best of M 
 chance; ln M is the cost of a uniform prior, which a fault does not pay that redundant channels
 prove without a model. By chance k parameters gain k / 2 nats on average (Wilks 1938). Fits weigh
 tolerances against all n values, so that these absorb model error, and any cause relieves them:
-their cost counts with a weight w far below 1. n_e, q and w are calibrated on virtual machines whose
+their cost counts with a weight w far below 1, but no less than in the fits, N / n. n_e, q and w are calibrated on virtual machines whose
 errors are known. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
@@ -139,7 +139,8 @@ def compute_log_odds(
     best = min(sets, key=lambda fitted: fitted.objective)
     count = best.count_independent(constants)
     gains = np.array([null.cost - fitted.cost for fitted in sets])
-    relief = constants.tolerance_weight * np.array([null.prior - fitted.prior for fitted in sets])
+    weight = max(constants.tolerance_weight, count / best.fitted_values)
+    relief = weight * np.array([null.prior - fitted.prior for fitted in sets])
     parameters = _count_parameters(evidence, sets) / 2
     causes = np.array([evidence.price_causes(fitted.keys) for fitted in sets])
     logs: np.ndarray[tuple[int], np.dtype[np.float64]] = (

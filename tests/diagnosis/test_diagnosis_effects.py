@@ -327,3 +327,24 @@ def test_no_body_loses_more_than_it_has_and_small_masses_hang_on_it(scene):
         assert stated["mass"] == pytest.approx(mass)
         assert np.linalg.norm(stated["position"]) < 10
         assert len(one.bounds) == len(part.parameters)
+
+
+def test_an_appendage_is_scanned_as_a_box_that_is_rigid_across_its_axis(scene):
+    shapes = [one for one in EFFECTS["appendage"](scene) if one.location == "body:stage2"]
+    boxes = [one for one in shapes if ".box" in one.scored[0]]
+    hung = [one for one in shapes if one not in boxes]
+    assert len(hung) // 2 <= len(boxes) < len(hung)
+    (box,), (cable,) = boxes[0].parts, hung[0].parts  # both of the lowest frequency
+    theta = np.zeros(10)
+    theta[0], theta[5:8] = 0.5, (0.2, -0.1, 0.3)
+    rigid = theta.copy()
+    rigid[8] = 1.0  # of the box this is its slack, of the cable how rigid it is
+    for first, second in ((theta, rigid), (rigid, theta)):
+        for ours, theirs in zip(box.finite(first), cable.finite(second), strict=True):
+            np.testing.assert_allclose(ours.core, theirs.core, atol=1e-12)
+    # Alone, a mass along one axis acts as a whole across it.
+    slopes = box.derivatives(np.zeros(10))[1].core[:3, 2]
+    unit = slopes[0, 1, 1]
+    for axis in range(3):
+        expected = unit * (1.0 - np.eye(3)[axis])
+        np.testing.assert_allclose(np.diag(slopes[axis])[:3], expected, atol=1e-12 * unit)

@@ -56,6 +56,7 @@ def sized(scene, one):
         theta[own[one.coordinates[0]]] = 20.0
     if one.effect == "appendage":  # along all axes; a test of its own has the rigid part
         theta[[own[name] for name in own if name.endswith((".across", ".counted"))]] = 0.0
+        theta[[own[name] for name in own if name.endswith(".slack")]] = 1.0
     if one.effect == "missing_dof":
         theta[own[one.coordinates[0]]] = 1e3
     return model, theta
