@@ -18,8 +18,9 @@ fit may end a hair from a bound at one place and at it elsewhere. The best of M 
 chance; ln M is the cost of a uniform prior, which a fault does not pay that redundant channels
 prove without a model. By chance k parameters gain k / 2 nats on average (Wilks 1938). Fits weigh
 tolerances against all n values, so that these absorb model error, and any cause relieves them:
-their cost counts with a weight w far below 1, but no less than in the fits, N / n. n_e, q and w are calibrated on virtual machines whose
-errors are known. The empty set without a rest ("none") has odds of
+their cost counts with a weight w far below 1, but no less than in the fits, N / n. n_e, q and w are
+calibrated on virtual machines whose errors are known. The empty set without a rest ("none") has
+odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
