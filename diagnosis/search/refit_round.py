@@ -59,8 +59,9 @@ def refit_round(
     """
     scene, search = base.scene, CauseSearch.beside(base.scene, current, settings)
     promising = _select_promising(ranked, settings)
-    laws = [hypothesis for hypothesis in promising if hypothesis.spring is not None]
-    trials: list[Trial] = [(hypothesis, ()) for hypothesis in promising if hypothesis not in laws]
+    linear = [hypothesis for hypothesis in promising if hypothesis.spring is None]
+    laws = _add_directions([law for law in promising if law not in linear], ranked, settings)
+    trials: list[Trial] = [(hypothesis, ()) for hypothesis in linear]
     trials += [
         (hypothesis, _first_stages(hypothesis, settings))
         for hypothesis in _suggest_candidates(base, current, settings)
@@ -115,6 +116,24 @@ def _select_promising(ranked: Sequence[Score], settings: DiagnosisSettings) -> l
             break
         chosen.append(hypothesis)
     return chosen
+
+
+def _add_directions(
+    laws: Sequence[Hypothesis], ranked: Sequence[Score], settings: DiagnosisSettings
+) -> list[Hypothesis]:
+    """Return laws with those in further directions of the most promising joint.
+
+    Scores hardly tell whether a body shifts or tilts on a joint far from its centre of mass.
+    """
+    places = {law.location for law in laws[:1]}
+    in_joint = [
+        score.hypothesis
+        for score in ranked
+        if score.hypothesis.spring is not None and score.hypothesis.location in places
+    ]
+    directions = list(dict.fromkeys(law.spring for law in in_joint))[: 1 + settings.max_variants]
+    further = [law for law in in_joint if law.spring in directions and law not in laws]
+    return [*laws, *further]
 
 
 def _suggest_candidates(

@@ -25,7 +25,7 @@ from diagnosis.levels.law_simulation import (
 )
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
 from diagnosis.refits.refitting import add_hypothesis
-from diagnosis.search.refit_round import _select_promising
+from diagnosis.search.refit_round import _add_directions, _select_promising
 from diagnosis.search.score_test import Score
 from diagnosis.settings import SETTINGS
 from identification.words import Controller
@@ -293,6 +293,32 @@ def test_laws_of_one_joint_are_one_of_the_promising_hypotheses():
     ]
     chosen = _select_promising(ranked, replace(SETTINGS, max_refits=3))
     assert chosen == [*laws[:3], *masses[:2]]
+
+
+def test_laws_are_sought_in_further_directions_of_the_most_promising_joint():
+    laws = {
+        (stage, dof): [
+            Hypothesis(
+                effect, f"joint:{stage}", dof, spring=JointDirection(stage, dof, f"{stage}_{dof}")
+            )
+            for effect in LAW_EFFECTS
+        ]
+        for stage, dof in (
+            ("block", "rx"),
+            ("table", "ty"),
+            ("block", "ty"),
+            ("table", "rx"),
+            ("block", "tz"),
+            ("block", "rz"),
+        )
+    }
+    mass = Hypothesis("mass_error", "body:block")
+    hypotheses = [mass, *(law for direction in laws.values() for law in direction)]
+    ranked = [Score(h, 100.0 - k, np.ones(1)) for k, h in enumerate(hypotheses)]
+    promising = [*laws["block", "rx"], *laws["table", "ty"]]
+    chosen = _add_directions(promising, ranked, replace(SETTINGS, max_variants=2))
+    assert chosen == [*promising, *laws["block", "ty"], *laws["block", "tz"]]
+    assert _add_directions([], ranked, SETTINGS) == []
 
 
 def test_nothing_is_proposed_at_one_level(block):
