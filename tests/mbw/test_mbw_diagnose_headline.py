@@ -13,7 +13,7 @@ from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
 from mbw.diagnose.rest_sentences import find_best_candidate, rest_sentence
 from mbw.diagnose.schema import EstablishedRow
-from mbw.diagnose.sentences import sensor_check_sentences
+from mbw.diagnose.sentences import UNEXPLAINED, capitalise, sensor_check_sentences
 from mbw.identify.schema import FaultRow
 from tests.helpers.judged import evidence, fitted
 
@@ -133,6 +133,42 @@ def test_an_unexplained_gap_names_the_best_single_candidate(explained, probabili
     said = rest_sentence(verdict, failed)
     assert "the best single candidate, a small mass on a spring" in said
     assert said.endswith("closes 34 % of the gap, but it fails on held-out lines")
+
+
+@pytest.mark.parametrize(
+    ("unexplained", "shares", "said"),
+    [
+        (
+            0.06,
+            (0.48, 0.46, 0.02),
+            "An effect is missing (94 %), but these data do not tell which: a small mass on a "
+            "spring on body a (48 %) or a small mass on a spring on body b (46 %): the gap",
+        ),
+        (
+            0.7,
+            (0.2, 0.1),
+            f"{capitalise(UNEXPLAINED)} (70 %): the gap",
+        ),
+        (
+            0.03,
+            (0.97, 0.4),
+            f"{capitalise(UNEXPLAINED)} (3 %): the gap",
+        ),
+    ],
+)
+def test_rivals_that_share_the_probability_are_named(explained, unexplained, shares, said):
+    rows = [
+        fake("appendage", f"body:{body}", None, share)
+        for body, share in zip("abc", shares, strict=False)
+    ]
+    probability = explained.verdict.probability.model_copy(
+        update={"none": 0.0, "unexplained": unexplained, "several": 0.0}
+    )
+    verdict = explained.verdict.model_copy(
+        update={"verdict": "unexplained", "causes": rows, "probability": probability}
+    )
+    shown = explained.shown.model_copy(update={"means": [""] * len(rows), "established": []})
+    assert said in lead_of(render(replace(explained, verdict=verdict, shown=shown)))
 
 
 def test_the_named_candidate_is_the_most_probable_not_the_one_that_closes_most():
