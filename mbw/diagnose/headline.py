@@ -2,7 +2,8 @@
 
 from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import name_direction
-from diagnosis.verdict.schema import CauseRow
+from diagnosis.settings import SETTINGS
+from diagnosis.verdict.schema import CauseRow, Verdict
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.gap_sentences import NOT_SHOWN, WHY_NOT_SHOWN, held_out_sentence
 from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
@@ -99,6 +100,22 @@ def located_forces(result: StoredDiagnosis) -> list[ForceGain]:
     return [force for force in result.evidence.pushed if force.gain > _MIN_FORCE_GAIN_NATS]
 
 
+def undecided_words(verdict: Verdict) -> str:
+    """Return that an effect is present, but which of several; empty where it is not probable."""
+    posterior = verdict.probability
+    rows = [row for row in verdict.causes if row.probability >= _MIN_SECOND_PROBABILITY]
+    present = 1 - posterior.none - posterior.unexplained
+    if present < SETTINGS.min_probability or len(rows) < 2:
+        return ""
+    if rows[0].probability >= SETTINGS.min_probability:  # it closes too little
+        return ""
+    listed = [f"{cause_words(row)} ({format_probability(row.probability)})" for row in rows]
+    return (
+        f"an effect is missing ({format_probability(present)}), but these data do not tell which: "
+        f"{' or '.join(listed)}"
+    )
+
+
 def _nothing_missing_lead(result: StoredDiagnosis) -> str:
     gap, posterior = result.verdict.gap, result.verdict.probability
     return (
@@ -119,9 +136,10 @@ def _unexplained_lead(result: StoredDiagnosis) -> str:
             f"{sensors} ({sure}). Without these signals the gap of the re-tuned model is {retuned} "
             f"the noise {_on(result)}: nothing else is missing."
         )
+    lacks = undecided_words(result.verdict) or f"{UNEXPLAINED} ({sure})"
     text = (
-        f"{capitalise(UNEXPLAINED)} ({sure}): the gap of the re-tuned model is still {retuned} the "
-        f"noise {_on(result)}."
+        f"{capitalise(lacks)}: the gap of the re-tuned model is still {retuned} the noise "
+        f"{_on(result)}."
     )
     proven = [row for row in result.verdict.causes if row.excess_after is not None]
     if proven:

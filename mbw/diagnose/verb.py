@@ -20,6 +20,7 @@ from mbw.diagnose.files import (
 )
 from mbw.diagnose.fitted_sets import key_words
 from mbw.diagnose.gap_sentences import closed_words, held_out_sentence, unestablished_words
+from mbw.diagnose.headline import undecided_words
 from mbw.diagnose.hypothesis_table import hypothesis_table
 from mbw.diagnose.level_sentences import level_sentences
 from mbw.diagnose.page import render
@@ -162,7 +163,7 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
     established = "one effect is" if count == 1 else f"{count} effects are"
     words = {
         "none": "nothing is missing beyond tolerances and noise",
-        "unexplained": UNEXPLAINED,
+        "unexplained": undecided_words(verdict) or UNEXPLAINED,
         "several": "several effects are present",
         "explained": "one effect is present",
         "partly": f"{established} established, and a significant rest remains",
