@@ -69,8 +69,9 @@ class BodyData:
 def join_tests(campaign: Campaign) -> ChannelTable:
     """Join the tests of one reference, force level and speed in one column.
 
-    FRFs are per force, so that tests with different hits can be joined. A test without a new
-    channel becomes a column of its own. If several set-ups measured a channel, the first is used.
+    FRFs are per force, so that tests with different hits can be joined. A channel that reads zero
+    counts as not measured. A test without a new channel becomes a column of its own. If several
+    set-ups measured a channel, the first is used.
     """
     channels = tuple(dof for dof in campaign.outputs if isinstance(dof, Dof))
     columns: list[tuple[object, dict[Dof, tuple[Test, int]]]] = []
@@ -84,7 +85,7 @@ def join_tests(campaign: Campaign) -> ChannelTable:
         cells = {
             dof.positive: (test, row)
             for row, dof in enumerate(test.estimate.frf.outputs)
-            if test.estimate.measured[row, 0] and isinstance(dof, Dof)
+            if isinstance(dof, Dof) and _is_measured(test, row)
         }
         matching = [
             known_cells
@@ -109,10 +110,20 @@ def join_tests(campaign: Campaign) -> ChannelTable:
     return ChannelTable(campaign.freq_hz, channels, values, variance, measured)
 
 
+def _is_measured(test: Test, row: int) -> bool:
+    """Return whether a test measured a channel: one that reads zero at all lines is dead."""
+    estimate = test.estimate
+    return bool(estimate.measured[row, 0] and estimate.frf.values[:, row, 0].any())
+
+
 def body_data(table: ChannelTable, campaign: Campaign, body: str) -> BodyData | None:
-    """Return the channels of one body, or None if it has none."""
+    """Return the measured channels of one body, or None if it has none."""
     layout = campaign.layout
-    places = [k for k, dof in enumerate(table.channels) if layout.body_name(dof.point) == body]
+    places = [
+        k
+        for k, dof in enumerate(table.channels)
+        if layout.body_name(dof.point) == body and table.measured[:, k].any()
+    ]
     if not places:
         return None
     sensors = Sensors.of(

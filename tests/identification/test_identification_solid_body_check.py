@@ -197,6 +197,21 @@ def test_a_body_without_channels_is_left_out():
 # Properties.
 
 
+def test_channels_that_read_zero_count_as_not_measured():
+    campaign = draw(Case(1904, sensors=4, lines=LINES))
+    dead = slice(0, 3)  # a sensor whose cable is off
+    tests = []
+    for test in campaign.tests:
+        values = test.estimate.frf.values.copy()
+        values[:, dead] = 0.0
+        frf = replace(test.estimate.frf, values=values)
+        tests.append(replace(test, estimate=replace(test.estimate, frf=frf)))
+    (found,) = check_bodies(replace(campaign, tests=tuple(tests)))
+    remaining = [dof for dof in campaign.outputs if isinstance(dof, Dof)][3:]
+    same(found, *check_bodies(only(campaign, remaining)))
+    assert len(found.channels) == len(remaining)
+
+
 def fields(found) -> tuple:
     curves = (found.deviation, found.excess, found.reconstruction, found.expected)
     return curves, found.solid_to_hz, [(f.effect, f.location, f.dof) for f in found.faults]
