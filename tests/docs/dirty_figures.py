@@ -38,7 +38,20 @@ def dirty_campaigns() -> str:
     return str(sum("left_out" not in row for row in of(NAME).values()))
 
 
+def dirty_first_seed() -> str:
+    """First seed of the table."""
+    return str(FIRST)
+
+
+def dirty_earlier_seeds() -> str:
+    """First seeds of earlier tables."""
+    *first, last = map(str, EARLIER)
+    return f"{', '.join(first)} and {last}"
+
+
 FIGURES = {
+    "dirty-first-seed": dirty_first_seed,
+    "dirty-earlier-seeds": dirty_earlier_seeds,
     "dirty-table": dirty_table,
     "dirty-earlier-table": dirty_earlier_table,
     "dirty-wrong-table": dirty_wrong_table,
