@@ -96,6 +96,17 @@ def test_the_cost_of_tolerances_counts_by_its_weight():
     assert first - second == pytest.approx(0.05 * 60.0)
 
 
+def test_the_cost_of_tolerances_counts_no_less_than_in_fits_of_few_values():
+    free, shifted = (
+        fitted((key,), -2.0, 5.0, prior=prior).model_copy(update={"fitted_values": 400})
+        for key, prior in ((A, 0.0), (B, 60.0))
+    )
+    first, second = compute_log_odds(evidence(), [free, shifted], CONSTANTS)
+    count = free.count_independent(CONSTANTS)
+    assert count / 400 > CONSTANTS.tolerance_weight
+    assert first - second == pytest.approx(count / 400 * 60.0)
+
+
 def test_sets_of_the_same_effects_have_as_many_parameters_wherever_they_act():
     here, there = ("appendage", "body:a", "tx"), ("appendage", "body:b", "tx")
     rows = [fitted((key,), -2.0, 5.0, parameters=(n,)) for key, n in ((here, 9), (there, 10))]
