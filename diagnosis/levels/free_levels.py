@@ -6,8 +6,8 @@ damping of its own at each level but the lowest,
 
     K + dk_l,   C + dc_l   at level l,
 
-2 (L - 1) numbers for L levels, linear and with exact slopes. All three effects propose them; the
-laws are fitted only where this promises enough (``refit_laws``).
+2 (L - 1) numbers for L levels, linear and with exact slopes. All three effects propose them, where
+the residuals depend on the level; ``refit_laws`` then fits the laws.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,10 @@ import numpy as np
 
 from diagnosis.effects.points import find_middle_frequency, find_sprung_stages
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
+from diagnosis.inference.calibration import load_calibration
+from diagnosis.levels.level_dependence import measure_level_dependence
 from diagnosis.levels.settings import LEVEL_SETTINGS
+from diagnosis.refits.measured import find_variance_source
 from identification.words import Campaign, Condition
 from mbmodel import AddedPart, Change, Parameter
 
@@ -79,11 +82,23 @@ def propose_law(effect: str, scene: Scene) -> Iterator[Hypothesis]:
 
     Args:
         effect: its name.
-        scene: fit about which it is proposed; of one level alone there is nothing to propose.
+        scene: fit about which it is proposed, whose residuals may depend on the level.
     """
-    if len(list_levels(scene.session.campaign)) > 1:
+    if len(list_levels(scene.session.campaign)) > 1 and _depends_on_level(scene):
         for joint in list_sprung_directions(scene):
             yield free_each_level(scene, joint, effect)
+
+
+def _depends_on_level(scene: Scene) -> bool:
+    """Return whether residuals depend on the level by more than a badly known variance hides.
+
+    Where no point was hit at several levels, they may.
+    """
+    excess = measure_level_dependence(scene)
+    return (
+        excess is None
+        or excess > load_calibration().hidden[find_variance_source(scene.session.campaign)]
+    )
 
 
 def _is_at_level(level: float, condition: Condition) -> float:

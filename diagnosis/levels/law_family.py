@@ -133,6 +133,11 @@ def _gap_starts(centre: float) -> Callable[[float, float], tuple[tuple[float, ..
     return starts
 
 
+def _loose_gap_starts(stiffness: float, stretch: float) -> tuple[tuple[float, ...], ...]:
+    """Return starts of gaps that the motion does not leave at the lowest level."""
+    return tuple((share * stretch, 0.0, stiffness) for share in LEVEL_SETTINGS.loose_gap_shares)
+
+
 def _cubic_law(sign: float, theta: Real) -> RestoringLaw:
     return CubicLaw(sign * float(theta[0]))
 
@@ -202,13 +207,13 @@ def _build_cubic(sign: float) -> LawFamily:
 HARDENING = tuple(map(_build_cubic, LEVEL_SETTINGS.cubic_signs))
 
 
-def _build_gap(centre: float) -> LawFamily:
-    """Return gaps whose fits begin with a centre."""
+def _build_gap(starts: Callable[[float, float], tuple[tuple[float, ...], ...]]) -> LawFamily:
+    """Return gaps whose fits begin at some starts."""
     return LawFamily(
         "backlash",
         (("gap", "m or rad"), ("centre", "of the gap"), ("stiffness", "N/m or N m/rad")),
         (True, False, True),
-        _gap_starts(centre),
+        starts,
         _gap_bounds,
         stuck=lambda theta: 0.0,
         law=lambda theta: GapLaw(float(theta[2]), float(theta[0]), float(theta[0] * theta[1])),
@@ -220,5 +225,6 @@ def _build_gap(centre: float) -> LawFamily:
     )
 
 
-BACKLASH = tuple(map(_build_gap, LEVEL_SETTINGS.gap_centres))
+BACKLASH = tuple(_build_gap(_gap_starts(centre)) for centre in LEVEL_SETTINGS.gap_centres)
+LOOSE_GAP = _build_gap(_loose_gap_starts)
 FAMILIES = {family[0].effect: family for family in (FRICTION, HARDENING, BACKLASH)}

@@ -12,41 +12,15 @@ error that their residuals show. Derivatives are difference quotients of the sim
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.hypothesis import JointDirection, Scene
-from diagnosis.levels.free_levels import list_levels
-from diagnosis.levels.joint_update import JointUpdate
-from diagnosis.levels.law_family import FAMILIES, LawFamily
-from diagnosis.levels.law_simulation import compute_peak_stretch
+from diagnosis.levels.law_alone import LawAlone, LawStart, TriedLaw
+from diagnosis.levels.law_family import FAMILIES, LOOSE_GAP, LawFamily
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from diagnosis.levels.tested_joint import TestedJoint
 from identification.words import Complex, Real
-from tuning import thin_lines
-from tuning.assessment.model_error import ModelError
-
-
-@dataclass(frozen=True, eq=False)
-class LawStart:
-    """A law, and where its refit begins.
-
-    Args:
-        joint: direction of the joint.
-        family: of the law.
-        theta: its parameters.
-        parallel: stiffness and damping of the joint's linear spring and damper in parallel; (2,).
-        cost: -ln L of the FRFs with it per value, but for a constant [nats].
-        floor: relative model error that it leaves.
-    """
-
-    joint: JointDirection
-    family: LawFamily
-    theta: tuple[float, ...]
-    parallel: Real
-    cost: float
-    floor: float
 
 
 def fit_starts(
@@ -56,7 +30,10 @@ def fit_starts(
     stiffest: float,
     least_damping: float,
 ) -> list[LawStart]:
-    """Return the best start of each effect.
+    """Return the best start of each effect; if the joint stiffens, that of a loose gap too.
+
+    At the lowest level a joint that is loose has no spring, so that a machine with free levels is
+    far from the one with the gap: that start is not fitted alone.
 
     Args:
         scene: linear machine at the lowest level.
@@ -65,127 +42,35 @@ def fit_starts(
         stiffest: largest stiffness of the joint at any level.
         least_damping: least damping at any level.
     """
-    alone = _LawFit.of_scene(scene, joint, stiffest)
-    return [_fit_effect(alone, effect, least_damping) for effect in effects]
+    alone = LawAlone.of_scene(scene, joint, stiffest)
+    starts = [_fit_effect(alone, effect, least_damping) for effect in effects]
+    least_gap = LEVEL_SETTINGS.loose_gap_shares[0] * alone.middle_stretch
+    for start in starts[:]:
+        is_tight = start.family.effect == LOOSE_GAP.effect and start.theta[0] < least_gap
+        if is_tight and stiffest > alone.tested.stiffness:
+            loose = _find_best_start(alone, LOOSE_GAP, least_damping)
+            starts += [replace(alone.build_start(point), is_loose=True) for point in loose]
+    return starts
 
 
-@dataclass(frozen=True, eq=False)
-class _TriedLaw:
-    """A law with its residuals.
-
-    Args:
-        family: of the law.
-        values: its parameters, without that of the joint's stiffness, then stiffness and damping of
-            the joint in parallel with it; (n_value,).
-        residuals: of all values; (n_value,).
-        error: model error that they show.
-    """
-
-    family: LawFamily
-    values: Real
-    residuals: Complex
-    error: ModelError
-
-
-@dataclass(frozen=True, eq=False)
-class _LawFit:
-    """A fit of one joint's law, the rest of the machine held.
-
-    Args:
-        joint: direction of the joint.
-        tested: machine and hits.
-        update: FRFs as the joint's stiffness changes.
-        stiffest: largest stiffness of the joint at any level.
-        middle_stretch: largest stretch of the linear machine under hits of the middle level.
-        largest_stretch: under any hit.
-    """
-
-    joint: JointDirection
-    tested: TestedJoint
-    update: JointUpdate
-    stiffest: float
-    middle_stretch: float
-    largest_stretch: float
-
-    @classmethod
-    def of_scene(cls, scene: Scene, joint: JointDirection, stiffest: float) -> "_LawFit":
-        campaign = scene.session.campaign
-        thin = thin_lines(campaign, LEVEL_SETTINGS.start_stride * scene.stride_factor)
-        tested = replace(
-            TestedJoint.of_scene(scene, joint),
-            steps_per_period=LEVEL_SETTINGS.start_steps_per_period,
-        )
-        levels = list_levels(campaign)
-        peaks = compute_peak_stretch(tested.transient(), tested.hits)
-        is_low = np.abs(tested.hits.peak) <= levels[len(levels) // 2]
-        update = JointUpdate.of_scene(scene, joint, tested, thin)
-        return cls(joint, tested, update, stiffest, float(peaks[is_low].max()), float(peaks.max()))
-
-    def list_starts(self, family: LawFamily, least_damping: float) -> list[Real]:
-        """Return where a family may begin: any level's least damping, and the lowest level's."""
-        stiffness = self.tested.stiffness if family.softest_is_linear else self.stiffest
-        starts = []
-        for theta in family.starts(stiffness, self.middle_stretch):
-            parameters = np.array(theta[: family.count])
-            stiff = stiffness - family.stuck(parameters)
-            for damping in (least_damping, self.tested.damping):
-                values = np.array([*parameters, stiff, damping])
-                starts.append(self.limit(family, values))
-        return starts
-
-    def evaluate(self, tried: Sequence[tuple[LawFamily, Real]]) -> list[_TriedLaw | None]:
-        """Return laws with their residuals; None for one whose motion grows without bound."""
-        points: list[_TriedLaw | None] = []
-        for (family, values), kappa in zip(tried, self._add(tried), strict=True):
-            residuals = self.update.residuals(kappa)
-            if np.isfinite(residuals).all():
-                error = self.update.estimate_error(residuals)
-                points.append(_TriedLaw(family, values, residuals, error))
-            else:
-                points.append(None)
-        return points
-
-    def limit(self, family: LawFamily, values: Real) -> Real:
-        """Return values within the bounds of a family; spring near any level's, damper near it."""
-        bounds = family.bounds(self.tested.stiffness, self.largest_stretch)[: family.count]
-        share = LEVEL_SETTINGS.min_own_share
-        spring = share * self.tested.stiffness, self.stiffest / share
-        damper = share * self.tested.damping, self.tested.damping / share
-        lower, upper = np.array([*bounds, spring, damper]).T
-        limited: Real = np.clip(values, lower, upper)
-        return limited
-
-    def _add(self, tried: Sequence[tuple[LawFamily, Real]]) -> Complex:
-        """Return the complex stiffness that laws add; (n_law, n_test, n_freq)."""
-        laws = [
-            (family, family.complete(values[:-2], float(values[-2])), values[-2:])
-            for family, values in tried
-        ]
-        return self.tested.add_laws(laws, self.update.freq_hz)
-
-
-def _fit_effect(alone: _LawFit, effect: str, least_damping: float) -> LawStart:
+def _fit_effect(alone: LawAlone, effect: str, least_damping: float) -> LawStart:
     """Return the best law of an effect, its best families fitted."""
     best = []
     for family in FAMILIES[effect]:
-        starts = [(family, v) for v in alone.list_starts(family, least_damping)]
-        best += sorted(filter(None, alone.evaluate(starts)), key=lambda point: point.error.cost)[:1]
+        best += _find_best_start(alone, family, least_damping)
     if not best:
         raise ValueError(f"{effect} has no law that holds")
     best = sorted(best, key=lambda point: point.error.cost)[: LEVEL_SETTINGS.fitted_families]
-    point = min(_fit_points(alone, best), key=lambda point: point.error.cost)
-    theta = point.family.complete(point.values[:-2], float(point.values[-2]))
-    return LawStart(
-        alone.joint,
-        point.family,
-        tuple(theta.tolist()),
-        point.values[-2:],
-        cost=point.error.cost / point.error.values,
-        floor=point.error.floor,
-    )
+    return alone.build_start(min(_fit_points(alone, best), key=lambda point: point.error.cost))
 
 
-def _fit_points(alone: _LawFit, points: list[_TriedLaw]) -> list[_TriedLaw]:
+def _find_best_start(alone: LawAlone, family: LawFamily, least_damping: float) -> list[TriedLaw]:
+    """Return the best start of a family; none if the motion of all grows without bound."""
+    starts = [(family, values) for values in alone.list_starts(family, least_damping)]
+    return sorted(filter(None, alone.evaluate(starts)), key=lambda point: point.error.cost)[:1]
+
+
+def _fit_points(alone: LawAlone, points: list[TriedLaw]) -> list[TriedLaw]:
     """Return laws after Levenberg-Marquardt steps, all of them at once."""
     dampings = [LEVEL_SETTINGS.start_damping] * len(points)
     working = list(range(len(points)))
@@ -213,13 +98,13 @@ def _fit_points(alone: _LawFit, points: list[_TriedLaw]) -> list[_TriedLaw]:
     return points
 
 
-def _list_moves(point: _TriedLaw) -> list[Real]:
+def _list_moves(point: TriedLaw) -> list[Real]:
     """Return the values of a law with one coordinate moved each."""
     steps = LEVEL_SETTINGS.difference_step * np.eye(len(point.values))
     return [_move(point, step) for step in steps]
 
 
-def _move(point: _TriedLaw, step: Real) -> Real:
+def _move(point: TriedLaw, step: Real) -> Real:
     """Return the values of a law after a step of its coordinates: logarithms of sizes."""
     is_size = _list_sizes(point)
     limited = np.clip(step, -LEVEL_SETTINGS.largest_start_step, LEVEL_SETTINGS.largest_start_step)
@@ -227,12 +112,12 @@ def _move(point: _TriedLaw, step: Real) -> Real:
     return moved
 
 
-def _list_sizes(point: _TriedLaw) -> Real:
+def _list_sizes(point: TriedLaw) -> Real:
     """Return which values are positive sizes, as the joint's stiffness and damping are."""
     return np.array([*point.family.is_size[: point.family.count], True, True])
 
 
-def _find_slope(point: _TriedLaw, moved: _TriedLaw | None) -> Complex:
+def _find_slope(point: TriedLaw, moved: TriedLaw | None) -> Complex:
     """Return the derivative of the residuals by a coordinate; zero where the motion diverges."""
     if moved is None:
         return np.zeros_like(point.residuals)
@@ -240,7 +125,7 @@ def _find_slope(point: _TriedLaw, moved: _TriedLaw | None) -> Complex:
     return slope
 
 
-def _solve_step(slopes: Complex, point: _TriedLaw, weights: Real, damping: float) -> Real:
+def _solve_step(slopes: Complex, point: TriedLaw, weights: Real, damping: float) -> Real:
     """Return the damped Gauss-Newton step; slopes (n_coordinate, n_value)."""
     normal = ((slopes.conj() * weights) @ slopes.T).real
     gradient = ((slopes.conj() * weights) @ point.residuals).real

@@ -1,9 +1,13 @@
 """Refits of restoring laws: where they begin, and the machine about which they are simulated.
 
+Laws explain what depends on the level. Beside the causes there are, they are refitted while a fifth
+of that of the null model remains (``level_dependence``).
+
 1. The joint direction is refitted with a stiffness and damping of its own at each level.
 2. Each law is fitted with the rest of that machine held (``law_starts``). A law that is far behind
-   the best one goes no further. No law is refitted unless it or the free levels promise enough:
-   free levels are linear, and tell where a law acts, but not how much a gap explains.
+   the best one goes no further. What free levels or a law with the rest held explain tells where a
+   law acts, but not how much it explains once all varies: with a gap that the motion hardly
+   crosses at the lowest level, both find a sixth of what a refit does.
    The joint's damper then begins at its nominal value: where resonances of the machine that is
    held lie beside the measured ones, a fit damps them until they vanish. A refit that began there
    ended in a minimum with 2.5 times the damping and two thirds of the gap.
@@ -24,8 +28,10 @@ from diagnosis.effects.points import find_middle_frequency
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.levels.free_levels import free_each_level, list_levels
+from diagnosis.levels.law_alone import LawStart
 from diagnosis.levels.law_hypothesis import build_law_hypothesis
-from diagnosis.levels.law_starts import LawStart, fit_starts
+from diagnosis.levels.law_starts import fit_starts
+from diagnosis.levels.level_dependence import measure_level_dependence
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.refits.refitting import (
@@ -47,7 +53,6 @@ def refit_laws(
     scene: Scene,
     current: Refit,
     hypotheses: Sequence[Hypothesis],
-    null_floor: float,
     rivals: Sequence[Refit],
     settings: DiagnosisSettings,
 ) -> list[Refit]:
@@ -57,10 +62,8 @@ def refit_laws(
         scene: scene of the null model.
         current: refit from which they begin.
         hypotheses: scored hypotheses of ``free_each_level``.
-        null_floor: model error of the null model: laws are refitted if free levels or a start take
-            a fifth of its square away.
         rivals: refits of linear causes: no law is refitted if they gain far more.
-        settings: schedules, and that fifth.
+        settings: schedules, and the part of what depends on the level that a further law must find.
 
     Returns:
         One refit for each effect, at the direction whose free levels explain most.
@@ -69,15 +72,15 @@ def refit_laws(
     joints = list(dict.fromkeys(h.spring for h in hypotheses if h.spring is not None))
     if not joints or not is_gap_visible(current.gap):
         return []
+    first, remaining = measure_level_dependence(scene), measure_level_dependence(about)
+    if first is not None and remaining is not None and remaining < settings.min_closed * first:
+        return []
     tasks = [add_cause(current, free_each_level(about, joint, "level")) for joint in joints]
     free = dict(zip(joints, run_refits(scene, tasks, settings.schedule), strict=True))
     joint = min(joints, key=lambda joint: free[joint].objective)
     nearby = replace(about, theta=_read_values(free[joint], about))
     effects = list(dict.fromkeys(h.effect for h in hypotheses if h.spring == joint))
     starts = _find_starts(nearby, free[joint], joint, effects)
-    floor = min(free[joint].floor, *(start.floor for start in starts))
-    if current.floor**2 - floor**2 < settings.min_closed * null_floor**2:
-        return []
     best = min((rival.cost for rival in rivals), default=np.inf)
     gain = current.cost - min(free[joint].cost, *(start.cost for start in starts))
     if gain < LEVEL_SETTINGS.min_gain_share * (current.cost - best):
@@ -86,11 +89,13 @@ def refit_laws(
     schedule = replace(settings.schedule, max_turns=LEVEL_SETTINGS.fits_per_turn)
     for turn in range(LEVEL_SETTINGS.max_turns):
         working = [law for law in laws if not law.is_settled]
+        best = min(law.objective for law in laws)
+        if turn == 1:
+            most = best + LEVEL_SETTINGS.max_start_behind_nats
+            working = [law for law in working if not law.start.is_loose or law.objective < most]
         if turn > 1:
-            best = min(law.objective for law in laws)
-            working = [
-                law for law in working if law.objective < best + LEVEL_SETTINGS.max_behind_nats
-            ]
+            most = best + LEVEL_SETTINGS.max_behind_nats
+            working = [law for law in working if law.objective < most]
         if not working:
             break
         tasks = [_build_task(current, law) for law in working]
@@ -204,7 +209,7 @@ def _find_starts(
     return [
         replace(start, parallel=np.append(start.parallel[:1], nominal))
         for start in starts
-        if start.cost < best + LEVEL_SETTINGS.max_start_behind_nats
+        if start.is_loose or start.cost < best + LEVEL_SETTINGS.max_start_behind_nats
     ]
 
 

@@ -68,6 +68,9 @@ class LevelSettings:
         softening_shares: relative softening there.
         gap_shares: gaps where fits begin, of the largest linear stretch; the basin of a gap that
             the motion often crosses is narrow.
+        loose_gap_shares: further gaps, which the motion does not leave at the lowest level; a refit
+            begins at one of them too, since a law with the rest of a machine held tells nothing of
+            them.
         gap_centres: centres of the gap where fits begin, of the gap to either side; the joint rests
             in its middle, or lifts off at 0.3, 2 or 7 times the gap.
         element_ends: ends of an element's stiffness, of the joint's.
@@ -123,6 +126,7 @@ class LevelSettings:
     stiffening_shares: tuple[float, ...] = (0.01, 0.03, 0.1, 0.3, 1.0)
     softening_shares: tuple[float, ...] = (0.001, 0.003, 0.01)
     gap_shares: tuple[float, ...] = tuple(0.003 * 10 ** (k / 8) for k in range(17))
+    loose_gap_shares: tuple[float, ...] = (0.3, 0.42, 0.6, 1.0)
     gap_centres: tuple[float, ...] = (0.0, 1.3, -1.3, 3.0, -3.0, 8.0, -8.0)
     element_ends: tuple[float, float] = (1e-3, 30.0)
     slip_ends: tuple[float, float] = (1e-5, 30.0)

@@ -167,6 +167,22 @@ def test_a_gap_is_found_where_the_joint_hardly_acts_at_the_lowest_level(block):
     scene = scene_of(block, lambda q: -STIFFNESS * np.clip(q, -gap, gap))
     theta = scene.theta.copy()
     theta[[p.name for p in scene.model.parameters].index("block_tz.stiffness")] *= 0.03
-    (start,) = fit_starts(replace(scene, theta=theta), JOINT, ("backlash",), STIFFNESS, DAMPING)
+    start, _ = fit_starts(replace(scene, theta=theta), JOINT, ("backlash",), STIFFNESS, DAMPING)
     assert start.theta[0] == pytest.approx(gap, rel=0.05)
     assert start.parallel[0] == pytest.approx(STIFFNESS, rel=0.05)
+
+
+def test_a_refit_begins_at_a_loose_gap_too_where_the_joint_stiffens(block):
+    gap = 4e-8
+    scene = scene_of(block, lambda q: -STIFFNESS * np.clip(q, -gap, gap))
+    theta = scene.theta.copy()
+    theta[[p.name for p in scene.model.parameters].index("block_tz.stiffness")] *= 0.8
+    softer = replace(scene, theta=theta)
+    tight, loose = fit_starts(softer, JOINT, ("backlash",), STIFFNESS, DAMPING)
+    assert not tight.is_loose
+    assert loose.is_loose
+    assert loose.theta[0] > 3 * tight.theta[0]
+    assert loose.theta[1] == 0.0  # the joint rests in the middle
+    assert loose.cost > tight.cost
+    (alone,) = fit_starts(scene, JOINT, ("backlash",), 0.9 * STIFFNESS, DAMPING)
+    assert not alone.is_loose  # the joint is stiffest at the lowest level

@@ -23,6 +23,7 @@ from diagnosis.levels.law_simulation import (
     compute_equivalent_stiffness,
     compute_peak_stretch,
 )
+from diagnosis.levels.level_dependence import measure_level_dependence
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
 from diagnosis.refits.refitting import add_hypothesis
 from diagnosis.search.refit_round import _add_directions, _select_promising
@@ -327,3 +328,32 @@ def test_nothing_is_proposed_at_one_level(block):
     scene = Scene(session, session.model.drawn)
     assert list_levels(campaign) == (100.0,)
     assert not list(propose_law("friction", scene))
+
+
+def test_errors_that_the_levels_share_are_no_dependence_on_the_level(block):
+    campaign = level_campaign(block, None, (40.0, 200.0, 1000.0))
+    session = session_of(block, campaign)
+    wrong = session.model.drawn.copy()
+    names = [parameter.name for parameter in session.model.parameters]
+    wrong[names.index("block_tz.stiffness")] *= 1.3
+    for theta in (session.model.drawn, wrong):
+        scene = Scene(session, theta)
+        assert measure_level_dependence(scene) == pytest.approx(0.0, abs=0.05)
+        assert not list(propose_law("friction", scene))
+
+
+def test_laws_are_proposed_where_frfs_depend_on_the_level(block):
+    stiff = level_campaign(block, lambda q: 1.5e15 * q**3, (40.0, 200.0, 1000.0))
+    scene = Scene(session_of(block, stiff), session_of(block, stiff).model.drawn)
+    (along_z,) = (law for law in propose_law("hardening", scene) if law.dof == "tz")
+    assert along_z.location == "joint:block"
+    assert measure_level_dependence(scene) > 1.0
+
+
+def test_points_that_were_hit_at_one_level_each_do_not_tell(block):
+    campaign = level_campaign(block, None, (40.0, 200.0))
+    tests = (*campaign.tests[:2], campaign.tests[5])  # along z at the second level alone
+    session = session_of(block, replace(campaign, tests=tests))
+    scene = Scene(session, session.model.drawn)
+    assert measure_level_dependence(scene) is None
+    assert list(propose_law("friction", scene))

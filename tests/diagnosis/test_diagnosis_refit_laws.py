@@ -8,8 +8,8 @@ import pytest
 
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.levels import refit_laws as module
+from diagnosis.levels.law_alone import LawStart
 from diagnosis.levels.law_family import FAMILIES
-from diagnosis.levels.law_starts import LawStart
 from diagnosis.settings import SETTINGS
 from tests.helpers.nonlinear_joint import JOINT
 
@@ -34,9 +34,12 @@ class Result:
 def refit_with(monkeypatch):
     """Return a function that runs ``refit_laws`` with given starts and results of refits."""
 
-    def run(free, starts, results, rivals=()):
+    def run(free, starts, results, rivals=(), remaining=1.0):
         scene = Scene(SimpleNamespace(model=SimpleNamespace(parameters=())), np.zeros(0))
-        remaining = {effect: iter(values) for effect, values in results.items()}
+        pending = {effect: iter(values) for effect, values in results.items()}
+        depends = iter(
+            (1.0, remaining)
+        )  # on the level: without a cause, and beside those there are
 
         def take(law, refit, about):
             del about
@@ -48,8 +51,9 @@ def refit_with(monkeypatch):
             del scene, schedule
             if tasks == ["free"]:
                 return [free]
-            return [next(remaining[task], Result(0.0)) for task in tasks]
+            return [next(pending[task], Result(0.0)) for task in tasks]
 
+        monkeypatch.setattr(module, "measure_level_dependence", lambda _: next(depends))
         monkeypatch.setattr(module, "add_cause", lambda *_: "free")
         monkeypatch.setattr(module, "free_each_level", lambda *_: None)
         monkeypatch.setattr(module, "_read_values", lambda *_: np.zeros(0))
@@ -60,7 +64,7 @@ def refit_with(monkeypatch):
         null = replace_fields(NULL, fit=SimpleNamespace(theta=np.zeros(0)))
         hypotheses = [Hypothesis(effect, "joint:block", "tz", spring=JOINT) for effect in EFFECTS]
         settings = replace(SETTINGS, min_closed=0.2)
-        refits = module.refit_laws(scene, null, hypotheses, NULL.floor, rivals, settings)
+        refits = module.refit_laws(scene, null, hypotheses, rivals, settings)
         return sorted(refit.objective for refit in refits)
 
     return run
@@ -92,15 +96,25 @@ def test_a_law_is_refitted_where_free_levels_explain_little(refit_with):
 
 
 @pytest.mark.parametrize(
-    ("start", "rivals"),
+    ("rivals", "remaining"),
     [
-        (start_at("backlash", -10.05, 0.095), ()),  # less than a fifth of the model error
-        (start_at("backlash", -11.0, 0.05), (Result(-13.0),)),  # a linear cause gains far more
+        ((), 0.1),  # other causes explain what depends on the level
+        ((Result(-13.0),), 1.0),  # a linear cause gains far more
     ],
 )
-def test_a_law_that_promises_little_is_not_refitted(refit_with, start, rivals):
-    free = Result(-10.01, floor=0.099)
-    assert refit_with(free, [start], {"backlash": [Result(-12.0)]}, rivals) == []
+def test_a_law_that_promises_little_is_not_refitted(refit_with, rivals, remaining):
+    free, start = Result(-10.01, floor=0.099), start_at("backlash", -11.0, 0.05)
+    results = {"backlash": [Result(-12.0)]}
+    assert refit_with(free, [start], results, rivals, remaining) == []
+
+
+def test_a_loose_gap_that_is_far_behind_is_refitted_once(refit_with):
+    loose = replace(start_at("backlash", -7.0, 0.2), is_loose=True)
+    starts, free = [start_at("hardening", -11.2, 0.05), loose], Result(-11.0)
+    behind = {"backlash": [Result(-10.0), Result(-20.0)], "hardening": [Result(-12.0)] * 3}
+    assert refit_with(free, starts, behind) == [-12.0, -10.0]
+    better = {"backlash": [Result(-13.0), Result(-20.0)], "hardening": [Result(-12.0)] * 3}
+    assert refit_with(free, starts, better) == [-20.0, -12.0]
 
 
 def test_a_refit_that_ends_higher_is_followed_by_another(monkeypatch):

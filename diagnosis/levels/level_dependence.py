@@ -1,0 +1,57 @@
+r"""How far residuals depend on the level: what no linear machine that stays the same can explain.
+
+Tests with hits of several levels at one point have one FRF on a linear machine, whatever its
+errors are. With the residuals r_l of these L tests and their variances sigma_l^2, the excess
+
+    e = \frac{1}{L - 1} \sum_l \frac{|r_l - \bar r|^2}{\sigma_l^2} - 1,
+    \bar r = \frac{\sum_l r_l / \sigma_l^2}{\sum_l 1 / \sigma_l^2},
+
+is zero in the mean for noise alone (Cochran 1954), beside any error that the levels share.
+"""
+
+import numpy as np
+
+from diagnosis.hypothesis import Scene
+from identification import smooth_variance
+from identification.words import Test
+from tuning import predict, thin_lines
+
+
+def measure_level_dependence(scene: Scene) -> float | None:
+    """Return e of a fit, the mean of all values; None if no point was hit at several levels.
+
+    Args:
+        scene: the fit; lines as in score tests count.
+    """
+    campaign = thin_lines(scene.session.campaign, scene.settings.score_stride)
+    predicted = predict(scene.session.model, scene.theta, campaign)
+    groups: dict[object, list[int]] = {}
+    for number, test in enumerate(campaign.tests):
+        groups.setdefault(_name_set_up(test), []).append(number)
+    total, count = 0.0, 0
+    for numbers in groups.values():
+        tests = [campaign.tests[number] for number in numbers]
+        if len({test.condition.level_n for test in tests}) < 2:
+            continue
+        variance = np.array([smooth_variance(test.estimate)[:, :, 0] for test in tests])
+        measured = [predicted[n] - campaign.tests[n].estimate.frf.values for n in numbers]
+        residual = np.array([values[:, :, 0] for values in measured])
+        counted = np.array([test.estimate.measured[:, 0] for test in tests]).all(axis=0)
+        counted = counted & (variance > 0).all(axis=0)
+        weight = 1 / np.where(counted, variance, np.inf)
+        mean = (weight * residual).sum(axis=0) / np.where(counted, weight.sum(axis=0), 1.0)
+        total += float((weight * np.abs(residual - mean) ** 2).sum()) / (len(tests) - 1)
+        count += int(counted.sum())
+    return total / count - 1 if count else None
+
+
+def _name_set_up(test: Test) -> tuple[object, ...]:
+    """Return what tests have in common whose FRFs are equal on a linear machine."""
+    condition = test.condition
+    return (
+        condition.reference,
+        condition.setup,
+        condition.spindle_speed,
+        condition.variant,
+        test.estimate.frf.outputs,
+    )
