@@ -30,7 +30,7 @@ def fit_starts(
     stiffest: float,
     least_damping: float,
 ) -> list[LawStart]:
-    """Return the best start of each effect; if the joint stiffens, that of a loose gap too.
+    """Return the best start of each effect; if the joint stiffens, a loose gap's where none leads.
 
     At the lowest level a joint that is loose has no spring, so that a machine with free levels is
     far from the one with the gap: that start is not fitted alone.
@@ -44,6 +44,9 @@ def fit_starts(
     """
     alone = LawAlone.of_scene(scene, joint, stiffest)
     starts = [_fit_effect(alone, effect, least_damping) for effect in effects]
+    first, *second = sorted(start.cost for start in starts)
+    if second and second[0] > first + LEVEL_SETTINGS.max_behind_nats:
+        return starts
     least_gap = LEVEL_SETTINGS.loose_gap_shares[0] * alone.middle_stretch
     for start in starts[:]:
         is_tight = start.family.effect == LOOSE_GAP.effect and start.theta[0] < least_gap

@@ -49,7 +49,8 @@ class LevelSettings:
         settled_nats: per value: a turn that lowers the objective by less is the last one.
         max_start_behind_nats: per value: a law that is farther behind the best one before the
             machine is refitted about it is not refitted.
-        max_behind_nats: per value: a law that is farther behind the best one is refitted twice.
+        max_behind_nats: per value: a law that is farther behind the best one is refitted twice; a
+            start that is farther ahead of all others leads.
         min_gain_share: of what the best linear cause gains: laws that gain less are not refitted.
         min_own_share: of the stiffness at the lowest level that a joint's own spring begins with.
         start_stride: every so manyth line counts where starts are sought.
