@@ -48,9 +48,8 @@ def noise_only_channels(campaign: Campaign) -> dict[Output, str]:
     levels: dict[Output, list[_SignalLevel]] = {}
     for test in campaign.tests:
         estimate = test.estimate
-        is_zero = np.abs(estimate.frf.values[:, :, 0]).max(axis=0) == 0
         for dof, level, zero in zip(
-            estimate.frf.outputs, _signal_levels(estimate), is_zero, strict=True
+            estimate.frf.outputs, _signal_levels(estimate), estimate.reads_zero[:, 0], strict=True
         ):
             if not zero:
                 levels.setdefault(dof.positive, []).append(level)
@@ -135,11 +134,9 @@ def _describe_noise_only(campaign: Campaign) -> list[str]:
 def _describe_dead(test: Test) -> list[tuple[str, str]]:
     """Return fact and advice for each channel of a test that reads zero."""
     estimate = test.estimate
-    outputs, values = estimate.frf.outputs, estimate.frf.values[:, :, 0]
-    is_zero = np.abs(values).max(axis=0) == 0
     return [
         (f"{dof} is dead and reads zero", "ignore it, or repair its cable")
-        for dof, zero in zip(outputs, is_zero, strict=True)
+        for dof, zero in zip(estimate.frf.outputs, estimate.reads_zero[:, 0], strict=True)
         if zero
     ]
 

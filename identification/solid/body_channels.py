@@ -82,10 +82,11 @@ def join_tests(campaign: Campaign) -> ChannelTable:
             test.condition.spindle_speed,
             test.condition.instrument if campaign.unknown_gains.hammers else None,
         )
+        answers = (test.estimate.measured & ~test.estimate.reads_zero)[:, 0]
         cells = {
             dof.positive: (test, row)
             for row, dof in enumerate(test.estimate.frf.outputs)
-            if isinstance(dof, Dof) and _is_measured(test, row)
+            if isinstance(dof, Dof) and answers[row]
         }
         matching = [
             known_cells
@@ -110,10 +111,17 @@ def join_tests(campaign: Campaign) -> ChannelTable:
     return ChannelTable(campaign.freq_hz, channels, values, variance, measured)
 
 
-def _is_measured(test: Test, row: int) -> bool:
-    """Return whether a test measured a channel: one that reads zero at all lines is dead."""
-    estimate = test.estimate
-    return bool(estimate.measured[row, 0] and estimate.frf.values[:, row, 0].any())
+def list_dead_channels(campaign: Campaign) -> tuple[Dof, ...]:
+    """Return the measured channels that read zero in every test."""
+    measured, alive = set(), set()
+    for test in campaign.tests:
+        estimate = test.estimate
+        for row, dof in enumerate(estimate.frf.outputs):
+            if isinstance(dof, Dof) and estimate.measured[row, 0]:
+                measured.add(dof.positive)
+                if not estimate.reads_zero[row, 0]:
+                    alive.add(dof.positive)
+    return tuple(dof for dof in campaign.outputs if dof in measured - alive)
 
 
 def body_data(table: ChannelTable, campaign: Campaign, body: str) -> BodyData | None:

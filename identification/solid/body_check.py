@@ -3,12 +3,18 @@
 It compares the readings with the rigid motion that all channels determine (seed, ch. 2.2).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from identification.checks.unknown_gains import leave_out_unknown_gains
-from identification.solid.body_channels import ChannelTable, body_data, join_tests
+from identification.solid.body_channels import (
+    ChannelTable,
+    body_data,
+    join_tests,
+    list_dead_channels,
+)
 from identification.solid.body_search import correct_spectrum, search_body
 from identification.solid.confounded_faults import (
     find_confounded,
@@ -54,7 +60,8 @@ class BodyCheck:
 
     Args:
         body: name of the body.
-        channels: measured channels, except those that read only noise where no motion is expected.
+        channels: measured channels, except those that read zero, and those that read only noise
+            where no motion is expected.
         rank: how many of the six rigid motions they determine.
         redundant: number of channels beyond those.
         freq_hz: frequency lines [Hz]; (n_freq,).
@@ -125,7 +132,16 @@ def check_bodies(
     swap = find_body_swap(table, campaign, list(searches.values()))
     if swap is not None:
         searches |= _searches(swap.table, campaign, swap.bodies)
-    return tuple(_assemble_check(search, tolerance, swap) for search in searches.values())
+    dead = list_dead_channels(campaign)
+    return tuple(
+        _assemble_check(
+            search,
+            tolerance,
+            swap,
+            [dof for dof in dead if campaign.layout.body_name(dof.point) == body],
+        )
+        for body, search in searches.items()
+    )
 
 
 def _searches(
@@ -138,18 +154,23 @@ def _searches(
     return {data.body: search_body(data, campaign.tolerance) for data in active}
 
 
-def _assemble_check(search: FaultSearch, tolerance: Tolerance, swap: BodySwap | None) -> BodyCheck:
-    """Assemble the check of one body from its search."""
+def _assemble_check(
+    search: FaultSearch, tolerance: Tolerance, swap: BodySwap | None, dead: Sequence[Dof]
+) -> BodyCheck:
+    """Assemble the check of one body from its search, and its channels that read zero."""
     data = search.data
     last = search.rankings[-1].body_fit if search.rankings else None
     residuals, shapes_matter = correct_spectrum(data, tolerance, search)
     faults = _list_faults(search, residuals, tolerance, shapes_matter=shapes_matter)
+    excess = search.excess(0)
     if swap is not None and data.body in swap.bodies:
-        excess = search.excess(0)
-        faults = (
-            Fault("sensor_swap", swap.location, None, swap.probability, {}, excess),
-            *faults,
-        )
+        swapped = Fault("sensor_swap", swap.location, None, swap.probability, {}, excess)
+        faults = (swapped, *faults)
+    silent = [
+        Fault("dead_channel", f"sensor:{dof.point}", dof.direction[1:], 1.0, {}, excess)
+        for dof in dead
+    ]
+    faults = (*silent, *faults)
     return BodyCheck(
         body=data.body,
         channels=data.sensors.channels,

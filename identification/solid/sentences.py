@@ -41,8 +41,9 @@ def body_sentence(
         f"{body}: {channels} channels determine {rank} of 6 motions, "
         f"{redundant} {'is' if redundant == 1 else 'are'} redundant"
     )
+    listed = "".join(f"; {fault}" for fault in faults)
     if redundant == 0:
-        return f"{counts_text}: no check is possible."
+        return f"{counts_text}: no check is possible{listed}."
     limit, band_end = highest_solid_hz(freq_hz, residuals.exceeds_bound), float(freq_hz[-1])
     largest = 100 * float(residuals.deviation[residuals.significant].max(initial=0.0))
     if limit is None:
@@ -61,7 +62,7 @@ def body_sentence(
         rigidity = f"it moves as a solid up to {limit:.4g} Hz, the end of the band"
     if redundant == 1:
         rigidity += "; one redundant channel cannot locate a fault"
-    return f"{counts_text}; {rigidity}{''.join('; ' + fault for fault in faults)}."
+    return f"{counts_text}; {rigidity}{listed}."
 
 
 def fault_phrase(effect: str, location: str, dof: str | None) -> str:

@@ -221,6 +221,11 @@ class FrfEstimate:
         hits = "" if self.averages is None else f", {self.averages} averages"
         return f"{self.frf!r}\n  variance from {self.variance_source}{hits}"
 
+    @property
+    def reads_zero(self) -> Mask:
+        """Which cells hold zero at every line: not measured, or a dead channel; (n_out, n_in)."""
+        return np.asarray(~self.frf.values.any(axis=0))
+
     def select_lines(self, chosen: Mask | slice) -> Self:
         """Return the estimate on these frequency lines alone.
 

@@ -284,3 +284,22 @@ FAULTS = {
     "mount in the band": mount_in_band,
     "flexible": flexible_mode,
 }
+
+
+def only(campaign: Campaign, outputs: list[Dof]) -> Campaign:
+    """Return a campaign with these channels alone."""
+    return replace(campaign, tests=tuple(part(test, outputs) for test in campaign.tests))
+
+
+def part(test: Test, outputs: list[Dof], name: str | None = None) -> Test:
+    """Return a test with these channels alone, under another name if one is given."""
+    estimate = test.estimate
+    rows = [estimate.frf.outputs.index(dof) for dof in outputs]
+    new = replace(
+        estimate,
+        frf=estimate.frf.select(outputs, estimate.frf.inputs),
+        variance=estimate.variance[:, rows],
+        measured=estimate.measured[rows],
+    )
+    condition = replace(test.condition, test=name or test.condition.test)
+    return Test(condition, new)

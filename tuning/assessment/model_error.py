@@ -94,9 +94,8 @@ def find_counted_values(estimate: FrfEstimate) -> tuple[Mask, Real]:
     Args:
         estimate: FRFs of the test.
     """
-    values = estimate.frf.values
-    power = point_power_of(values, estimate.frf.outputs)
-    counts: Mask = estimate.measured & (values != 0).any(axis=0) & (power > 0)
+    power = point_power_of(estimate.frf.values, estimate.frf.outputs)
+    counts: Mask = estimate.measured & ~estimate.reads_zero & (power > 0)
     return counts, power
 
 

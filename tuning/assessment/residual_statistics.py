@@ -61,7 +61,7 @@ def residual_statistics(
         dofs = estimate.frf.outputs
         rows = [outputs[dof.positive] for dof in dofs]
         values = estimate.frf.values[:, :, 0].T
-        counts = (estimate.measured[:, 0] & (values != 0).any(axis=1))[:, None]
+        counts = (estimate.measured & ~estimate.reads_zero)[:, 0, None]
         residual[rows, column] = np.where(counts, model[:, :, 0].T - values, 0.0)
         variance[rows, column] = smooth_variance(estimate)[:, :, 0].T
         point_power = point_power_of(estimate.frf.values, dofs)[:, :, 0].T
