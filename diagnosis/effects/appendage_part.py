@@ -65,7 +65,8 @@ class AppendagePart:
         name: prefix of its parameters.
         frequency: natural frequency of the scan [Hz].
         frame: coordinates of the body among those of all bodies; (6 n_body, 6).
-        is_box: whether it starts as rigid across its axes: the parameter is 1 - ``across`` then.
+        is_box: whether it starts as rigid across its axes. Score tests start all parameters at
+            zero, so that its parameter is then 1 - ``across``.
     """
 
     machine: Machine
@@ -149,7 +150,7 @@ class AppendagePart:
         return inertia
 
     def find_across(self, value: float) -> float:
-        """Return ``across`` from its parameter."""
+        """Return how rigid it is across its axes, from 0 to 1, from its parameter."""
         return 1.0 - value if self.is_box else value
 
     def _resolve(self, theta: Real) -> Real:

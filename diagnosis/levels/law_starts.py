@@ -30,10 +30,12 @@ def fit_starts(
     stiffest: float,
     least_damping: float,
 ) -> list[LawStart]:
-    """Return the best start of each effect; if the joint stiffens, a loose gap's where none leads.
+    """Return the best start of each effect, and perhaps one of a loose gap.
 
-    At the lowest level a joint that is loose has no spring, so that a machine with free levels is
-    far from the one with the gap: that start is not fitted alone.
+    A joint whose gap is not left at the lowest level has no spring there. The machine with free
+    levels is then far from the right one, and a law fitted alone tells nothing of such a gap. A
+    start of it is therefore added, not fitted alone, if the joint is stiffer at a higher level and
+    no effect is far ahead.
 
     Args:
         scene: linear machine at the lowest level.
@@ -44,16 +46,20 @@ def fit_starts(
     """
     alone = LawAlone.of_scene(scene, joint, stiffest)
     starts = [_fit_effect(alone, effect, least_damping) for effect in effects]
-    first, *second = sorted(start.cost for start in starts)
-    if second and second[0] > first + LEVEL_SETTINGS.max_behind_nats:
-        return starts
     least_gap = LEVEL_SETTINGS.loose_gap_shares[0] * alone.middle_stretch
-    for start in starts[:]:
-        is_tight = start.family.effect == LOOSE_GAP.effect and start.theta[0] < least_gap
-        if is_tight and stiffest > alone.tested.stiffness:
-            loose = _find_best_start(alone, LOOSE_GAP, least_damping)
-            starts += [replace(alone.build_start(point), is_loose=True) for point in loose]
+    is_tight = any(
+        start.family.effect == LOOSE_GAP.effect and start.theta[0] < least_gap for start in starts
+    )
+    if is_tight and stiffest > alone.tested.stiffness and not _has_leader(starts):
+        loose = _find_best_start(alone, LOOSE_GAP, least_damping)
+        starts += [replace(alone.build_start(point), is_loose=True) for point in loose]
     return starts
+
+
+def _has_leader(starts: Sequence[LawStart]) -> bool:
+    """Return whether one start is far ahead of all others."""
+    costs = sorted(start.cost for start in starts)
+    return len(costs) > 1 and costs[1] > costs[0] + LEVEL_SETTINGS.max_behind_nats
 
 
 def _fit_effect(alone: LawAlone, effect: str, least_damping: float) -> LawStart:

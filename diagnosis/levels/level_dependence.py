@@ -1,4 +1,4 @@
-r"""How far residuals depend on the level: what no linear machine that stays the same can explain.
+r"""How far residuals depend on the level, which no linear time-invariant machine explains.
 
 Tests with hits of several levels at one point have one FRF on a linear machine, whatever its
 errors are. With the residuals r_l of these L tests and their variances sigma_l^2, the excess
@@ -15,6 +15,7 @@ from diagnosis.hypothesis import Scene
 from identification import smooth_variance
 from identification.words import Test
 from tuning import predict, thin_lines
+from tuning.assessment.model_error import find_counted_values
 
 
 def measure_level_dependence(scene: Scene) -> float | None:
@@ -27,17 +28,17 @@ def measure_level_dependence(scene: Scene) -> float | None:
     predicted = predict(scene.session.model, scene.theta, campaign)
     groups: dict[object, list[int]] = {}
     for number, test in enumerate(campaign.tests):
-        groups.setdefault(_name_set_up(test), []).append(number)
+        groups.setdefault(_describe_set_up(test), []).append(number)
     total, count = 0.0, 0
     for numbers in groups.values():
         tests = [campaign.tests[number] for number in numbers]
         if len({test.condition.level_n for test in tests}) < 2:
             continue
-        variance = np.array([smooth_variance(test.estimate)[:, :, 0] for test in tests])
-        measured = [predicted[n] - campaign.tests[n].estimate.frf.values for n in numbers]
-        residual = np.array([values[:, :, 0] for values in measured])
-        counted = np.array([test.estimate.measured[:, 0] for test in tests]).all(axis=0)
-        counted = counted & (variance > 0).all(axis=0)
+        variance = np.array([smooth_variance(test.estimate) for test in tests])
+        measured = np.array([test.estimate.frf.values for test in tests])
+        residual = np.array([predicted[number] for number in numbers]) - measured
+        counts = np.array([find_counted_values(test.estimate)[0] for test in tests])
+        counted = (counts & (variance > 0)).all(axis=0)
         weight = 1 / np.where(counted, variance, np.inf)
         mean = (weight * residual).sum(axis=0) / np.where(counted, weight.sum(axis=0), 1.0)
         total += float((weight * np.abs(residual - mean) ** 2).sum()) / (len(tests) - 1)
@@ -45,8 +46,8 @@ def measure_level_dependence(scene: Scene) -> float | None:
     return total / count - 1 if count else None
 
 
-def _name_set_up(test: Test) -> tuple[object, ...]:
-    """Return what tests have in common whose FRFs are equal on a linear machine."""
+def _describe_set_up(test: Test) -> tuple[object, ...]:
+    """Return all that decides the FRFs of a test on a linear machine; the level does not."""
     condition = test.condition
     return (
         condition.reference,

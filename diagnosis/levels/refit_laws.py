@@ -1,13 +1,12 @@
 """Refits of restoring laws: where they begin, and the machine about which they are simulated.
 
-Laws explain what depends on the level. Beside the causes there are, they are refitted while a fifth
-of that of the null model remains (``level_dependence``).
+Laws explain what depends on the level (``level_dependence``). Beside causes that are selected
+already, laws are refitted while a fifth of the null model's dependence remains.
 
 1. The joint direction is refitted with a stiffness and damping of its own at each level.
 2. Each law is fitted with the rest of that machine held (``law_starts``). A law that is far behind
-   the best one goes no further. What free levels or a law with the rest held explain tells where a
-   law acts, but not how much it explains once all varies: with a gap that the motion hardly
-   crosses at the lowest level, both find a sixth of what a refit does.
+   the best one goes no further, unless it is a loose gap. Free levels, and laws with the rest held,
+   tell where a law acts, but not how much it explains once all varies.
    The joint's damper then begins at its nominal value: where resonances of the machine that is
    held lie beside the measured ones, a fit damps them until they vanish. A refit that began there
    ended in a minimum with 2.5 times the damping and two thirds of the gap.

@@ -101,13 +101,15 @@ def located_forces(result: StoredDiagnosis) -> list[ForceGain]:
 
 
 def undecided_words(verdict: Verdict) -> str:
-    """Return that an effect is present, but which of several; empty where it is not probable."""
+    """Return a clause on rivals, one of which is probably present, but none by itself.
+
+    Empty where no effect is probable, or a single one is.
+    """
     posterior = verdict.probability
     rows = [row for row in verdict.causes if row.probability >= _MIN_SECOND_PROBABILITY]
     present = 1 - posterior.none - posterior.unexplained
-    if present < SETTINGS.min_probability or len(rows) < 2:
-        return ""
-    if rows[0].probability >= SETTINGS.min_probability:  # it closes too little
+    is_undecided = len(rows) > 1 and rows[0].probability < SETTINGS.min_probability <= present
+    if not is_undecided:
         return ""
     listed = [f"{cause_words(row)} ({format_probability(row.probability)})" for row in rows]
     return (

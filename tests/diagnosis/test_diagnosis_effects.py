@@ -330,11 +330,11 @@ def test_no_body_loses_more_than_it_has_and_small_masses_hang_on_it(scene):
 
 
 def test_an_appendage_is_scanned_as_a_box_that_is_rigid_across_its_axis(scene):
-    shapes = [one for one in EFFECTS["appendage"](scene) if one.location == "body:stage2"]
-    boxes = [one for one in shapes if ".box" in one.scored[0]]
-    hung = [one for one in shapes if one not in boxes]
-    assert len(hung) // 2 <= len(boxes) < len(hung)
-    (box,), (cable,) = boxes[0].parts, hung[0].parts  # both of the lowest frequency
+    proposed = [row for row in EFFECTS["appendage"](scene) if row.location == "body:stage2"]
+    boxes = [hypothesis for hypothesis in proposed if ".box" in hypothesis.scored[0]]
+    cables = [hypothesis for hypothesis in proposed if hypothesis not in boxes]
+    assert len(cables) // 2 <= len(boxes) < len(cables)
+    (box,), (cable,) = boxes[0].parts, cables[0].parts  # both of the lowest frequency
     theta = np.zeros(10)
     theta[0], theta[5:8] = 0.5, (0.2, -0.1, 0.3)
     rigid = theta.copy()

@@ -20,11 +20,15 @@ def test_a_link_may_begin_as_stiff_as_the_slides_of_its_upper_body_are_drawn(sce
     springs = scene.model.machine.springs
     for link in EFFECTS["parallel_path"](scene):
         upper = link.location.rpartition("-")[2]
-        own = [s.stiffness for s in springs if s.location == f"joint:{upper}" and not s.angular]
+        of_slides = [
+            spring.stiffness
+            for spring in springs
+            if spring.location == f"joint:{upper}" and not spring.angular
+        ]
         (begun,) = link.otherwise
         (part,) = link.parts
         values = {p.name: begun.get(p.name, 0.0) for p in part.parameters}
-        assert link.state(values)["stiffness"] == pytest.approx(np.median(own))
+        assert link.state(values)["stiffness"] == pytest.approx(np.median(of_slides))
 
 
 def test_a_link_states_what_it_has_in_each_direction_or_in_its_own(scene):
