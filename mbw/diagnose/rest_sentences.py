@@ -105,19 +105,19 @@ def find_best_candidate(evidence: Evidence) -> FittedRow | None:
 
 def remark_sentences(verdict: Verdict) -> list[str]:
     """Return a sentence on each proven fault that is no established cause."""
-    return [
-        f"{capitalise(cause_words(row))} is proven by the redundant channels{_share_words(row)}"
-        for row in verdict.remarks
-    ]
+    return [f"{capitalise(cause_words(row))}{_share_words(row)}" for row in verdict.remarks]
 
 
 def _share_words(row: RemarkRow) -> str:
+    if row.effect == "dead_channel":
+        return ": the search left this channel out"
+    proven = " is proven by the redundant channels"
     if row.closed is None:
-        return ", but is not established as a cause of the gap"
+        return f"{proven}, but is not established as a cause of the gap"
     share = f"{100 * max(row.closed, 0.0):.2g} % of the gap"
     if row.closed < SETTINGS.min_closed:
-        return f", but it closes only {share}"
-    return f" and would close {share}: correct it first and repeat"
+        return f"{proven}, but it closes only {share}"
+    return f"{proven} and would close {share}: correct it first and repeat"
 
 
 def _places(where: list[Where]) -> str:

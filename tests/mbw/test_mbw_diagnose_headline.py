@@ -8,10 +8,10 @@ import pytest
 from browser import data_of
 from diagnosed import diagnosed, lead_of
 
-from diagnosis.verdict.schema import CauseRow, RestRow, Where
+from diagnosis.verdict.schema import CauseRow, RemarkRow, RestRow, Where
 from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
-from mbw.diagnose.rest_sentences import find_best_candidate, rest_sentence
+from mbw.diagnose.rest_sentences import find_best_candidate, remark_sentences, rest_sentence
 from mbw.diagnose.schema import EstablishedRow
 from mbw.diagnose.sentences import UNEXPLAINED, capitalise, sensor_check_sentences
 from mbw.identify.schema import FaultRow
@@ -169,6 +169,14 @@ def test_rivals_that_share_the_probability_are_named(explained, unexplained, sha
     )
     shown = explained.shown.model_copy(update={"means": [""] * len(rows), "established": []})
     assert said in lead_of(render(replace(explained, verdict=verdict, shown=shown)))
+
+
+def test_a_dead_channel_is_said_to_be_left_out(explained):
+    dead = RemarkRow(effect="dead_channel", location="sensor:acc5", dof="tx", closed=None)
+    verdict = explained.verdict.model_copy(update={"remarks": [dead]})
+    assert remark_sentences(verdict) == [
+        "No signal at sensor acc5, along x: the search left this channel out"
+    ]
 
 
 def test_the_named_candidate_is_the_most_probable_not_the_one_that_closes_most():
