@@ -61,6 +61,8 @@ class FitSummary:
         fitted_values: number of values that the fit saw.
         noise_share: mean share of the noise in the variance of a value.
         values: number of values.
+        level_excess: how far residuals depend on the level (``level_dependence``); None where no
+            point was hit at several levels.
         keys: causes of the fit; none of the null model.
     """
 
@@ -74,6 +76,7 @@ class FitSummary:
     fitted_values: int
     noise_share: float
     values: int
+    level_excess: float | None
 
     @property
     def objective(self) -> float:
@@ -97,6 +100,29 @@ class FitSummary:
         """
         without_gap = 1 - max(self.gap, 0.0) / self.chi_square
         return constants.count_independent(max(self.noise_share, without_gap), self.values)
+
+    def compare_levels(
+        self, null: "FitSummary", best: "FitSummary", constants: Calibration
+    ) -> float:
+        """Return the gain in log likelihood of what differs between levels [nats].
+
+        Errors that the levels share, however large, are not in these differences: they hold noise
+        and the level dependence e that a fit leaves. By the profile likelihood over its size, the
+        gain is N ln[(1 + e_0) / (1 + e_S)], N the number of independent values of the best fit. An
+        excess that a badly known variance explains counts as none.
+
+        Args:
+            null: the null model.
+            best: the best fit of all.
+            constants: calibrated constants of the posterior.
+        """
+        if self.level_excess is None or null.level_excess is None or best.level_excess is None:
+            return 0.0
+        of_null, excess, least = (
+            1 + max(value, self.doubt)
+            for value in (null.level_excess, self.level_excess, best.level_excess)
+        )
+        return constants.count_independent(1 / least, self.values) * log(of_null / excess)
 
     def is_material_step(
         self, before: "FitSummary", min_closed: float, null: "FitSummary | None" = None
@@ -135,6 +161,8 @@ class FittedSet(_Row, FitSummary):
         chi_square: mean square of residual over noise; 1 is noise alone.
         serial: mean product of the residuals of neighbouring lines; None where lines share noise.
         doubt: excess of chi square over one that a badly known variance explains.
+        level_excess: how far residuals depend on the level (``level_dependence``); None where no
+            point was hit at several levels.
         shifts: shift of the tolerances that each cause releases [standard deviations of a single
             one]; None for a cause that does not only release tolerances.
         parameters: number of fitted parameters of each cause; none if empty.
@@ -151,6 +179,7 @@ class FittedSet(_Row, FitSummary):
     chi_square: float
     serial: float | None = None
     doubt: float = 0.0
+    level_excess: float | None = None
     shifts: tuple[float | None, ...] = ()
     parameters: tuple[int, ...] = ()
 

@@ -10,7 +10,7 @@ independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error
 lines do not share counts as noise. Relative to the empty set with a rest ("unexplained"), the log
 probability is
 
-    l_S = N (c_0 - c_S) + w (P_0 - P_S) - k_S / 2 - n_S ln M,
+    l_S = N (c_0 - c_S) + N_l ln[(1 + e_0) / (1 + e_S)] + w (P_0 - P_S) - k_S / 2 - n_S ln M,
 
 where n_S is the number of its causes that no redundant channels prove, and k_S that of the fitted
 parameters of all. Sets of the same effects have the same number, the most that a fit of them has: a
@@ -19,8 +19,9 @@ chance; ln M is the cost of a uniform prior, which a fault does not pay that red
 prove without a model. By chance k parameters gain k / 2 nats on average (Wilks 1938). Fits weigh
 tolerances against all n values, so that these absorb model error, and any cause relieves them:
 their cost counts with a weight w far below 1, but no less than in the fits, N / n. n_e, q and w are
-calibrated on virtual machines whose errors are known. The empty set without a rest ("none") has
-odds of
+calibrated on virtual machines whose errors are known. Tests at several levels have a second term
+(``FitSummary.compare_levels``): what differs between levels holds no error that they share. The
+empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
@@ -144,8 +145,9 @@ def compute_log_odds(
     relief = weight * np.array([null.prior - fitted.prior for fitted in sets])
     parameters = _count_parameters(evidence, sets) / 2
     causes = np.array([evidence.price_causes(fitted.keys) for fitted in sets])
+    levels = np.array([fitted.compare_levels(null, best, constants) for fitted in sets])
     logs: np.ndarray[tuple[int], np.dtype[np.float64]] = (
-        count * gains + relief - parameters - causes
+        count * gains + levels + relief - parameters - causes
     )
     return logs
 

@@ -23,6 +23,7 @@ from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.refits.measured import find_variance_source
 from identification.words import Campaign, Condition
 from mbmodel import AddedPart, Change, Parameter
+from tuning import predict, thin_lines
 
 LAW_EFFECTS = ("friction", "backlash", "hardening")  # they depend on the level
 
@@ -94,7 +95,8 @@ def _depends_on_level(scene: Scene) -> bool:
 
     Where no point was hit at several levels, they may.
     """
-    excess = measure_level_dependence(scene)
+    campaign = thin_lines(scene.session.campaign, scene.settings.score_stride)
+    excess = measure_level_dependence(predict(scene.model, scene.theta, campaign), campaign)
     return (
         excess is None
         or excess > load_calibration().hidden[find_variance_source(scene.session.campaign)]

@@ -9,23 +9,22 @@ errors are. With the residuals r_l of these L tests and their variances sigma_l^
 is zero in the mean for noise alone (Cochran 1954), beside any error that the levels share.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from diagnosis.hypothesis import Scene
 from identification import smooth_variance
-from identification.words import Test
-from tuning import predict, thin_lines
+from identification.words import Campaign, Complex, Test
 from tuning.assessment.model_error import find_counted_values
 
 
-def measure_level_dependence(scene: Scene) -> float | None:
+def measure_level_dependence(predicted: Sequence[Complex], campaign: Campaign) -> float | None:
     """Return e of a fit, the mean of all values; None if no point was hit at several levels.
 
     Args:
-        scene: the fit; lines as in score tests count.
+        predicted: FRFs of each test of the campaign, (n_line, n_output, n_input).
+        campaign: measured FRFs and their variances.
     """
-    campaign = thin_lines(scene.session.campaign, scene.settings.score_stride)
-    predicted = predict(scene.session.model, scene.theta, campaign)
     groups: dict[object, list[int]] = {}
     for number, test in enumerate(campaign.tests):
         groups.setdefault(_describe_set_up(test), []).append(number)

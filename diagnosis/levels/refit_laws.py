@@ -30,7 +30,6 @@ from diagnosis.levels.free_levels import free_each_level, list_levels
 from diagnosis.levels.law_alone import LawStart
 from diagnosis.levels.law_hypothesis import build_law_hypothesis
 from diagnosis.levels.law_starts import fit_starts
-from diagnosis.levels.level_dependence import measure_level_dependence
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.refits.refitting import (
@@ -50,6 +49,7 @@ _PARALLEL = ("stiffness", "damping")  # parameters of a joint in parallel with i
 
 def refit_laws(
     scene: Scene,
+    null: Refit,
     current: Refit,
     hypotheses: Sequence[Hypothesis],
     rivals: Sequence[Refit],
@@ -59,6 +59,7 @@ def refit_laws(
 
     Args:
         scene: scene of the null model.
+        null: the null model.
         current: refit from which they begin.
         hypotheses: scored hypotheses of ``free_each_level``.
         rivals: refits of linear causes: no law is refitted if they gain far more.
@@ -71,7 +72,7 @@ def refit_laws(
     joints = list(dict.fromkeys(h.spring for h in hypotheses if h.spring is not None))
     if not joints or not is_gap_visible(current.gap):
         return []
-    first, remaining = measure_level_dependence(scene), measure_level_dependence(about)
+    first, remaining = null.level_excess, current.level_excess
     if first is not None and remaining is not None and remaining < settings.min_closed * first:
         return []
     tasks = [add_cause(current, free_each_level(about, joint, "level")) for joint in joints]

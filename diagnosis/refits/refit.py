@@ -8,6 +8,7 @@ from scipy.stats import chi2, norm
 
 from diagnosis.hypothesis import Hypothesis, Value
 from diagnosis.inference.evidence import FitSummary, FittedSet, Key
+from diagnosis.levels.level_dependence import measure_level_dependence
 from identification.words import Real
 from tuning import (
     Fit,
@@ -34,6 +35,8 @@ class Refit(FitSummary):
         fitted_values: number of values that the fit saw.
         serial: mean product of residuals of neighbouring lines; None where lines share noise.
         doubt: excess of chi square over one that a badly known variance of the noise explains.
+        level_excess: how far its residuals depend on the level (``level_dependence``); None where
+            no point was hit at several levels.
     """
 
     hypothesis: Hypothesis | None
@@ -43,6 +46,7 @@ class Refit(FitSummary):
     fitted_values: int
     serial: float | None = None
     doubt: float = 0.0
+    level_excess: float | None = None
 
     @property
     def chi_square(self) -> float:  # type: ignore[override]
@@ -161,7 +165,8 @@ def describe_fit(session: Session, fit: Fit, stride: int, lags: Sequence[int]) -
         ValueError: no channel moves.
     """
     counted = thin_lines(session.campaign, max(1, stride // 2))
-    statistics = residual_statistics(predict(session.model, fit.theta, counted), counted)
+    predicted = predict(session.model, fit.theta, counted)
+    statistics = residual_statistics(predicted, counted)
     if statistics is None:
         raise ValueError("no channel moves, so that no model error shows")
     serial = None
@@ -172,7 +177,8 @@ def describe_fit(session: Session, fit: Fit, stride: int, lags: Sequence[int]) -
         serial = misfit.serial_covariance(fit.x, lags, fitted)
     fitted_lines = len(thin_lines(session.campaign, stride).freq_hz)
     fitted_values = max(1, round(statistics.values * fitted_lines / len(counted.freq_hz)))
-    return Refit(None, session, fit, statistics, fitted_values, serial)
+    excess = measure_level_dependence(predicted, counted)
+    return Refit(None, session, fit, statistics, fitted_values, serial, level_excess=excess)
 
 
 def summarise_refit(refit: Refit) -> FittedSet:
@@ -190,6 +196,7 @@ def summarise_refit(refit: Refit) -> FittedSet:
         chi_square=statistics.chi_square,
         serial=refit.serial,
         doubt=refit.doubt,
+        level_excess=refit.level_excess,
         shifts=tuple(refit.tolerance_shift(cause) for cause in refit.causes),
         parameters=tuple(map(refit.count_parameters, refit.causes)),
     )

@@ -68,7 +68,7 @@ def refit_round(
     ]
     refits = search.refit(trials)
     if not search.is_on_one_level:
-        refits += refit_laws(scene, current, laws, refits, settings)
+        refits += refit_laws(scene, base.null, current, laws, refits, settings)
     best = min(refits, key=lambda refit: refit.objective, default=None)
     if best is not None and is_gap_visible(best.gap):
         distant = _list_without_slope(ranked, best.causes[-1])
@@ -81,7 +81,7 @@ def refit_round(
     if search.is_on_one_level:
         hypotheses = len({score.hypothesis.site for score in ranked})
         refits = search.finish(refits, trials, hypotheses, tuple(map(key_of, base.checks.small)))
-        refits += refit_laws(scene, current, laws, refits, settings)
+        refits += refit_laws(scene, base.null, current, laws, refits, settings)
     return refits
 
 

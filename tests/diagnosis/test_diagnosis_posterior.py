@@ -68,6 +68,25 @@ def test_the_log_odds_of_a_set_are_those_computed_by_hand():
     np.testing.assert_allclose(logs, expected)
 
 
+def test_what_differs_between_levels_counts_beside_the_rest():
+    law = fitted((A,), -2.0, 5.0, level_excess=0.5, noise_share=0.9)
+    gain = fitted((B,), -2.0, 5.0, level_excess=9.0, noise_share=0.9)
+    unknown = fitted((C,), -2.0, 5.0, noise_share=0.9)
+    of_null = {"null": fitted((), 0.0, 10.0, level_excess=9.0)}
+    logs = compute_log_odds(evidence().model_copy(update=of_null), [law, gain, unknown], CONSTANTS)
+    without = compute_log_odds(evidence(), [law, gain, unknown], CONSTANTS)
+    count = 1 / ((1 / 1.5) ** 2 / 6000 + (1 - (1 / 1.5) ** 2) / 80.0)
+    np.testing.assert_allclose(logs - without, [count * np.log(10 / 1.5), 0.0, 0.0])
+
+
+def test_a_dependence_that_a_badly_known_variance_explains_counts_as_none():
+    null, law = (
+        fitted(keys, 0.0, 10.0, level_excess=excess).model_copy(update={"doubt": 0.3})
+        for keys, excess in (((), 0.25), ((A,), -0.1))
+    )
+    assert law.compare_levels(null, law, CONSTANTS) == 0.0
+
+
 def test_noise_is_independent_and_model_error_is_shared():
     nearly = CONSTANTS.count_independent(0.99, 6000)
     assert nearly == pytest.approx(1 / (0.99**2 / 6000 + (1 - 0.99**2) / 80))

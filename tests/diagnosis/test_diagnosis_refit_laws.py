@@ -37,9 +37,6 @@ def refit_with(monkeypatch):
     def run(free, starts, results, rivals=(), remaining=1.0):
         scene = Scene(SimpleNamespace(model=SimpleNamespace(parameters=())), np.zeros(0))
         pending = {effect: iter(values) for effect, values in results.items()}
-        depends = iter(
-            (1.0, remaining)
-        )  # on the level: without a cause, and beside those there are
 
         def take(law, refit, about):
             del about
@@ -53,7 +50,6 @@ def refit_with(monkeypatch):
                 return [free]
             return [next(pending[task], Result(0.0)) for task in tasks]
 
-        monkeypatch.setattr(module, "measure_level_dependence", lambda _: next(depends))
         monkeypatch.setattr(module, "add_cause", lambda *_: "free")
         monkeypatch.setattr(module, "free_each_level", lambda *_: None)
         monkeypatch.setattr(module, "_read_values", lambda *_: np.zeros(0))
@@ -61,10 +57,11 @@ def refit_with(monkeypatch):
         monkeypatch.setattr(module, "_build_task", lambda _, law: law.start.family.effect)
         monkeypatch.setattr(module, "run_refits", refit_all)
         monkeypatch.setattr(module._FittedLaw, "take", take)
-        null = replace_fields(NULL, fit=SimpleNamespace(theta=np.zeros(0)))
+        null = replace_fields(NULL, fit=SimpleNamespace(theta=np.zeros(0)), level_excess=1.0)
+        current = replace_fields(null, level_excess=remaining)
         hypotheses = [Hypothesis(effect, "joint:block", "tz", spring=JOINT) for effect in EFFECTS]
         settings = replace(SETTINGS, min_closed=0.2)
-        refits = module.refit_laws(scene, null, hypotheses, rivals, settings)
+        refits = module.refit_laws(scene, null, current, hypotheses, rivals, settings)
         return sorted(refit.objective for refit in refits)
 
     return run
