@@ -20,6 +20,8 @@ class FittedRow:
         model_error: relative error of the model at the sensors' points.
         residual: residual over the noise, root mean square.
         closed: part of the null model's gap that the set closes; None without such a gap.
+        between_levels: differences between levels that the set leaves, over the noise, root mean
+            square; None where no point was hit at several levels.
         log_odds: against a model without any cause [nats]; None where the set is not weighed.
         rejection: why the set is not weighed; empty if it is.
         is_outlier: whether a tolerance within the usual spread of outliers is one of its causes.
@@ -29,6 +31,7 @@ class FittedRow:
     model_error: float
     residual: float
     closed: float | None
+    between_levels: float | None
     log_odds: float | None
     rejection: str = ""
     is_outlier: bool = False
@@ -102,10 +105,16 @@ def _row(
         model_error=fitted.floor,
         residual=fitted.chi_square**0.5,
         closed=(null.gap - fitted.gap) / null.gap if null.gap > 0 else None,
+        between_levels=_root(fitted.level_excess),
         log_odds=log_odds,
         rejection=rejection,
         is_outlier=_is_outlier(fitted, settings),
     )
+
+
+def _root(excess: float | None) -> float | None:
+    """Return the ratio of root mean squares of which an excess is the square, less one."""
+    return None if excess is None else max(1 + excess, 0.0) ** 0.5
 
 
 def _is_outlier(fitted: FittedSet, settings: DiagnosisSettings) -> bool:

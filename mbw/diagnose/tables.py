@@ -31,6 +31,10 @@ from mbw.page.numbers import format_percent
 
 _MAX_SCORE_ROWS = 12  # hypotheses of the table of scores
 _MAX_SET_ROWS = 16  # sets of causes in the table of refits
+_BETWEEN_LEVELS = (
+    " Between levels: how far residuals of hits at one point differ from level to level, over the "
+    "noise; it is evidence of its own, since errors that all levels share are not in it."
+)
 
 
 def causes_section(result: StoredDiagnosis) -> str:
@@ -137,9 +141,11 @@ def _excess(value: float | None) -> str:
 def _refits(result: StoredDiagnosis) -> str:
     """Return the fits of sets of causes, each at its own model error, the best first."""
     rows = fitted_rows(result.evidence)[:_MAX_SET_ROWS]
+    has_levels = result.evidence.null.level_excess is not None
     cells = "".join(
         f'<tr><td class="name">{_effect_names(row.keys)}</td>'
         f"<td>{format_percent(row.model_error)}</td><td>{row.residual:.3g}</td>"
+        f"{_level_cell(row.between_levels) if has_levels else ''}"
         f"<td>{'' if row.closed is None or not row.keys else format_percent(row.closed)}</td>"
         f"<td>{row.rejection if row.log_odds is None else _nats(row.log_odds)}</td></tr>"
         for row in rows
@@ -147,11 +153,17 @@ def _refits(result: StoredDiagnosis) -> str:
     return (
         '<b>Refits, with all other parameters tuned too</b><table class="tight"><thead><tr>'
         '<th class="name">with</th><th>model error</th><th>residual over noise</th>'
+        f"{'<th>between levels</th>' if has_levels else ''}"
         "<th>gap closed</th><th>log odds [nats]</th></tr></thead>"
         f'<tbody>{cells}</tbody></table><p class="soft">Model error: relative error of the motion '
         "at each sensor that the fit had to tolerate beside the noise. Log odds: against a model "
-        "without any effect, by the number of independent values of the residual.</p>"
+        "without any effect, by the number of independent values of the residual."
+        f"{_BETWEEN_LEVELS if has_levels else ''}</p>"
     )
+
+
+def _level_cell(value: float | None) -> str:
+    return f"<td>{'' if value is None else f'{value:.3g}'}</td>"
 
 
 def _scores(result: StoredDiagnosis) -> str:

@@ -20,6 +20,7 @@ from mbw.diagnose.files import NAMES, read_result, write_files
 from mbw.diagnose.fitted_sets import fitted_rows
 from mbw.diagnose.page import render
 from mbw.diagnose.sentences import UNEXPLAINED, capitalise, place_name, place_phrase
+from mbw.diagnose.tables import hypotheses_section
 
 RUNNER = CliRunner()
 
@@ -139,6 +140,20 @@ def test_each_refit_states_model_error_residual_and_closed_gap(explained, texts)
     assert best.keys == explained.evidence.sets[0].keys
     assert f"{100 * null.floor:.3g} %</td><td>{null.chi_square**0.5:.3g}</td>" in page
     assert f"<td>{best.residual:.3g}</td><td>{100 * best.closed:.3g} %</td>" in page
+
+
+def test_refits_state_what_differs_between_levels_where_there_are_levels(explained, texts):
+    assert "between levels" not in plain(texts["explained"])
+    levels = {"level_excess": 3.0}
+    sets = tuple(
+        fitted.model_copy(update={"level_excess": 0.21}) for fitted in explained.evidence.sets
+    )
+    null = explained.evidence.null.model_copy(update=levels)
+    evidence = explained.evidence.model_copy(update={"null": null, "sets": sets})
+    page = plain(hypotheses_section(replace(explained, evidence=evidence)))
+    assert "<th>residual over noise</th><th>between levels</th><th>gap closed</th>" in page
+    assert f"<td>{null.chi_square**0.5:.3g}</td><td>2</td>" in page
+    assert f"<td>{fitted_rows(evidence)[0].residual:.3g}</td><td>1.1</td>" in page
 
 
 def test_a_set_that_held_out_lines_reject_is_told_from_others_that_contain_it(explained):
