@@ -2,12 +2,14 @@ r"""Posterior probabilities of sets of causes, each with or without a rest.
 
 Every set S is fitted at its own model-error floor; c_S is its mean -ln L per value, P_S the cost of
 its tolerances. The noise of n values is independent, but the error of a model is shared by lines,
-channels and hits: with a share s of the noise in the variance, the residual of the best set holds
+channels and hits: with a share s of the noise in the variance, a residual holds
 
     N = 1 / [s^q / n + (1 - s^q) / n_e]
 
 independent values (design effect, Kish 1965, ch. 5.4), n_e of the model's error; what neighbouring
-lines do not share counts as noise. Relative to the empty set with a rest ("unexplained"), the log
+lines do not share counts as noise. N is that of the most probable set: a set of many causes may
+leave little but noise, and yet gain less than they pay. It then says nothing of the errors of a
+smaller one. Relative to the empty set with a rest ("unexplained"), the log
 probability is
 
     l_S = N (c_0 - c_S) + N_l ln[(1 + e_0) / (1 + e_S)] + w (P_0 - P_S) - k_S / 2 - n_S ln M,
@@ -138,18 +140,22 @@ def compute_log_odds(
     if not sets:
         return np.zeros(0)
     null = evidence.null
-    best = min(sets, key=lambda fitted: fitted.objective)
-    count = best.count_independent(constants)
     gains = np.array([null.cost - fitted.cost for fitted in sets])
-    weight = max(constants.tolerance_weight, count / best.fitted_values)
-    relief = weight * np.array([null.prior - fitted.prior for fitted in sets])
+    reliefs = np.array([null.prior - fitted.prior for fitted in sets])
     parameters = _count_parameters(evidence, sets) / 2
     causes = np.array([evidence.price_causes(fitted.keys) for fitted in sets])
-    levels = np.array([fitted.compare_levels(null, best, constants) for fitted in sets])
-    logs: np.ndarray[tuple[int], np.dtype[np.float64]] = (
-        count * gains + levels + relief - parameters - causes
-    )
-    return logs
+    best = min(sets, key=lambda fitted: fitted.objective)
+    while True:  # from the best fit to the set that is most probable at its N
+        count = best.count_independent(constants)
+        weight = max(constants.tolerance_weight, count / best.fitted_values)
+        levels = np.array([fitted.compare_levels(null, best, constants) for fitted in sets])
+        logs: np.ndarray[tuple[int], np.dtype[np.float64]] = (
+            count * gains + levels + weight * reliefs - parameters - causes
+        )
+        most_probable = sets[int(logs.argmax())] if logs.max() > 0 else null
+        if most_probable.count_independent(constants) >= count:
+            return logs
+        best = most_probable
 
 
 def _count_parameters(

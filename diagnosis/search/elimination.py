@@ -2,8 +2,9 @@
 
 A cause that was selected before the others were known may be a proxy of them, or stand at a wrong
 place beside them. So each earlier cause is left out in turn. It is dropped if the set without it is
-as probable. Else the score test about that set proposes other causes, and the best of these
-replaces it if the set is more probable (sequential replacement, Miller 2002, ch. 3).
+as probable, and more than the selected set. Else the score test about that set proposes other
+causes, and the best of these replaces it if the set is more probable (sequential replacement,
+Miller 2002, ch. 3).
 
 Beside a law, sets are compared on the tests of one level, with the law held (``one_level``). A set
 without a cause is refitted on all levels unless one level shows that the cause belongs to it. So is
@@ -27,7 +28,7 @@ from diagnosis.refits.refitting import (
     limit_floor,
     run_refits,
 )
-from diagnosis.search.fitted_sets import Search, is_last_material, is_more_probable
+from diagnosis.search.fitted_sets import Search, is_acceptable, is_more_probable
 from diagnosis.search.one_level import (
     CauseSearch,
     has_law,
@@ -65,9 +66,9 @@ def reconsider_causes(
     without = refit_on_all_levels(scene, open_sets, settings)
     search = replace(search, refits=(*search.refits, *without))
     kept = best
-    if is_last_material(search, best, settings) and is_more_probable(search, best, search.selected):
-        for refit in without:
-            kept = kept if is_more_probable(search, kept, refit) else refit
+    for refit in without:
+        if is_acceptable(search, refit, settings) and not is_more_probable(search, kept, refit):
+            kept = refit
     if kept is not best:
         return search, kept
     rivals: list[Refit] = []

@@ -67,6 +67,17 @@ def is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
     return first > second
 
 
+def find_most_probable(search: Search, settings: DiagnosisSettings) -> Refit:
+    """Return the most probable material set; the selected one if none is more probable."""
+    refits = [search.selected, *search.refits]
+    logs = _compute_log_odds(search, refits, search.refits)
+    better = [number for number, log in enumerate(logs) if log > logs[0]]
+    for number in sorted(better, key=lambda number: -logs[number]):
+        if is_material(search, refits[number], settings):
+            return refits[number]
+    return search.selected
+
+
 def find_leading(search: Search, settings: DiagnosisSettings) -> list[Refit]:
     """Return the most probable refit and those confounded with it, if a verdict would list them.
 

@@ -3,8 +3,9 @@
 Each round scores every hypothesis about the best set so far, and refits the most promising one of
 each effect and place together with that set. The best set stays if it is material and probable.
 Each earlier cause is left out in turn, and dropped or replaced (``elimination.py``). The last one
-is moved to neighbouring bodies (``moved_causes.py``), at the end all others too. A further one is
-found by the next round, from a model that has the first (Draper and Smith 1998, ch. 15).
+is moved to neighbouring bodies (``moved_causes.py``), at the end all of the most probable set.
+A further one is found by the next round, from a model that has the first (Draper and Smith 1998,
+ch. 15).
 
 While others are missing, an effect may be improbable or close little of the gap. The search
 therefore goes on as long as the last cause closes much or makes the set more probable, and a gap
@@ -24,6 +25,7 @@ from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import (
     Search,
     find_leading,
+    find_most_probable,
     is_acceptable,
     is_last_material,
     is_more_probable,
@@ -47,6 +49,7 @@ def select_causes(
     small_faults = tuple(map(key_of, base.checks.small))
     search, path = Search(base.null, base.null, small_faults=small_faults), base.null
     visited: set[frozenset[Key]] = set()
+    moved: set[frozenset[Key]] = set()  # sets whose last cause was moved
     stalled_before = is_stalled = False
     while (
         len(path.causes) < settings.max_causes
@@ -67,15 +70,16 @@ def select_causes(
         best = min(promising, key=lambda refit: refit.objective)
         before, (search, path) = path, reconsider_causes(base, search, best, settings)
         search, path = move_causes(base.scene, search, path, path.causes[-1:], settings)
+        moved.add(frozenset(path.keys))
         stalled_before, is_stalled = is_stalled, not is_more_probable(search, path, before)
         if is_acceptable(search, path, settings):
             search = replace(search, selected=path)
         if not is_gap_visible(path.gap):
             break
-    earlier = search.selected.causes[:-1]  # moved while others were missing
-    search, moved = move_causes(base.scene, search, search.selected, earlier, settings)
-    is_better = moved is not search.selected and is_acceptable(search, moved, settings)
-    return replace(search, selected=moved) if is_better else search
+    best = find_most_probable(search, settings)
+    remaining = best.causes[:-1] if frozenset(best.keys) in moved else best.causes
+    search, _ = move_causes(base.scene, search, best, remaining, settings)
+    return replace(search, selected=find_most_probable(search, settings))
 
 
 def _is_promising(search: Search, refit: Refit, path: Refit, settings: DiagnosisSettings) -> bool:

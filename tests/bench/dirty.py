@@ -70,7 +70,7 @@ def _case(number: int) -> dict[str, object]:
     """Diagnose the campaign of a design, which is drawn before if it is not there."""
     design = reported_designs()[number]
     stored = ensure(design, FIRST + number)
-    row = {"seed": stored.seed, "commit": _commit(), **asdict(design)}
+    row = {"seed": stored.seed, "commit": describe_commit(), **asdict(design)}
     if stored.answer is None:
         return row | {"left_out": "no place"}
     ratio = weakest_ratio(stored.answer)
@@ -114,7 +114,7 @@ def core_seconds() -> float:
 
 
 @cache
-def _commit() -> str:
+def describe_commit() -> str:
     """Return the commit of the tree that diagnoses; ``-dirty`` if files differ from it."""
     command = ("git", "describe", "--always", "--dirty", "--abbrev=7")
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()

@@ -17,7 +17,7 @@ from itertools import cycle, islice
 
 import numpy as np
 
-from tests.bench.dirty import diagnosed, dirt_items
+from tests.bench.dirty import describe_commit, diagnosed, dirt_items
 from tests.bench.dirty_campaigns import Design, ensure, interleave
 from tests.bench.dirty_rates import Graded, graded, has_wrong_cause
 from tests.bench.kept import cases, of
@@ -160,7 +160,12 @@ def _case(number: int) -> dict[str, object]:
     """Diagnose the campaign of a design, which is drawn before if it is not there."""
     design = designs()[number]
     stored = ensure(design, FIRST + number)
-    row = {"seed": stored.seed, "drawn_ratio": None, **asdict(design)}
+    row = {
+        "seed": stored.seed,
+        "commit": describe_commit(),
+        "drawn_ratio": None,
+        **asdict(design),
+    }
     if stored.answer is None:
         return row | {"left_out": "no place"}
     plain = stored.answer.partition("\n[dirt]")[0]

@@ -68,6 +68,21 @@ def test_the_log_odds_of_a_set_are_those_computed_by_hand():
     np.testing.assert_allclose(logs, expected)
 
 
+def test_an_improbable_set_does_not_say_how_many_values_are_independent():
+    # Three causes leave noise alone, but gain less than they pay; one cause leaves an error.
+    one = fitted((A,), -0.1, 8.0, noise_share=0.1)
+    three = fitted((A, B, C), -0.15, 0.02, noise_share=0.98)
+    assert three.count_independent(CONSTANTS) > 1000
+    price = np.log(50)
+    logs = compute_log_odds(evidence(), [one, three], CONSTANTS)
+    of_null = evidence().null.count_independent(CONSTANTS)
+    assert logs == pytest.approx([0.1 * of_null - price, 0.15 * of_null - 3 * price])
+    # Where these three gain what they pay, the noise of their residual counts.
+    three = three.model_copy(update={"cost": -3.0})
+    logs = compute_log_odds(evidence(), [one, three], CONSTANTS)
+    assert logs[1] == pytest.approx(3.0 * three.count_independent(CONSTANTS) - 3 * price)
+
+
 def test_what_differs_between_levels_counts_beside_the_rest():
     law = fitted((A,), -2.0, 5.0, level_excess=0.5, noise_share=0.9)
     gain = fitted((B,), -2.0, 5.0, level_excess=9.0, noise_share=0.9)
