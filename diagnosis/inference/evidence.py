@@ -101,29 +101,6 @@ class FitSummary:
         without_gap = 1 - max(self.gap, 0.0) / self.chi_square
         return constants.count_independent(max(self.noise_share, without_gap), self.values)
 
-    def compare_levels(
-        self, null: "FitSummary", best: "FitSummary", constants: Calibration
-    ) -> float:
-        """Return the gain in log likelihood of what differs between levels [nats].
-
-        Errors that the levels share, however large, are not in these differences: they hold noise
-        and the level dependence e that a fit leaves. By the profile likelihood over its size, the
-        gain is N ln[(1 + e_0) / (1 + e_S)], N the number of independent values of the best fit. An
-        excess that a badly known variance explains counts as none.
-
-        Args:
-            null: the null model.
-            best: the best fit of all.
-            constants: calibrated constants of the posterior.
-        """
-        if self.level_excess is None or null.level_excess is None or best.level_excess is None:
-            return 0.0
-        of_null, excess, least = (
-            1 + max(value, self.doubt)
-            for value in (null.level_excess, self.level_excess, best.level_excess)
-        )
-        return constants.count_independent(1 / least, self.values) * log(of_null / excess)
-
     def is_material_step(
         self, before: "FitSummary", min_closed: float, null: "FitSummary | None" = None
     ) -> bool:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
+from diagnosis.inference.between_levels import compare_between_levels
 from diagnosis.inference.calibration import Calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain
 from diagnosis.inference.posterior import (
@@ -70,13 +71,13 @@ def test_the_log_odds_of_a_set_are_those_computed_by_hand():
 
 def test_an_improbable_set_does_not_say_how_many_values_are_independent():
     # Three causes leave noise alone, but gain less than they pay; one cause leaves an error.
-    one = fitted((A,), -0.1, 8.0, noise_share=0.1)
-    three = fitted((A, B, C), -0.15, 0.02, noise_share=0.98)
+    one = fitted((A,), -0.004, 8.0, noise_share=0.1)
+    three = fitted((A, B, C), -0.005, 0.02, noise_share=0.98)
     assert three.count_independent(CONSTANTS) > 1000
     price = np.log(50)
     logs = compute_log_odds(evidence(), [one, three], CONSTANTS)
-    of_null = evidence().null.count_independent(CONSTANTS)
-    assert logs == pytest.approx([0.1 * of_null - price, 0.15 * of_null - 3 * price])
+    count = one.count_independent(CONSTANTS)
+    assert logs == pytest.approx([0.004 * count - price, 0.005 * count - 3 * price])
     # Where these three gain what they pay, the noise of their residual counts.
     three = three.model_copy(update={"cost": -3.0})
     logs = compute_log_odds(evidence(), [one, three], CONSTANTS)
@@ -99,7 +100,7 @@ def test_a_dependence_that_a_badly_known_variance_explains_counts_as_none():
         fitted(keys, 0.0, 10.0, level_excess=excess).model_copy(update={"doubt": 0.3})
         for keys, excess in (((), 0.25), ((A,), -0.1))
     )
-    assert law.compare_levels(null, law, CONSTANTS) == 0.0
+    assert compare_between_levels(law, null, law, CONSTANTS) == 0.0
 
 
 def test_noise_is_independent_and_model_error_is_shared():

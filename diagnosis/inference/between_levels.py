@@ -1,0 +1,31 @@
+"""What differs between levels as evidence of its own, free of errors that the levels share."""
+
+from math import log
+
+from diagnosis.inference.calibration import Calibration
+from diagnosis.inference.evidence import FitSummary
+
+
+def compare_between_levels(
+    fitted: FitSummary, null: FitSummary, best: FitSummary, constants: Calibration
+) -> float:
+    """Return the gain in log likelihood of what differs between levels [nats].
+
+    Errors that the levels share, however large, are not in these differences: they hold noise and
+    the level dependence e that a fit leaves (``level_dependence``). By the profile likelihood over
+    its size, the gain is N ln[(1 + e_0) / (1 + e_S)], N the number of independent values at the
+    share 1 / (1 + e) of the best fit. An excess that a badly known variance explains counts as
+    none.
+
+    Args:
+        fitted: the fit.
+        null: the null model.
+        best: the fit whose residual says how many values are independent.
+        constants: calibrated constants of the posterior.
+    """
+    if fitted.level_excess is None or null.level_excess is None or best.level_excess is None:
+        return 0.0
+    of_null, of_fit, of_best = (
+        1 + max(summary.level_excess or 0.0, fitted.doubt) for summary in (null, fitted, best)
+    )
+    return constants.count_independent(1 / of_best, fitted.values) * log(of_null / of_fit)
