@@ -16,6 +16,7 @@ from identification.level_check.laws import (
     LEVEL_CHECK_SETTINGS,
     LevelLaw,
     ModeTrend,
+    find_clearest_change,
     name_law,
 )
 from identification.level_check.shared_shapes import PoleFit, fit_poles
@@ -57,13 +58,12 @@ class LevelCheck:
         span = f"{self.level_n[0]:.4g} to {self.level_n[-1]:.4g} N"
         if self.is_within_tests:
             span = f"single hits of {span}"
-        if not self.law.effects:
+        trend = find_clearest_change(self.trends)
+        if trend is None:
             return f"Level check, {span}: {self.law.words} beyond its interval."
-        moved = [k for k, flags in enumerate(self.changed) if any(flags)]
-        largest = max(moved, key=lambda k: np.abs(self.trends[k].frequency_shift).max())
-        trend = self.trends[largest]
+        moved = sum(map(any, self.changed))
         text = (
-            f"Level check, {span}: {self.law.words}. {len(moved)} of {len(self.trends)} modes "
+            f"Level check, {span}: {self.law.words}. {moved} of {len(self.trends)} modes "
             f"change; that at {trend.freq_hz[0]:.4g} Hz by {100 * trend.frequency_shift[-1]:+.2g} "
             f"% in frequency, and from {100 * trend.damping[0]:.3g} to "
             f"{100 * trend.damping[-1]:.3g} % in damping."

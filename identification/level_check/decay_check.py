@@ -8,7 +8,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import find_peaks
 
 from identification.level_check.free_decay import DecayTrack, track_decay
-from identification.level_check.laws import LEVEL_CHECK_SETTINGS, LevelLaw, name_law
+from identification.level_check.laws import LevelLaw, find_clearest_change, name_law
 from identification.words import Real
 
 _MIN_PEAK_RATIO = 8.0  # spectrum over its running median, from which a peak is a mode that rings
@@ -35,11 +35,9 @@ class DecayCheck:
         """Finding in one or two sentences."""
         if not self.tracks:
             return "Level check of the decay: no mode rings long enough, alone."
-        if not self.law.effects:
+        trend = find_clearest_change([track.trend for track in self.tracks])
+        if trend is None:
             return f"Level check of the decay: {self.law.words} beyond its interval."
-        chance = LEVEL_CHECK_SETTINGS.max_chance / (2 * len(self.tracks))
-        moved = [track.trend for track in self.tracks if any(track.trend.changes(chance))]
-        trend = max(moved, key=lambda trend: abs(np.log(trend.damping[-1] / trend.damping[0])))
         return (
             f"Level check of the decay: {self.law.words}. The mode at {trend.freq_hz[0]:.4g} Hz "
             f"changes by {100 * trend.frequency_shift[-1]:+.2g} % in frequency, and from "

@@ -140,42 +140,101 @@ def compute_chance_of_constancy(values: Real, deviations: Real) -> float:
 def name_law(trends: Sequence[ModeTrend]) -> LevelLaw:
     """Return the law that explains how modes change with the level.
 
-    The shifts of all modes that change are added: one joint moves several modes, each by the same
-    law but by another share.
+    The shifts of all modes that change are averaged, each weighted by its precision: one joint
+    moves several modes, each by the same law but by another share.
 
     Args:
         trends: modes at two levels or more.
     """
     settings = LEVEL_CHECK_SETTINGS
-    chance = settings.max_chance / max(2 * len(trends), 1)
-    shifts: list[tuple[float, float, ModeTrend]] = []
-    for trend in trends:
-        has_frequency, has_damping = trend.changes(chance)
-        if has_frequency or has_damping:
-            relative, deviation = trend.frequency_shift, trend.freq_sd / trend.freq_hz[0]
-            shift = _find_clearest_change(relative, deviation) if has_frequency else 0.0
-            loss = 0.0
-            if has_damping:
-                loss = _find_clearest_change(trend.damping, trend.damping_sd)
-            shifts.append((shift, loss, trend))
-    if not shifts:
+    changes = _list_changes(trends)
+    if not changes:
         return LINEAR
-    shift, loss = sum(row[0] for row in shifts), sum(row[1] for row in shifts)
+    weight = np.array([change.weight for change in changes])
+    shift = float(weight @ [change.shift for change in changes])
+    loss = float(weight @ [change.loss for change in changes])
     if loss > settings.min_pure_loss * abs(shift):
         return _FRICTION
     if shift > 0:
-        _, _, largest = max(shifts, key=lambda row: row[0])
-        return _HARDENING if _is_convex(largest.level, largest.frequency_shift) else _STIFFENING
+        trend = max(changes, key=lambda change: change.weight * change.shift).trend
+        return _HARDENING if _is_convex(trend.level, trend.frequency_shift) else _STIFFENING
     if shift == 0 or -loss > settings.min_pure_loss * abs(shift):
         return _SLIDING
     return _FRICTION if loss > -settings.min_friction_loss * shift else _SOFTENING
 
 
-def _find_clearest_change(values: Real, deviations: Real) -> float:
-    """Return the most significant change between a level and a higher one."""
+def find_clearest_change(trends: Sequence[ModeTrend]) -> ModeTrend | None:
+    """Return the mode that says most about the law; None if none changes.
+
+    Args:
+        trends: modes at two levels or more.
+    """
+    changes = _list_changes(trends)
+    if not changes:
+        return None
+    return max(changes, key=lambda mode: mode.weight * np.hypot(mode.shift, mode.loss)).trend
+
+
+def _list_changes(trends: Sequence[ModeTrend]) -> "list[_ModeChange]":
+    """Return the changes of all modes that change."""
+    chance = LEVEL_CHECK_SETTINGS.max_chance / max(2 * len(trends), 1)
+    changes = (_measure_change(trend, chance) for trend in trends)
+    return [change for change in changes if change is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class _ModeChange:
+    """Change of a mode with the level.
+
+    Args:
+        trend: the mode.
+        shift: relative change of its frequency.
+        loss: change of its damping ratio.
+        weight: one over the variance of both.
+    """
+
+    trend: ModeTrend
+    shift: float
+    loss: float
+    weight: float
+
+
+def _measure_change(trend: ModeTrend, chance: float) -> _ModeChange | None:
+    """Return the change of a mode; None if it does not change.
+
+    Every law moves the frequency one way as the level rises. Where it turns back, the mode was
+    followed badly, or is none: that counts as a deviation.
+
+    Args:
+        trend: the mode.
+        chance: probability that either quantity of a linear machine seems to change.
+    """
+    has_frequency, has_damping = trend.changes(chance)
+    if not (has_frequency or has_damping):
+        return None
+    relative = trend.frequency_shift
+    shift, shift_sd = _find_largest_change(relative, trend.freq_sd / trend.freq_hz[0])
+    loss, loss_sd = _find_largest_change(trend.damping, trend.damping_sd)
+    variance = shift_sd**2 + loss_sd**2 + _find_return(relative) ** 2
+    return _ModeChange(
+        trend, shift * has_frequency, loss * has_damping, 1 / max(variance, np.finfo(float).tiny)
+    )
+
+
+def _find_largest_change(values: Real, deviations: Real) -> tuple[float, float]:
+    """Return the most significant change between a level and a higher one, and its deviation."""
     lower, upper = np.triu_indices(len(values), 1)
     change = values[upper] - values[lower]
-    return float(change[np.abs(change / np.hypot(deviations[upper], deviations[lower])).argmax()])
+    deviation = np.hypot(deviations[upper], deviations[lower])
+    clearest = np.abs(change / deviation).argmax()
+    return float(change[clearest]), float(deviation[clearest])
+
+
+def _find_return(values: Real) -> float:
+    """Return the least change by which values leave a rise, or a fall, throughout."""
+    drop = np.maximum.accumulate(values) - values
+    rise = values - np.minimum.accumulate(values)
+    return float(min(drop.max(), rise.max()))
 
 
 def _is_convex(level: Real, shift: Real) -> bool:

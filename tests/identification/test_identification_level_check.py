@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from identification.level_check import check_decay, check_levels, track_decay
-from identification.level_check.laws import ModeTrend, name_law
+from identification.level_check.laws import ModeTrend, find_clearest_change, name_law
 from identification.level_check.shared_shapes import _apply_step, _linearise, fit_poles
 from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
@@ -318,3 +318,34 @@ def test_a_bolted_beam_is_friction_like_under_a_stepped_sine():
     assert law.effects == ("friction",)
     assert damping[0] == pytest.approx(0.0016, rel=0.15)
     assert damping[-1] == pytest.approx(0.0070, rel=0.15)
+
+
+def test_a_mode_that_was_followed_badly_does_not_name_the_law():
+    # A gap with a preload moves two modes; two others are none of the machine, and turn back.
+    levels = np.array([40.0, 200.0, 700.0])
+
+    def trend(freq, freq_sd, damping, damping_sd):
+        deviations = np.full(3, freq_sd), np.full(3, damping_sd)
+        return ModeTrend(levels, np.array(freq), deviations[0], np.array(damping), deviations[1])
+
+    right = [
+        trend([105.448, 105.445, 104.161], 0.005, [0.0073, 0.0074, 0.0094], 4e-5),
+        trend([194.40, 194.40, 193.36], 0.02, [0.0080, 0.0080, 0.0095], 1e-4),
+    ]
+    wrong = [
+        trend([75.9, 73.2, 79.7], 0.4, [0.073, 0.008, 0.126], 5e-3),
+        trend([104.3, 101.6, 119.2], 0.2, [0.063, 0.037, 0.095], 2e-3),
+    ]
+    assert name_law(right).effects == ("backlash", "hardening")
+    assert name_law([*right, *wrong]) == name_law(right)
+    assert find_clearest_change([*wrong, *right]) is right[0]
+    assert find_clearest_change([]) is None
+
+
+@pytest.mark.skipif(not BRB.exists(), reason="the measured beam is not at hand")
+@pytest.mark.parametrize("first", [0, 329, 400, 1000, 4000])
+def test_the_bolted_beam_is_friction_like_wherever_its_record_begins(first):
+    data = np.load(BRB / "decay_after_a_hammer_hit.npz")
+    check = check_decay(data["acceleration_m_s2"][:, first:].astype(float), float(data["rate_hz"]))
+    assert check.law.effects == ("friction",)
+    assert "The mode at 80." in check.sentence
