@@ -97,6 +97,19 @@ def find_present(
     return min(largest, key=lambda refit: refit.objective, default=search.null)
 
 
+def is_nothing_missing(posterior: Posterior) -> bool:
+    """Return whether no hypothesis is more probable than that nothing is missing.
+
+    Where hits of a test differ, this is at most as probable as a gap without a cause: a gap that is
+    not significant then still means that nothing is missing.
+
+    Args:
+        posterior: probabilities of all sets of causes.
+    """
+    of_causes = 1 - posterior.none - posterior.unexplained
+    return posterior.none >= max(posterior.unexplained, of_causes)
+
+
 def describe_present(
     base: Baseline,
     search: Search,
@@ -124,7 +137,7 @@ def describe_present(
         if (closes.get(cause.key, 0.0) >= settings.min_closed or not cause.is_modelled)
         and _closes_held_out_gap(gaps, settings)
     )
-    is_none = not established and posterior.none >= settings.min_probability
+    is_none = not established and is_nothing_missing(posterior)
     rest = _describe_rest(evidence, refit, gaps, settings, is_none=is_none)
     if is_none:
         word: Word = "none"

@@ -15,6 +15,7 @@ from diagnosis.inference.posterior import (
     select_material_sets,
 )
 from diagnosis.settings import SETTINGS
+from diagnosis.verdict.established import is_nothing_missing
 
 CONSTANTS = Calibration(
     hidden={"coherence": 0.1, "differences": 0.3, "lines": 0.01},
@@ -265,6 +266,16 @@ def test_hits_that_met_different_machines_make_none_no_more_probable_than_unexpl
     unsteady = compute_posterior(evidence(gap=0.01, unsteady=1), CONSTANTS)
     assert steady.none > 0.99
     assert unsteady.none == pytest.approx(0.5)
+
+
+def test_a_gap_that_is_not_significant_is_none_though_hits_differ_and_causes_take_a_little():
+    weak = fitted((A,), -0.01, 0.0)
+    unsteady = compute_posterior(evidence([weak], gap=0.01, unsteady=1), CONSTANTS)
+    assert unsteady.none == unsteady.unexplained < 0.5
+    assert is_nothing_missing(unsteady)
+    assert not is_nothing_missing(compute_posterior(evidence([weak], unsteady=1), CONSTANTS))
+    # Where a cause is there, but the data do not tell which, something is missing.
+    assert not is_nothing_missing(Posterior(0.3, 0.2, 0.0, (), ()))
 
 
 def test_one_effect_at_one_place_in_two_directions_is_one_cause():
