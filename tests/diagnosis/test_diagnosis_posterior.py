@@ -269,7 +269,7 @@ def test_hits_that_met_different_machines_make_none_no_more_probable_than_unexpl
 
 
 def test_a_gap_that_is_not_significant_is_none_though_hits_differ_and_causes_take_a_little():
-    weak = fitted((A,), -0.01, 0.0)
+    weak = fitted((A,), -0.0005, 0.005)
     unsteady = compute_posterior(evidence([weak], gap=0.01, unsteady=1), CONSTANTS)
     assert unsteady.none == unsteady.unexplained < 0.5
     assert is_nothing_missing(unsteady)
