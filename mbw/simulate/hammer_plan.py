@@ -128,7 +128,7 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
 
 
 def _files(machine: Machine, options: TestOptions, suffix: str) -> tuple[RecordedFile, ...]:
-    """Return a file for each level and set-up."""
+    """Return a file for each visit to a level and each set-up, in the order of the levels."""
     references = _references(machine, options.hammer)
     outputs = tuple(Dof.parse(text) for text in options.outputs) or tuple(
         Dof.of(site, axis) for site in sensor_sites(machine.layout) for axis in range(3)
@@ -140,13 +140,14 @@ def _files(machine: Machine, options: TestOptions, suffix: str) -> tuple[Recorde
             "many set-ups"
         )
     files = []
-    for level in options.levels or (_DEFAULT_LEVEL_N,):
+    levels = options.levels or (_DEFAULT_LEVEL_N,)
+    for visit, level in zip(_name_visits(levels), levels, strict=True):
         for number, group in enumerate(np.array_split(np.arange(len(sites)), options.setups)):
             setup = chr(ord("a") + number) if options.setups > 1 else None
             chosen = {sites[k] for k in group}
             files.append(
                 RecordedFile(
-                    file=f"hits_{level:g}N{f'_{setup}' if setup else ''}{suffix}",
+                    file=f"hits_{visit}{f'_{setup}' if setup else ''}{suffix}",
                     level_n=level,
                     outputs=tuple(dof for dof in outputs if dof.point in chosen),
                     references=references,
@@ -154,9 +155,17 @@ def _files(machine: Machine, options: TestOptions, suffix: str) -> tuple[Recorde
                     setup=setup,
                 )
             )
-    if len({file.file for file in files}) < len(files):
-        raise UsageError("--level gives one level twice: remove one")
     return tuple(files)
+
+
+def _name_visits(levels: Sequence[float]) -> list[str]:
+    """Return a name for each visit to a level, such as ``40N`` and ``40N_visit2``."""
+    names = [f"{level:g}N" for level in levels]
+    visits = [names[: k + 1].count(name) for k, name in enumerate(names)]
+    return [
+        name if visit == 1 else f"{name}_visit{visit}"
+        for name, visit in zip(names, visits, strict=True)
+    ]
 
 
 def _references(machine: Machine, texts: Sequence[str]) -> tuple[Dof, ...]:

@@ -33,7 +33,11 @@ def simulate(  # noqa: PLR0913  # one for each option
     ] = None,
     level: Annotated[
         list[float] | None,
-        typer.Option(metavar="N", help="Mean peak force [N]; repeatable. Default: 200."),
+        typer.Option(
+            metavar="N",
+            help="Mean peak force [N]; repeatable, in the order of the tests, and a level may "
+            "return. Default: 200.",
+        ),
     ] = None,
     hits: Annotated[
         int | None, typer.Option(min=1, max=1000, help="Hits along each direction. Default: 10.")
