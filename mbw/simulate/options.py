@@ -28,7 +28,7 @@ def simulate(  # noqa: PLR0913  # one for each option
         typer.Option(
             metavar="CAMPAIGN",
             help="Take hammer points, channels, levels, hits, set-ups, rate and tolerances of "
-            "this campaign.",
+            "this campaign; --level then replaces each of its levels, in their order.",
         ),
     ] = None,
     level: Annotated[
@@ -43,8 +43,11 @@ def simulate(  # noqa: PLR0913  # one for each option
         int | None, typer.Option(min=1, max=1000, help="Hits along each direction. Default: 10.")
     ] = None,
     setups: Annotated[
-        int, typer.Option(min=1, max=26, help="Roving set-ups that share the accelerometers.")
-    ] = 1,
+        int | None,
+        typer.Option(
+            min=1, max=26, help="Roving set-ups that share the accelerometers. Default: 1."
+        ),
+    ] = None,
     rate: Annotated[
         float | None,
         typer.Option(
@@ -54,7 +57,9 @@ def simulate(  # noqa: PLR0913  # one for each option
     ] = None,
     block: Annotated[
         float | None,
-        typer.Option(metavar="S", help="Length of the record of a hit [s]. Default: 2048 samples."),
+        typer.Option(
+            metavar="S", help="Length of the record of a hit [s]. Default: 4, less for fast modes."
+        ),
     ] = None,
     pulse: Annotated[
         float | None,
@@ -102,10 +107,14 @@ def simulate(  # noqa: PLR0913  # one for each option
         ),
     ] = None,
     amplitude: Annotated[
-        float,
-        typer.Option(help="Height of a step or chirp, rms of noise [N, N m, m/s^2, control]."),
-    ] = 1.0,
-    duration: Annotated[float, typer.Option(metavar="S", help="Length of the signal [s].")] = 2.0,
+        float | None,
+        typer.Option(
+            help="Height of a step or chirp, rms of noise [N, N m, m/s^2, control]. Default: 1."
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", help="Length of the signal [s]. Default: 2.")
+    ] = None,
     band: Annotated[
         tuple[float, float] | None,
         typer.Option(metavar="LOW HIGH", help="Band of chirp and noise [Hz]. Default: 5 to 200."),

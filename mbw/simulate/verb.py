@@ -18,8 +18,10 @@ from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
 from mbw.simulate.animation import write_animation
 from mbw.simulate.campaign_folder import ANSWER, CAMPAIGN, MODEL, TRUE_MODEL, write_campaign
-from mbw.simulate.hammer_plan import TestOptions, plan_test
+from mbw.simulate.hammer_plan import plan_test
 from mbw.simulate.joint_laws import SimulatedMachine, open_machine
+from mbw.simulate.option_conflicts import refuse_conflicts
+from mbw.simulate.option_values import TestOptions
 from mbw.simulate.page import PAGE, PageView, hit_views, render
 from mbw.simulate.played_signal import PlayOptions, load_signal, parse_quantity, write_response
 from mbw.simulate.summary import SimulationSummary
@@ -50,19 +52,17 @@ def run_options(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.simulate.options`` describes them."""
     test_options, play_options = TestOptions(**test), PlayOptions(**played)
+    refuse_conflicts(test_options, play_options, nominal)
     outputs = ResultOptions(out, json, overwrite, pictures)
     rates = parse_spin_rates(spin)
     with open_machine(model, laws, rates, key) as simulated:
         for remark in simulated.machine.remarks:
             SCREEN.say(remark)
         if play_options.is_asked:
-            _refuse_test_options(test_options, nominal)
             summary = play_signal(
                 simulated, play_options, outputs, rates, file_format or "csv", seed
             )
         else:
-            if play_options.animate is not None:
-                raise UsageError("--animate shows a played signal: add --signal or --input")
             summary = make_test(
                 simulated,
                 test_options,
@@ -75,24 +75,6 @@ def run_options(  # noqa: PLR0913  # one for each option
             )
     if json is not None:
         write_json(summary.model_dump_json(indent=1), json)
-
-
-def _refuse_test_options(options: TestOptions, nominal: Path | None) -> None:
-    """Refuse options of a hammer test beside a played signal."""
-    given = {
-        "--hammer": options.hammer,
-        "--like": options.like,
-        "--level": options.levels,
-        "--hits": options.hits,
-        "--block": options.block_s,
-        "--pulse": options.pulse_s,
-        "--exact": options.exact,
-        "--nominal": nominal,
-        "--double-hits": options.double_share,
-    }
-    wrong = [name for name, value in given.items() if value]
-    if wrong:
-        raise UsageError(f"{wrong[0]} belongs to a hammer test, but a signal is played: drop one")
 
 
 def make_test(

@@ -42,3 +42,79 @@ def test_a_level_that_returns_is_a_further_visit(model, tmp_path):
     visits = group_visits(campaign)
     assert [level for level, _ in visits] == [20, 50.5, 20]
     assert [len(visited.tests) for _, visited in visits] == [2, 2, 2]
+
+
+@pytest.fixture(scope="module")
+def returning(model):
+    out = model.with_name("returning")
+    levels = ("--level", 20, "--level", 50, "--level", 20)
+    run(model, "--hammer", "3:+tx", "--output", "acc3:+tx", *levels, *SHORT, "--out", out)
+    return out
+
+
+def test_levels_of_a_test_like_another_replace_its_levels(model, returning, tmp_path):
+    run(model, "--like", returning, "--level", 11, "--level", 0.5, "--jobs", 1, "--out", tmp_path)
+    _, settings = read_settings(tmp_path)
+    assert [(test.file, test.level) for test in settings.test] == [
+        ("hits_11N_1.npz", 11.0),
+        ("hits_0.5N.npz", 0.5),
+        ("hits_11N_3.npz", 11.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--level", "11"), "has 2 levels (20 N, 50 N): give --level once for each"),
+        (("--hammer", "4"), "--hammer does not apply"),
+        (("--output", "acc1:+tx"), "--output does not apply"),
+        (("--setups", "2"), "--setups does not apply"),
+        (("--setups", "1"), "--setups does not apply"),
+    ],
+)
+def test_what_a_test_like_another_would_ignore_is_refused(model, returning, arguments, words):
+    assert words in run(model, "--like", returning, *arguments, code=2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--at", "acc3:+tx"), "--at does not apply to --input"),
+        (("--amplitude", "3"), "--amplitude does not apply to --input"),
+        (("--duration", "3"), "--duration does not apply to --input"),
+        (("--band", "3", "5"), "--band does not apply to --input"),
+        (("--rate", "256"), "--rate does not apply to --input"),
+        (("--signal", "step"), "--signal does not apply to --input"),
+        (("--setups", "1"), "--setups belongs to a hammer test"),
+    ],
+)
+def test_what_a_played_file_would_ignore_is_refused(model, tmp_path, arguments, words):
+    signal = tmp_path / "in.csv"
+    signal.write_text("time,acc3:+tx\n0,0\n0.001,1\n0.002,0\n", encoding="utf-8")
+    assert words in run(model, "--input", signal, *arguments, code=2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--signal", "step", "--band", "5", "9"), "--band does not apply to a step"),
+        (("--signal", "step", "--psd", "a.csv"), "--psd does not apply to a step"),
+        (("--psd", "a.csv", "--amplitude", "3"), "--amplitude does not apply to --psd"),
+        (("--psd", "a.csv", "--band", "3", "5"), "--band does not apply to --psd"),
+    ],
+)
+def test_what_a_signal_would_ignore_is_refused(model, arguments, words):
+    assert words in run(model, "--at", "acc3:+tx", *arguments, code=2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--amplitude", "3"), "--amplitude belongs to a played signal"),
+        (("--duration", "3"), "--duration belongs to a played signal"),
+        (("--band", "3", "5"), "--band belongs to a played signal"),
+        (("--quantity", "mobility"), "--quantity belongs to a played signal"),
+    ],
+)
+def test_what_a_hammer_test_would_ignore_is_refused(model, arguments, words):
+    assert words in run(model, "--hammer", "3:+tx", *arguments, code=2)
