@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import typer
 
-from identification.words import Dof, InputError, UsageError
-from mbmodel import TimeStep, load_machine, simulate, strike, write_mjcf
+from identification.words import Dof, InputError, UsageError, shorten_names
+from mbmodel import Machine, TimeStep, load_machine, simulate, strike, write_mjcf
 from mbmodel.simulation.drives import parse_drive, parse_reading
 from mbw.animation.files import check_picture_target
 from mbw.files import write_json
@@ -18,7 +18,7 @@ from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
 from mbw.simulate.animation import write_animation
 from mbw.simulate.campaign_folder import ANSWER, CAMPAIGN, MODEL, TRUE_MODEL, write_campaign
-from mbw.simulate.hammer_plan import plan_test
+from mbw.simulate.hammer_plan import PlannedTest, plan_test
 from mbw.simulate.joint_laws import SimulatedMachine, open_machine
 from mbw.simulate.option_conflicts import refuse_conflicts
 from mbw.simulate.option_values import TestOptions
@@ -102,9 +102,10 @@ def make_test(
     """
     _check_format(file_format, _RECORD_FORMATS)
     machine = simulated.machine
-    _check_nominal(simulated, nominal)
+    drawing = _load_nominal(simulated, nominal)
     planned = plan_test(machine, options, f".{file_format}")
     plan = planned.plan
+    _refuse_missing_points(drawing, planned)
     names = [CAMPAIGN, MODEL, TRUE_MODEL, ANSWER, PAGE, *(file.file for file in plan.files)]
     total = sum(file.hits * len(file.references) for file in plan.files)
     with outputs.open("simulate", simulated.source, "simulated", names) as output:
@@ -151,10 +152,10 @@ def make_test(
     return summary
 
 
-def _check_nominal(simulated: SimulatedMachine, nominal: Path | None) -> None:
-    """Refuse a model that the campaign could not name: other verbs could not read it."""
+def _load_nominal(simulated: SimulatedMachine, nominal: Path | None) -> Machine:
+    """Return the model that the campaign names; refuse one that other verbs could not read."""
     try:
-        load_machine(nominal or simulated.source, key=simulated.machine.keyframe)
+        return load_machine(nominal or simulated.source, key=simulated.machine.keyframe)
     except InputError as error:
         if nominal is not None:
             raise
@@ -162,6 +163,18 @@ def _check_nominal(simulated: SimulatedMachine, nominal: Path | None) -> None:
             f"{error}, or name a nominal model without it by --nominal, which the campaign then "
             "states"
         ) from error
+
+
+def _refuse_missing_points(nominal: Machine, planned: PlannedTest) -> None:
+    """Refuse a nominal model without the points of a test: its campaign could not be read."""
+    names = (*nominal.layout.points, *nominal.layout.bodies)
+    dofs = [dof for file in planned.plan.files for dof in (*file.outputs, *file.references)]
+    missing = list(dict.fromkeys(dof.point for dof in dofs if dof.point not in names))
+    if missing:
+        raise InputError(
+            f"--nominal {nominal.source} has no {shorten_names(missing)}, where the test measures "
+            "or hits: add sites of these names to it, or test fewer points"
+        )
 
 
 def play_signal(

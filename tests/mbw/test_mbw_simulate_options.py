@@ -1,5 +1,7 @@
 """Options of ``mbw simulate``: levels that return, and options that do not fit one another."""
 
+import re
+
 import pytest
 from small_machine import MJCF
 from typer.testing import CliRunner
@@ -118,3 +120,11 @@ def test_what_a_signal_would_ignore_is_refused(model, arguments, words):
 )
 def test_what_a_hammer_test_would_ignore_is_refused(model, arguments, words):
     assert words in run(model, "--hammer", "3:+tx", *arguments, code=2)
+
+
+def test_a_nominal_model_without_the_points_of_the_test_is_refused(model, tmp_path):
+    nominal = tmp_path / "nominal.xml"
+    nominal.write_text(re.sub(r'<site name="acc[26]".*?/>', "", MJCF), encoding="utf-8")
+    arguments = (model, "--nominal", nominal, "--hammer", "3:+tx", *SHORT, "--out", tmp_path / "o")
+    assert "has no acc2, acc6, where the test measures" in run(*arguments, code=3)
+    run(*arguments, "--output", "acc1:+tx")
