@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Dof, Real, Tolerance, UsageError
+from identification.words import Dof, Real, Signal, Tolerance, UsageError
 from mbmodel import (
     HammerTestPlan,
     HitScatter,
@@ -88,7 +88,7 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
 def _files(machine: Machine, options: TestOptions, suffix: str) -> tuple[RecordedFile, ...]:
     """Return a file for each visit to a level and each set-up, in the order of the levels."""
     references = _references(machine, options.hammer)
-    outputs = tuple(Dof.parse(text) for text in options.outputs) or tuple(
+    outputs = tuple(_parse_channel(machine, text) for text in options.outputs) or tuple(
         Dof.of(site, axis) for site in sensor_sites(machine.layout) for axis in range(3)
     )
     sites = list(dict.fromkeys(dof.point for dof in outputs))
@@ -115,6 +115,19 @@ def _files(machine: Machine, options: TestOptions, suffix: str) -> tuple[Recorde
                 )
             )
     return tuple(files)
+
+
+def _parse_channel(machine: Machine, text: str) -> Dof:
+    """Return the accelerometer and direction that a text names; refuse other outputs."""
+    port = machine.layout.parse(text)
+    if isinstance(port, Signal):
+        example = next(iter(sensor_sites(machine.layout)), "acc1")
+        raise UsageError(
+            f"--output {text}: a hammer test records accelerometers, each by site and direction, "
+            f"such as {example}:+tx; encoders, joints and MuJoCo sensors are outputs of a played "
+            "signal (--signal or --input)"
+        )
+    return port
 
 
 def _name_visits(levels: Sequence[float]) -> list[str]:

@@ -130,8 +130,8 @@ def simulate(  # noqa: PLR0913  # one for each option
         typer.Option(
             "--output",
             metavar="LABEL",
-            help="Channel: acc7:+tx, a body, joint:<name>, a MuJoCo sensor; repeatable. "
-            "Default: all accelerometers.",
+            help="Channel: acc7:+tx; of a played signal also a body, joint:<name> or a MuJoCo "
+            "sensor; repeatable. Default: all accelerometers.",
         ),
     ] = None,
     quantity: Annotated[

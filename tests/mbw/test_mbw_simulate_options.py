@@ -116,6 +116,9 @@ def test_what_a_signal_would_ignore_is_refused(model, arguments, words):
         (("--duration", "3"), "--duration belongs to a played signal"),
         (("--band", "3", "5"), "--band belongs to a played signal"),
         (("--quantity", "mobility"), "--quantity belongs to a played signal"),
+        (("--output", "enc"), "a hammer test records accelerometers"),
+        (("--output", "joint:head_tx"), "a hammer test records accelerometers"),
+        (("--output", "acc3"), "such as acc1:+tx"),
     ],
 )
 def test_what_a_hammer_test_would_ignore_is_refused(model, arguments, words):
