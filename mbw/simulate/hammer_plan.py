@@ -74,8 +74,7 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
         block = options.block_s or imitated.block_s
     if options.rate_hz is not None:
         _refuse_empty_band(machine, rate)
-    scatter = HitScatter(double_share=options.double_share)
-    noise, drawn = Noise(), stated
+    scatter, noise, drawn = _scatter(options), _noise(options), stated
     if options.exact:
         scatter = replace(scatter, angle=0.0, place=0.0)
         noise, drawn = Noise(0.0, 0.0), NO_ERRORS
@@ -83,6 +82,24 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
         stated = replace(NO_ERRORS, **{name: getattr(stated, name) for name in machine_tolerances})
     plan = HammerTestPlan(files, rate, block, options.pulse_s or 0.0, scatter, noise)
     return PlannedTest(plan, drawn, stated)
+
+
+def _scatter(options: TestOptions) -> HitScatter:
+    """Return the scatter of the hits: that of the options, else the default of each quantity."""
+    stated = {
+        "peak": options.peak_scatter,
+        "width": options.pulse_scatter,
+        "angle": options.aim_scatter,
+        "place": options.place_scatter,
+    }
+    given = {name: value for name, value in stated.items() if value is not None}
+    return HitScatter(**given, double_share=options.double_share)
+
+
+def _noise(options: TestOptions) -> Noise:
+    """Return the noise of the channels: that of the options, else the default of each channel."""
+    stated = {"motion": options.noise, "force": options.force_noise}
+    return Noise(**{name: value for name, value in stated.items() if value is not None})
 
 
 def _files(machine: Machine, options: TestOptions, suffix: str) -> tuple[RecordedFile, ...]:

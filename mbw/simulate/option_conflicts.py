@@ -7,6 +7,13 @@ from identification.words import UsageError
 from mbw.simulate.option_values import TestOptions
 from mbw.simulate.played_signal import DEFAULT_QUANTITY, PlayOptions
 
+_ZERO_IN_EXACT_TESTS = {
+    "--noise": "no noise",
+    "--force-noise": "no noise",
+    "--aim-scatter": "a steady aim",
+    "--place-scatter": "hits at one place",
+}
+
 
 def refuse_conflicts(test: TestOptions, played: PlayOptions, nominal: Path | None) -> None:
     """Refuse options that a hammer test or a played signal would ignore.
@@ -32,6 +39,11 @@ def refuse_conflicts(test: TestOptions, played: PlayOptions, nominal: Path | Non
         )
     if test.like is not None:
         _refuse_beside_like(test)
+    if test.exact:
+        values = _scatter_values(test)
+        for name, meaning in _ZERO_IN_EXACT_TESTS.items():
+            if values[name]:
+                raise UsageError(f"{name} contradicts --exact, which means {meaning}: drop one")
 
 
 def _refuse_beside_file(played: PlayOptions) -> None:
@@ -94,6 +106,19 @@ def _test_values(test: TestOptions, nominal: Path | None) -> Mapping[str, object
         "--exact": test.exact,
         "--nominal": nominal,
         "--double-hits": test.double_share or None,
+        **_scatter_values(test),
+    }
+
+
+def _scatter_values(test: TestOptions) -> Mapping[str, object]:
+    """Return the options of noise and scatter, by name."""
+    return {
+        "--noise": test.noise,
+        "--force-noise": test.force_noise,
+        "--peak-scatter": test.peak_scatter,
+        "--pulse-scatter": test.pulse_scatter,
+        "--aim-scatter": test.aim_scatter,
+        "--place-scatter": test.place_scatter,
     }
 
 

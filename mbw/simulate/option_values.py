@@ -21,6 +21,12 @@ class TestOptions:
         double_share: share of the hits that bounce.
         exact: whether nothing is noisy or off.
         outputs: channels.
+        noise: density of the noise of accelerometers [m/s^2/sqrt(Hz)].
+        force_noise: density of the noise of the force channel [N/sqrt(Hz)].
+        peak_scatter: largest relative deviation of the peak force.
+        pulse_scatter: largest relative deviation of the pulse's duration.
+        aim_scatter: standard deviation of the aim about each axis [rad].
+        place_scatter: standard deviation of the place along each axis [m].
     """
 
     __test__ = False
@@ -36,3 +42,9 @@ class TestOptions:
     double_share: float
     exact: bool
     outputs: Sequence[str]
+    noise: float | None
+    force_noise: float | None
+    peak_scatter: float | None
+    pulse_scatter: float | None
+    aim_scatter: float | None
+    place_scatter: float | None

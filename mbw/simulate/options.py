@@ -73,6 +73,58 @@ def simulate(  # noqa: PLR0913  # one for each option
     exact: Annotated[
         bool, typer.Option("--exact", help="No noise, no errors of instruments, steady aim.")
     ] = False,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            metavar="DENSITY",
+            help="White noise of accelerometers, one-sided [m/s^2/sqrt(Hz)]. Default: 5e-5.",
+        ),
+    ] = None,
+    force_noise: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            metavar="DENSITY",
+            help="White noise of the force channel, one-sided [N/sqrt(Hz)]. Default: 5e-4.",
+        ),
+    ] = None,
+    peak_scatter: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            max=0.99,
+            metavar="SHARE",
+            help="Largest relative deviation of a hit's peak force. Default: 0.15.",
+        ),
+    ] = None,
+    pulse_scatter: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            max=0.99,
+            metavar="SHARE",
+            help="Largest relative deviation of a pulse's duration. Default: 0.15.",
+        ),
+    ] = None,
+    aim_scatter: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            max=1,
+            metavar="RAD",
+            help="Standard deviation of a hit's direction about each axis [rad]. Default: 0.01.",
+        ),
+    ] = None,
+    place_scatter: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            max=1,
+            metavar="M",
+            help="Standard deviation of a hit's place along each axis [m]. Default: 0.001.",
+        ),
+    ] = None,
     law: Annotated[
         list[str] | None,
         typer.Option(
@@ -188,6 +240,12 @@ def simulate(  # noqa: PLR0913  # one for each option
             "double_share": double_hits,
             "exact": exact,
             "outputs": outputs or [],
+            "noise": noise,
+            "force_noise": force_noise,
+            "peak_scatter": peak_scatter,
+            "pulse_scatter": pulse_scatter,
+            "aim_scatter": aim_scatter,
+            "place_scatter": place_scatter,
         },
         played={
             "signals": signals,

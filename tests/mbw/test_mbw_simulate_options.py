@@ -1,13 +1,17 @@
 """Options of ``mbw simulate``: levels that return, and options that do not fit one another."""
 
 import re
+import tomllib
+from dataclasses import asdict
 
+import numpy as np
 import pytest
 from small_machine import MJCF
 from typer.testing import CliRunner
 
 from identification import read_settings
 from identification.level_check import group_visits
+from mbmodel import HitScatter, Noise
 from mbw.command import app
 from tuning import open_campaign
 
@@ -87,6 +91,7 @@ def test_what_a_test_like_another_would_ignore_is_refused(model, returning, argu
         (("--band", "3", "5"), "--band does not apply to --input"),
         (("--rate", "256"), "--rate does not apply to --input"),
         (("--signal", "step"), "--signal does not apply to --input"),
+        (("--noise", "0"), "--noise belongs to a hammer test"),
         (("--setups", "1"), "--setups belongs to a hammer test"),
     ],
 )
@@ -116,6 +121,9 @@ def test_what_a_signal_would_ignore_is_refused(model, arguments, words):
         (("--duration", "3"), "--duration belongs to a played signal"),
         (("--band", "3", "5"), "--band belongs to a played signal"),
         (("--quantity", "mobility"), "--quantity belongs to a played signal"),
+        (("--exact", "--noise", "1e-4"), "--noise contradicts --exact"),
+        (("--exact", "--aim-scatter", "0.1"), "--aim-scatter contradicts --exact"),
+        (("--aim-scatter", "nan"), "--aim-scatter"),
         (("--output", "enc"), "a hammer test records accelerometers"),
         (("--output", "joint:head_tx"), "a hammer test records accelerometers"),
         (("--output", "acc3"), "such as acc1:+tx"),
@@ -131,3 +139,46 @@ def test_a_nominal_model_without_the_points_of_the_test_is_refused(model, tmp_pa
     arguments = (model, "--nominal", nominal, "--hammer", "3:+tx", *SHORT, "--out", tmp_path / "o")
     assert "has no acc2, acc6, where the test measures" in run(*arguments, code=3)
     run(*arguments, "--output", "acc1:+tx")
+
+
+def test_noise_and_scatter_are_those_of_the_options(model, tmp_path):
+    stated = {
+        "--noise": 0.02,
+        "--force-noise": 0.3,
+        "--peak-scatter": 0.4,
+        "--pulse-scatter": 0.0,
+        "--aim-scatter": 0.03,
+        "--place-scatter": 0.0,
+    }
+    options = [text for name, value in stated.items() for text in (name, value)]
+    run(model, "--hammer", "3:+tx", *options, *SHORT, "--hits", 20, "--out", tmp_path)
+    answer = tomllib.loads((tmp_path / "answer.toml").read_text())
+    assert answer["noise"] == {"motion": 0.02, "force": 0.3}
+    assert answer["scatter"] == {
+        "peak": 0.4,
+        "width": 0.0,
+        "angle": 0.03,
+        "place": 0.0,
+        "double_share": 0.0,
+    }
+    with np.load(tmp_path / "hits_200N.npz") as content:
+        force, response = content["force"], content["response"]
+    # Before the hit there is noise alone, of variance density^2 rate / 2.
+    assert response[:, :, :5].std() == pytest.approx(0.02 * np.sqrt(128), rel=0.1)
+    assert force[:, :5].std() == pytest.approx(0.3 * np.sqrt(128), rel=0.3)
+    assert np.ptp(force.max(axis=1)) > 0.3 * 200
+
+
+def test_the_help_states_the_defaults_of_noise_and_scatter():
+    text = run("--help")
+    noise, scatter = asdict(Noise()), asdict(HitScatter())
+    for option, value in {
+        "--noise": noise["motion"],
+        "--force-noise": noise["force"],
+        "--peak-scatter": scatter["peak"],
+        "--pulse-scatter": scatter["width"],
+        "--aim-scatter": scatter["angle"],
+        "--place-scatter": scatter["place"],
+    }.items():
+        default = re.search(rf"{option} .*?Default: ([0-9.e-]+)\.", text)
+        assert float(default[1]) == value
