@@ -61,8 +61,8 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
         ("--block", options.block_s),
         ("--pulse", options.pulse_s),
     ):
-        if value == 0:
-            raise UsageError(f"{name} 0: give a number above 0, or leave it out")
+        if value is not None and value <= 0:
+            raise UsageError(f"{name} {value:g}: give a number above 0, or leave it out")
     if options.like is None:
         files = _files(machine, options, suffix)
         rate = options.rate_hz or _default_rate(machine)

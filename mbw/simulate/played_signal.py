@@ -117,6 +117,8 @@ def load_signal(options: PlayOptions, seed: int) -> PlayedSignal:
     if not np.isfinite(amplitude):
         raise UsageError(f"--amplitude {amplitude}: give a number")
     rate = _SIGNAL_RATE_HZ if options.rate_hz is None else options.rate_hz
+    if rate <= 0:
+        raise UsageError(f"--rate {rate:g}: give a number above 0, or leave it out")
     duration_s = _SIGNAL_DURATION_S if options.duration_s is None else options.duration_s
     time_s = time_axis(duration_s, rate)
     values = _make_signal(options, kind, amplitude, time_s, seed)
@@ -194,6 +196,7 @@ def write_response(target: Path, time_s: Real, columns: Sequence[tuple[str, str,
         return
     arrays = {"time_s": time_s, "values": values[:, 1:]}
     if target.suffix == ".mat":
-        scipy.io.savemat(target, {**arrays, "labels": np.array(labels, object)})
+        columns_of_mat = {"time_s": time_s[:, None], "labels": np.array(labels, object)}
+        scipy.io.savemat(target, {**arrays, **columns_of_mat})
     else:
         np.savez_compressed(target, allow_pickle=False, labels=np.array(labels), **arrays)

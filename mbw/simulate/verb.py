@@ -24,7 +24,7 @@ from mbw.simulate.option_conflicts import refuse_conflicts
 from mbw.simulate.option_values import TestOptions
 from mbw.simulate.page import PAGE, PageView, hit_views, render
 from mbw.simulate.played_signal import PlayOptions, load_signal, parse_quantity, write_response
-from mbw.simulate.summary import SimulationSummary
+from mbw.simulate.summary import SimulationSummary, count_noun
 from mbw.simulate.units import input_unit, output_unit
 from mbw.site_kinds import sensor_sites
 from mbw.spin_rates import parse_spin_rates
@@ -128,7 +128,7 @@ def make_test(
             if outputs.pictures:
                 text = render(
                     f"{machine.name}: virtual hammer test",
-                    f"{total} hits; the first along each direction is shown",
+                    f"{count_noun(total, 'hit')}; the first along each direction is shown",
                     _step_sentence(test.step),
                     machine.remarks,
                     hit_views(plan, test),
@@ -144,8 +144,8 @@ def make_test(
         duration=plan.block_s,
     ).model_copy(update={"hits": total, "seconds": total * plan.block_s})
     SCREEN.say(_step_sentence(test.step))
-    files = "1 file" if len(plan.files) == 1 else f"{len(plan.files)} files"
-    SCREEN.say(f"{total} hits, {files}: campaign in {output.path}")
+    counts = f"{count_noun(total, 'hit')}, {count_noun(len(plan.files), 'file')}"
+    SCREEN.say(f"{counts}: campaign in {output.path}")
     _say_page(outputs, output.path)
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
         typer.echo(f"mbw identify {output.path}")
@@ -252,7 +252,8 @@ def play_signal(
         )
         write_animation(options.animate, machine, signal.time_s, places.outputs)
     SCREEN.say(_step_sentence(response.step))
-    SCREEN.say(f"{len(readings)} channels, {len(signal.time_s)} samples in {output.path / name}")
+    counts = f"{count_noun(len(readings), 'channel')}, {len(signal.time_s)} samples"
+    SCREEN.say(f"{counts} in {output.path / name}")
     _say_page(outputs, output.path)
     duration = float(signal.time_s[-1] - signal.time_s[0])
     rate = float((len(signal.time_s) - 1) / duration)

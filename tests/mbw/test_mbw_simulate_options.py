@@ -1,11 +1,13 @@
 """Options of ``mbw simulate``: levels that return, and options that do not fit one another."""
 
+import csv
 import re
 import tomllib
 from dataclasses import asdict
 
 import numpy as np
 import pytest
+import scipy.io
 from small_machine import MJCF
 from typer.testing import CliRunner
 
@@ -108,6 +110,7 @@ def test_what_a_played_file_would_ignore_is_refused(model, tmp_path, arguments, 
         (("--signal", "step", "--psd", "a.csv"), "--psd does not apply to a step"),
         (("--psd", "a.csv", "--amplitude", "3"), "--amplitude does not apply to --psd"),
         (("--psd", "a.csv", "--band", "3", "5"), "--band does not apply to --psd"),
+        (("--signal", "step", "--rate", "-5"), "--rate -5: give a number above 0"),
     ],
 )
 def test_what_a_signal_would_ignore_is_refused(model, arguments, words):
@@ -121,6 +124,7 @@ def test_what_a_signal_would_ignore_is_refused(model, arguments, words):
         (("--duration", "3"), "--duration belongs to a played signal"),
         (("--band", "3", "5"), "--band belongs to a played signal"),
         (("--quantity", "mobility"), "--quantity belongs to a played signal"),
+        (("--rate", "-512"), "--rate -512: give a number above 0"),
         (("--exact", "--noise", "1e-4"), "--noise contradicts --exact"),
         (("--exact", "--aim-scatter", "0.1"), "--aim-scatter contradicts --exact"),
         (("--aim-scatter", "nan"), "--aim-scatter"),
@@ -182,3 +186,26 @@ def test_the_help_states_the_defaults_of_noise_and_scatter():
     }.items():
         default = re.search(rf"{option} .*?Default: ([0-9.e-]+)\.", text)
         assert float(default[1]) == value
+
+
+def test_a_response_has_columns_and_units_of_sensors(model, tmp_path):
+    sensors = (
+        '<sensor><jointpos name="enc" joint="head_tx"/><gyro name="imu" site="acc3"/></sensor>'
+    )
+    machine = tmp_path / "sensors.xml"
+    machine.write_text(MJCF.replace("</mujoco>", f"{sensors}</mujoco>"), encoding="utf-8")
+    place = ("--signal", "step", "--at", "acc3:+tx", "--duration", 0.1)
+    outputs = ("--output", "enc", "--output", "imu.2")
+    run(machine, *place, *outputs, "--out", tmp_path / "a")
+    with (tmp_path / "a" / "response.csv").open(newline="") as file:
+        assert next(csv.reader(file))[2:] == ["enc [m]", "imu.2 [rad/s]"]
+    said = run(machine, *place, "--output", "enc", "--format", "mat", "--out", tmp_path / "b")
+    assert "1 channel, 206 samples" in said
+    content = scipy.io.loadmat(tmp_path / "b" / "response.mat")
+    assert content["time_s"].shape == (206, 1)
+    assert content["values"].shape == (206, 2)
+
+
+def test_a_single_hit_is_written_as_a_single_hit(model, tmp_path):
+    said = run(model, "--hammer", "3:+tx", *SHORT, "--hits", 1, "--out", tmp_path)
+    assert "1 hit, 1 file" in said
