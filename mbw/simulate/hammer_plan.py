@@ -2,21 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from identification import read_settings
-from identification.words import (
-    MAX_FREQUENCY_HZ,
-    Campaign,
-    Dof,
-    InputError,
-    Real,
-    Signal,
-    Tolerance,
-    UsageError,
-)
+from identification.words import Dof, Real, Signal, Tolerance, UsageError
 from mbmodel import (
     HammerTestPlan,
     HitScatter,
@@ -28,49 +17,16 @@ from mbmodel import (
 )
 from mbmodel.virtual_test.instruments import NO_ERRORS
 from mbmodel.virtual_test.plan import BAND_SHARE
+from mbw.simulate.imitated_test import DEFAULT_HITS, DEFAULT_LEVEL_N, imitate_campaign
+from mbw.simulate.option_values import TestOptions
+from mbw.simulate.summary import count_noun
 from mbw.site_kinds import hammer_sites, sensor_sites
-from tuning import open_campaign
 
-_DEFAULT_LEVEL_N = 200.0
-_DEFAULT_HITS = 10
 _RECORDER_RATE_HZ = 512.0
 _BAND_OVER_MODES = 1.2  # upper limit of the default band over the highest mode
 # Longest record by default: slow modes need time, fast ones many samples.
 _MAX_RECORD_S, _MAX_RECORD_PERIODS = 4.0, 800
 _MIN_RECORD_SAMPLES, _MAX_RECORD_SAMPLES = 2048, 16384
-
-
-@dataclass(frozen=True)
-class TestOptions:
-    """Values of the options of a virtual hammer test; None and empty for the defaults.
-
-    Args:
-        hammer: hammer points or directions.
-        like: campaign whose test is imitated.
-        levels: mean peak forces [N].
-        hits: hits along each direction.
-        setups: number of roving set-ups.
-        rate_hz: samples per second.
-        block_s: length of a record [s].
-        pulse_s: duration of the pulse [s].
-        double_share: share of the hits that bounce.
-        exact: whether nothing is noisy or off.
-        outputs: channels.
-    """
-
-    __test__ = False
-
-    hammer: Sequence[str]
-    like: Path | None
-    levels: Sequence[float]
-    hits: int | None
-    setups: int
-    rate_hz: float | None
-    block_s: float | None
-    pulse_s: float | None
-    double_share: float
-    exact: bool
-    outputs: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -105,19 +61,20 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
         ("--block", options.block_s),
         ("--pulse", options.pulse_s),
     ):
-        if value == 0:
-            raise UsageError(f"{name} 0: give a number above 0, or leave it out")
+        if value is not None and value <= 0:
+            raise UsageError(f"{name} {value:g}: give a number above 0, or leave it out")
     if options.like is None:
         files = _files(machine, options, suffix)
         rate = options.rate_hz or _default_rate(machine)
         block, stated = options.block_s or _default_block(machine, rate), Tolerance()
     else:
-        files, rate, block, stated = _imitate(options, suffix)
-        rate, block = options.rate_hz or rate, options.block_s or block
+        imitated = imitate_campaign(options, options.like, suffix)
+        files, stated = imitated.files, imitated.tolerance
+        rate = options.rate_hz or imitated.rate_hz
+        block = options.block_s or imitated.block_s
     if options.rate_hz is not None:
         _refuse_empty_band(machine, rate)
-    scatter = HitScatter(double_share=options.double_share)
-    noise, drawn = Noise(), stated
+    scatter, noise, drawn = _scatter(options), _noise(options), stated
     if options.exact:
         scatter = replace(scatter, angle=0.0, place=0.0)
         noise, drawn = Noise(0.0, 0.0), NO_ERRORS
@@ -127,36 +84,77 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
     return PlannedTest(plan, drawn, stated)
 
 
+def _scatter(options: TestOptions) -> HitScatter:
+    """Return the scatter of the hits: that of the options, else the default of each quantity."""
+    stated = {
+        "peak": options.peak_scatter,
+        "width": options.pulse_scatter,
+        "angle": options.aim_scatter,
+        "place": options.place_scatter,
+    }
+    given = {name: value for name, value in stated.items() if value is not None}
+    return HitScatter(**given, double_share=options.double_share)
+
+
+def _noise(options: TestOptions) -> Noise:
+    """Return the noise of the channels: that of the options, else the default of each channel."""
+    stated = {"motion": options.noise, "force": options.force_noise}
+    return Noise(**{name: value for name, value in stated.items() if value is not None})
+
+
 def _files(machine: Machine, options: TestOptions, suffix: str) -> tuple[RecordedFile, ...]:
-    """Return a file for each level and set-up."""
+    """Return a file for each visit to a level and each set-up, in the order of the levels."""
     references = _references(machine, options.hammer)
-    outputs = tuple(Dof.parse(text) for text in options.outputs) or tuple(
+    outputs = tuple(_parse_channel(machine, text) for text in options.outputs) or tuple(
         Dof.of(site, axis) for site in sensor_sites(machine.layout) for axis in range(3)
     )
     sites = list(dict.fromkeys(dof.point for dof in outputs))
-    if options.setups > len(sites):
+    setups = options.setups or 1
+    if setups > len(sites):
         raise UsageError(
-            f"--setups {options.setups}: there are {len(sites)} accelerometers: give at most as "
-            "many set-ups"
+            f"--setups {setups}: the test has {count_noun(len(sites), 'accelerometer')}: give at "
+            "most as many set-ups"
         )
     files = []
-    for level in options.levels or (_DEFAULT_LEVEL_N,):
-        for number, group in enumerate(np.array_split(np.arange(len(sites)), options.setups)):
-            setup = chr(ord("a") + number) if options.setups > 1 else None
+    levels = options.levels or (DEFAULT_LEVEL_N,)
+    for visit, level in zip(_name_visits(levels), levels, strict=True):
+        for number, group in enumerate(np.array_split(np.arange(len(sites)), setups)):
+            setup = chr(ord("a") + number) if setups > 1 else None
             chosen = {sites[k] for k in group}
             files.append(
                 RecordedFile(
-                    file=f"hits_{level:g}N{f'_{setup}' if setup else ''}{suffix}",
+                    file=f"hits_{visit}{f'_{setup}' if setup else ''}{suffix}",
                     level_n=level,
                     outputs=tuple(dof for dof in outputs if dof.point in chosen),
                     references=references,
-                    hits=options.hits or _DEFAULT_HITS,
+                    hits=options.hits or DEFAULT_HITS,
                     setup=setup,
                 )
             )
-    if len({file.file for file in files}) < len(files):
-        raise UsageError("--level gives one level twice: remove one")
     return tuple(files)
+
+
+def _parse_channel(machine: Machine, text: str) -> Dof:
+    """Return the accelerometer and direction that a text names; refuse other outputs."""
+    port = machine.layout.parse(text)
+    if isinstance(port, Signal):
+        example = next(iter(sensor_sites(machine.layout)), "acc1")
+        raise UsageError(
+            f"--output {text}: a hammer test records accelerometers, each by site and direction, "
+            f"such as {example}:+tx; encoders, joints and MuJoCo sensors are outputs of a played "
+            "signal (--signal or --input)"
+        )
+    return port
+
+
+def _name_visits(levels: Sequence[float]) -> list[str]:
+    """Return a name for each visit to a level, such as ``40N`` and ``40N_visit2``."""
+    names = [f"{level:g}N" for level in levels]
+    visits = [names[: k + 1].count(name) for k, name in enumerate(names)]
+    return [
+        name if visit == 1 else f"{name}_visit{visit}"
+        for name, visit in zip(names, visits, strict=True)
+    ]
 
 
 def _references(machine: Machine, texts: Sequence[str]) -> tuple[Dof, ...]:
@@ -220,68 +218,3 @@ def _default_block(machine: Machine, rate_hz: float) -> float:
     samples = rate_hz * min(_MAX_RECORD_S, periods)
     limited = np.clip(samples, _MIN_RECORD_SAMPLES, _MAX_RECORD_SAMPLES)
     return float(2.0 ** round(np.log2(limited)) / rate_hz)
-
-
-def _imitate(
-    options: TestOptions, suffix: str
-) -> tuple[tuple[RecordedFile, ...], float, float, Tolerance]:
-    """Return files, rate [Hz], block [s] and tolerances of a campaign."""
-    source, settings = read_settings(options.like or Path())
-    if settings.model is None:
-        raise InputError(f"{source} names no model: --like needs a campaign with one")
-    if any(entry.variant for entry in settings.test):
-        raise InputError(
-            f"{source}: some [[test]] has a model or pose of its own: simulate a campaign without"
-        )
-    if settings.loop:
-        raise InputError(
-            f"{source}: loop.{next(iter(settings.loop))} was closed during the test, and a "
-            "simulation in time has no controllers: predict its FRFs by mbw predict --closed"
-        )
-    _, _, campaign = open_campaign(source, (0.0, MAX_FREQUENCY_HZ))
-    freq = campaign.freq_hz
-    hits = [test.hits for test in campaign.tests if test.hits is not None]
-    rate = hits[0].rate_hz if hits else float(np.round(freq[-1] / BAND_SHARE, 6))
-    block = hits[0].block_s if hits else float(1 / np.median(np.diff(freq)))
-    names = list(dict.fromkeys(test.condition.test for test in campaign.tests))
-    files = [
-        _imitate_file(campaign, name, options, target)
-        for name, target in zip(names, _record_names(names, suffix), strict=True)
-    ]
-    return tuple(files), rate, block, campaign.tolerance
-
-
-def _record_names(names: Sequence[str], suffix: str) -> list[str]:
-    """Return names of files of records in one folder, each once, for any files of a campaign."""
-    stems = [
-        "_".join(part for part in Path(name).with_suffix("").parts if part not in ("..", "/"))
-        for name in names
-    ]
-    return [
-        f"{stem}{f'_{number + 1}' if stems.count(stem) > 1 else ''}{suffix}"
-        for number, stem in enumerate(stems)
-    ]
-
-
-def _imitate_file(campaign: Campaign, name: str, options: TestOptions, target: str) -> RecordedFile:
-    """Return the file ``target`` of a virtual test that is like a file of a campaign."""
-    tests = [test for test in campaign.tests if test.condition.test == name]
-    references: list[Dof] = []
-    for test in tests:
-        if isinstance(test.condition.reference, Signal):
-            raise InputError(
-                f"{name}: {test.condition.reference} is a motor, which no hammer replaces: play a "
-                "signal at it instead"
-            )
-        references.append(test.condition.reference)
-    condition, estimate, hits = tests[0].condition, tests[0].estimate, tests[0].hits
-    count = estimate.averages if hits is None else len(hits.kept) + len(hits.rejected)
-    return RecordedFile(
-        file=target,
-        level_n=(options.levels or (condition.level_n or _DEFAULT_LEVEL_N,))[0],
-        outputs=tuple(dof for dof in estimate.frf.outputs if isinstance(dof, Dof)),
-        references=tuple(references),
-        hits=options.hits or count or _DEFAULT_HITS,
-        setup=condition.setup,
-        hammer=condition.hammer,
-    )

@@ -28,19 +28,26 @@ def simulate(  # noqa: PLR0913  # one for each option
         typer.Option(
             metavar="CAMPAIGN",
             help="Take hammer points, channels, levels, hits, set-ups, rate and tolerances of "
-            "this campaign.",
+            "this campaign; --level then replaces each of its levels, in their order.",
         ),
     ] = None,
     level: Annotated[
         list[float] | None,
-        typer.Option(metavar="N", help="Mean peak force [N]; repeatable. Default: 200."),
+        typer.Option(
+            metavar="N",
+            help="Mean peak force [N]; repeatable, in the order of the tests, and a level may "
+            "return. Default: 200.",
+        ),
     ] = None,
     hits: Annotated[
         int | None, typer.Option(min=1, max=1000, help="Hits along each direction. Default: 10.")
     ] = None,
     setups: Annotated[
-        int, typer.Option(min=1, max=26, help="Roving set-ups that share the accelerometers.")
-    ] = 1,
+        int | None,
+        typer.Option(
+            min=1, max=26, help="Roving set-ups that share the accelerometers. Default: 1."
+        ),
+    ] = None,
     rate: Annotated[
         float | None,
         typer.Option(
@@ -50,7 +57,9 @@ def simulate(  # noqa: PLR0913  # one for each option
     ] = None,
     block: Annotated[
         float | None,
-        typer.Option(metavar="S", help="Length of the record of a hit [s]. Default: 2048 samples."),
+        typer.Option(
+            metavar="S", help="Length of the record of a hit [s]. Default: 4, less for fast modes."
+        ),
     ] = None,
     pulse: Annotated[
         float | None,
@@ -64,6 +73,58 @@ def simulate(  # noqa: PLR0913  # one for each option
     exact: Annotated[
         bool, typer.Option("--exact", help="No noise, no errors of instruments, steady aim.")
     ] = False,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            metavar="DENSITY",
+            help="White noise of accelerometers, one-sided [m/s^2/sqrt(Hz)]. Default: 5e-5.",
+        ),
+    ] = None,
+    force_noise: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            metavar="DENSITY",
+            help="White noise of the force channel, one-sided [N/sqrt(Hz)]. Default: 5e-4.",
+        ),
+    ] = None,
+    peak_scatter: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            max=0.99,
+            metavar="SHARE",
+            help="Largest relative deviation of a hit's peak force. Default: 0.15.",
+        ),
+    ] = None,
+    pulse_scatter: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            max=0.99,
+            metavar="SHARE",
+            help="Largest relative deviation of a pulse's duration. Default: 0.15.",
+        ),
+    ] = None,
+    aim_scatter: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            max=1,
+            metavar="RAD",
+            help="Standard deviation of a hit's direction about each axis [rad]. Default: 0.01.",
+        ),
+    ] = None,
+    place_scatter: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            max=1,
+            metavar="M",
+            help="Standard deviation of a hit's place along each axis [m]. Default: 0.001.",
+        ),
+    ] = None,
     law: Annotated[
         list[str] | None,
         typer.Option(
@@ -98,10 +159,14 @@ def simulate(  # noqa: PLR0913  # one for each option
         ),
     ] = None,
     amplitude: Annotated[
-        float,
-        typer.Option(help="Height of a step or chirp, rms of noise [N, N m, m/s^2, control]."),
-    ] = 1.0,
-    duration: Annotated[float, typer.Option(metavar="S", help="Length of the signal [s].")] = 2.0,
+        float | None,
+        typer.Option(
+            help="Height of a step or chirp, rms of noise [N, N m, m/s^2, control]. Default: 1."
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", help="Length of the signal [s]. Default: 2.")
+    ] = None,
     band: Annotated[
         tuple[float, float] | None,
         typer.Option(metavar="LOW HIGH", help="Band of chirp and noise [Hz]. Default: 5 to 200."),
@@ -117,8 +182,8 @@ def simulate(  # noqa: PLR0913  # one for each option
         typer.Option(
             "--output",
             metavar="LABEL",
-            help="Channel: acc7:+tx, a body, joint:<name>, a MuJoCo sensor; repeatable. "
-            "Default: all accelerometers.",
+            help="Channel: acc7:+tx; of a played signal also a body, joint:<name> or a MuJoCo "
+            "sensor; repeatable. Default: all accelerometers.",
         ),
     ] = None,
     quantity: Annotated[
@@ -175,6 +240,12 @@ def simulate(  # noqa: PLR0913  # one for each option
             "double_share": double_hits,
             "exact": exact,
             "outputs": outputs or [],
+            "noise": noise,
+            "force_noise": force_noise,
+            "peak_scatter": peak_scatter,
+            "pulse_scatter": pulse_scatter,
+            "aim_scatter": aim_scatter,
+            "place_scatter": place_scatter,
         },
         played={
             "signals": signals,

@@ -22,6 +22,8 @@ from mbmodel.simulation.signals import (
 KINDS = ("step", "chirp", "noise", "psd")
 _SIGNAL_BAND_HZ = (5.0, 200.0)
 _SIGNAL_RATE_HZ = 2048.0
+_SIGNAL_AMPLITUDE, _SIGNAL_DURATION_S = 1.0, 2.0
+DEFAULT_QUANTITY: Quantity = "accelerance"
 
 
 @dataclass(frozen=True)
@@ -32,8 +34,8 @@ class PlayOptions:
         signals: CSV of time and inputs; None for a signal that is made.
         kind: of the signal that is made: step, chirp, noise, psd; None for none.
         at: label of its input.
-        amplitude: height, or rms of noise.
-        duration_s: length [s].
+        amplitude: height, or rms of noise; None for 1.
+        duration_s: length [s]; None for 2.
         rate_hz: samples per second; None for 2048.
         band: of chirp and noise [Hz]; None for 5 to 200 Hz.
         psd: table of frequency and power density; None for none.
@@ -45,8 +47,8 @@ class PlayOptions:
     signals: Path | None
     kind: str | None
     at: str | None
-    amplitude: float
-    duration_s: float
+    amplitude: float | None
+    duration_s: float | None
     rate_hz: float | None
     band: tuple[float, float] | None
     psd: Path | None
@@ -98,8 +100,6 @@ def load_signal(options: PlayOptions, seed: int) -> PlayedSignal:
         InputError: a table cannot be read.
     """
     if options.signals is not None:
-        if options.kind is not None or options.psd is not None:
-            raise UsageError("--input plays a file, so --signal and --psd have no place: drop one")
         labels, table = _read_table(options.signals)
         try:
             even_step(table[:, 0])
@@ -113,15 +113,21 @@ def load_signal(options: PlayOptions, seed: int) -> PlayedSignal:
         raise UsageError(f"--signal {kind!r}: write one of {', '.join(KINDS)}")
     if options.at is None:
         raise UsageError("--signal needs the place where it acts: add --at, such as hit11:+tx")
-    if not np.isfinite(options.amplitude):
-        raise UsageError(f"--amplitude {options.amplitude}: give a number")
+    amplitude = _SIGNAL_AMPLITUDE if options.amplitude is None else options.amplitude
+    if not np.isfinite(amplitude):
+        raise UsageError(f"--amplitude {amplitude}: give a number")
     rate = _SIGNAL_RATE_HZ if options.rate_hz is None else options.rate_hz
-    time_s = time_axis(options.duration_s, rate)
-    values = _make_signal(options, kind, time_s, seed)
+    if rate <= 0:
+        raise UsageError(f"--rate {rate:g}: give a number above 0, or leave it out")
+    duration_s = _SIGNAL_DURATION_S if options.duration_s is None else options.duration_s
+    time_s = time_axis(duration_s, rate)
+    values = _make_signal(options, kind, amplitude, time_s, seed)
     return PlayedSignal((options.at,), time_s, values[:, None])
 
 
-def _make_signal(options: PlayOptions, kind: str, time_s: Real, seed: int) -> Real:
+def _make_signal(
+    options: PlayOptions, kind: str, amplitude: float, time_s: Real, seed: int
+) -> Real:
     """Return step, chirp or noise; (n_time,)."""
     low, high = band = options.band or _SIGNAL_BAND_HZ
     nyquist = 0.5 / (time_s[1] - time_s[0])
@@ -130,13 +136,13 @@ def _make_signal(options: PlayOptions, kind: str, time_s: Real, seed: int) -> Re
             f"--band {low:g} {high:g}: give LOW below HIGH, at most half the rate, {nyquist:g} Hz"
         )
     if kind == "step":
-        return step_signal(time_s, options.amplitude)
+        return step_signal(time_s, amplitude)
     if kind == "chirp":
-        return chirp_signal(time_s, options.amplitude, band)
+        return chirp_signal(time_s, amplitude, band)
     if (kind == "psd") != (options.psd is not None):
         raise UsageError("--signal psd and --psd FILE belong together: give both, or noise")
     if options.psd is None:
-        freq_hz, density = flat_density(options.amplitude, band)
+        freq_hz, density = flat_density(amplitude, band)
     else:
         _, table = _read_table(options.psd)
         freq_hz, density = table[:, 0], table[:, 1]
@@ -190,6 +196,7 @@ def write_response(target: Path, time_s: Real, columns: Sequence[tuple[str, str,
         return
     arrays = {"time_s": time_s, "values": values[:, 1:]}
     if target.suffix == ".mat":
-        scipy.io.savemat(target, {**arrays, "labels": np.array(labels, object)})
+        columns_of_mat = {"time_s": time_s[:, None], "labels": np.array(labels, object)}
+        scipy.io.savemat(target, {**arrays, **columns_of_mat})
     else:
         np.savez_compressed(target, allow_pickle=False, labels=np.array(labels), **arrays)

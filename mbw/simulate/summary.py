@@ -35,3 +35,13 @@ class SimulationSummary(BaseModel):
     rate: Number
     duration: Number
     seconds: Number
+
+
+def count_noun(count: int, noun: str) -> str:
+    """Return a number with its noun, such as ``1 hit`` and ``10 hits``.
+
+    Args:
+        count: number of things.
+        noun: their name, in the singular.
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -19,9 +19,13 @@ def input_unit(machine: Machine, drive: Input | JointDof) -> str:
 
 
 def output_unit(machine: Machine, reading: Reading, quantity: Quantity) -> str:
-    """Return the unit of an output: a joint gives its position, a sensor what MuJoCo defines."""
+    """Return the unit of an output: a joint gives its position, a sensor what MuJoCo defines.
+
+    A sensor that has no linear model, such as a rangefinder, gives ``sensor``.
+    """
     if isinstance(reading, SensorValue):
-        return "sensor"
+        known = machine.sensors.readings.get(str(reading))
+        return "sensor" if known is None else known.unit
     if isinstance(reading, JointDof):
         return "rad" if _turns(machine, reading) else "m"
     return MOTION_UNITS[quantity][reading.is_rotation]

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import typer
 
-from identification.words import Dof, InputError, UsageError
-from mbmodel import TimeStep, load_machine, simulate, strike, write_mjcf
+from identification.words import Dof, InputError, UsageError, shorten_names
+from mbmodel import Machine, TimeStep, load_machine, simulate, strike, write_mjcf
 from mbmodel.simulation.drives import parse_drive, parse_reading
 from mbw.animation.files import check_picture_target
 from mbw.files import write_json
@@ -18,11 +18,13 @@ from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
 from mbw.simulate.animation import write_animation
 from mbw.simulate.campaign_folder import ANSWER, CAMPAIGN, MODEL, TRUE_MODEL, write_campaign
-from mbw.simulate.hammer_plan import TestOptions, plan_test
+from mbw.simulate.hammer_plan import PlannedTest, plan_test
 from mbw.simulate.joint_laws import SimulatedMachine, open_machine
+from mbw.simulate.option_conflicts import refuse_conflicts
+from mbw.simulate.option_values import TestOptions
 from mbw.simulate.page import PAGE, PageView, hit_views, render
 from mbw.simulate.played_signal import PlayOptions, load_signal, parse_quantity, write_response
-from mbw.simulate.summary import SimulationSummary
+from mbw.simulate.summary import SimulationSummary, count_noun
 from mbw.simulate.units import input_unit, output_unit
 from mbw.site_kinds import sensor_sites
 from mbw.spin_rates import parse_spin_rates
@@ -50,19 +52,17 @@ def run_options(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.simulate.options`` describes them."""
     test_options, play_options = TestOptions(**test), PlayOptions(**played)
+    refuse_conflicts(test_options, play_options, nominal)
     outputs = ResultOptions(out, json, overwrite, pictures)
     rates = parse_spin_rates(spin)
     with open_machine(model, laws, rates, key) as simulated:
         for remark in simulated.machine.remarks:
             SCREEN.say(remark)
         if play_options.is_asked:
-            _refuse_test_options(test_options, nominal)
             summary = play_signal(
                 simulated, play_options, outputs, rates, file_format or "csv", seed
             )
         else:
-            if play_options.animate is not None:
-                raise UsageError("--animate shows a played signal: add --signal or --input")
             summary = make_test(
                 simulated,
                 test_options,
@@ -75,24 +75,6 @@ def run_options(  # noqa: PLR0913  # one for each option
             )
     if json is not None:
         write_json(summary.model_dump_json(indent=1), json)
-
-
-def _refuse_test_options(options: TestOptions, nominal: Path | None) -> None:
-    """Refuse options of a hammer test beside a played signal."""
-    given = {
-        "--hammer": options.hammer,
-        "--like": options.like,
-        "--level": options.levels,
-        "--hits": options.hits,
-        "--block": options.block_s,
-        "--pulse": options.pulse_s,
-        "--exact": options.exact,
-        "--nominal": nominal,
-        "--double-hits": options.double_share,
-    }
-    wrong = [name for name, value in given.items() if value]
-    if wrong:
-        raise UsageError(f"{wrong[0]} belongs to a hammer test, but a signal is played: drop one")
 
 
 def make_test(
@@ -120,9 +102,10 @@ def make_test(
     """
     _check_format(file_format, _RECORD_FORMATS)
     machine = simulated.machine
-    _check_nominal(simulated, nominal)
+    drawing = _load_nominal(simulated, nominal)
     planned = plan_test(machine, options, f".{file_format}")
     plan = planned.plan
+    _refuse_missing_points(drawing, planned)
     names = [CAMPAIGN, MODEL, TRUE_MODEL, ANSWER, PAGE, *(file.file for file in plan.files)]
     total = sum(file.hits * len(file.references) for file in plan.files)
     with outputs.open("simulate", simulated.source, "simulated", names) as output:
@@ -145,7 +128,7 @@ def make_test(
             if outputs.pictures:
                 text = render(
                     f"{machine.name}: virtual hammer test",
-                    f"{total} hits; the first along each direction is shown",
+                    f"{count_noun(total, 'hit')}; the first along each direction is shown",
                     _step_sentence(test.step),
                     machine.remarks,
                     hit_views(plan, test),
@@ -161,18 +144,18 @@ def make_test(
         duration=plan.block_s,
     ).model_copy(update={"hits": total, "seconds": total * plan.block_s})
     SCREEN.say(_step_sentence(test.step))
-    files = "1 file" if len(plan.files) == 1 else f"{len(plan.files)} files"
-    SCREEN.say(f"{total} hits, {files}: campaign in {output.path}")
+    counts = f"{count_noun(total, 'hit')}, {count_noun(len(plan.files), 'file')}"
+    SCREEN.say(f"{counts}: campaign in {output.path}")
     _say_page(outputs, output.path)
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
         typer.echo(f"mbw identify {output.path}")
     return summary
 
 
-def _check_nominal(simulated: SimulatedMachine, nominal: Path | None) -> None:
-    """Refuse a model that the campaign could not name: other verbs could not read it."""
+def _load_nominal(simulated: SimulatedMachine, nominal: Path | None) -> Machine:
+    """Return the model that the campaign names; refuse one that other verbs could not read."""
     try:
-        load_machine(nominal or simulated.source, key=simulated.machine.keyframe)
+        return load_machine(nominal or simulated.source, key=simulated.machine.keyframe)
     except InputError as error:
         if nominal is not None:
             raise
@@ -180,6 +163,18 @@ def _check_nominal(simulated: SimulatedMachine, nominal: Path | None) -> None:
             f"{error}, or name a nominal model without it by --nominal, which the campaign then "
             "states"
         ) from error
+
+
+def _refuse_missing_points(nominal: Machine, planned: PlannedTest) -> None:
+    """Refuse a nominal model without the points of a test: its campaign could not be read."""
+    names = (*nominal.layout.points, *nominal.layout.bodies)
+    dofs = [dof for file in planned.plan.files for dof in (*file.outputs, *file.references)]
+    missing = list(dict.fromkeys(dof.point for dof in dofs if dof.point not in names))
+    if missing:
+        raise InputError(
+            f"--nominal {nominal.source} has no {shorten_names(missing)}, where the test measures "
+            "or hits: add sites of these names to it, or test fewer points"
+        )
 
 
 def play_signal(
@@ -257,7 +252,8 @@ def play_signal(
         )
         write_animation(options.animate, machine, signal.time_s, places.outputs)
     SCREEN.say(_step_sentence(response.step))
-    SCREEN.say(f"{len(readings)} channels, {len(signal.time_s)} samples in {output.path / name}")
+    counts = f"{count_noun(len(readings), 'channel')}, {len(signal.time_s)} samples"
+    SCREEN.say(f"{counts} in {output.path / name}")
     _say_page(outputs, output.path)
     duration = float(signal.time_s[-1] - signal.time_s[0])
     rate = float((len(signal.time_s) - 1) / duration)

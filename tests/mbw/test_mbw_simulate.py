@@ -26,7 +26,7 @@ from mbmodel import (
 )
 from mbw.command import app
 from mbw.simulate import hammer_plan
-from mbw.simulate.hammer_plan import _record_names
+from mbw.simulate.imitated_test import name_records
 from tuning import open_campaign
 
 RUNNER = CliRunner()
@@ -288,5 +288,5 @@ def test_the_default_rate_holds_all_modes_and_the_record_the_slow_ones(tmp_path,
 
 
 def test_files_of_one_name_in_several_folders_stay_apart():
-    names = _record_names(["a/hits.uff", "b/hits.uff", "b/hits.mat", "../c.uff"], ".npz")
+    names = name_records(["a/hits.uff", "b/hits.uff", "b/hits.mat", "../c.uff"], ".npz")
     assert names == ["a_hits.npz", "b_hits_2.npz", "b_hits_3.npz", "c.npz"]
