@@ -15,6 +15,7 @@ import mujoco.rollout
 import numpy as np
 
 from identification.words import ConvergenceError, Real
+from mbmodel.nonlinear_joints.friction_solver import set_friction_solver
 from mbmodel.simulation.drives import CONTROL_SPEC, rest_controls
 from mbmodel.simulation.time_model import TimeModel
 
@@ -71,6 +72,7 @@ def integrate(
     compiled = model.compiled
     compiled.opt.integrator = INTEGRATORS[step.integrator]
     compiled.opt.timestep = step.step_s
+    set_friction_solver(compiled, step.step_s)
     records = len(gains)
     workers = [mujoco.MjData(compiled) for _ in range(max(1, min(threads, records)))]
     state = np.tile(model.start, (records, 1))
