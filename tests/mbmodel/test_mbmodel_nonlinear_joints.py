@@ -70,6 +70,22 @@ def test_several_joints_are_read_together(drawing):
     assert read_nonlinear_joints(drawing) == ()
 
 
+def test_two_laws_of_one_spring_are_refused_in_either_order(drawing):
+    spring, gap = PolynomialSpring("slide", 1e4, 0.0, 5e10), GapSpring("slide", 2e4, 1e-4)
+    for laws in ((spring, gap), (gap, spring), (gap, gap)):
+        with pytest.raises(UsageError, match="'slide' has two laws of its own spring"):
+            written(drawing, *laws)
+    with pytest.raises(UsageError, match="two laws of its dry friction"):
+        written(drawing, DryFriction("slide", 2.0), DryFriction("slide", 3.0))
+    beside = (spring, JenkinsElement("slide", 4e4, 3.0), DryFriction("slide", 2.0))
+    read = {(type(law), law.joint) for law in read_nonlinear_joints(written(drawing, *beside))}
+    assert read == {(type(law), law.joint) for law in beside}
+    # Both forces act at once: friction of the tendon beside the cubic spring.
+    force = cycle_joint(written(drawing, *beside[:2]), "slide", PLACES)
+    wanted = spring.follow(PLACES) + beside[1].follow(PLACES)
+    assert np.abs(force - wanted).max() < 2e-6 * np.abs(wanted).max()
+
+
 @pytest.mark.parametrize("law", SPRINGS, ids=str)
 def test_the_force_in_a_quasi_static_cycle_is_that_of_the_law(drawing, law):
     # The laws' own formulas, with a slider's memory: no line of MuJoCo's.

@@ -251,6 +251,11 @@ def test_a_wrong_law_is_refused(model, law, words):
     assert words in run(model, "--law", law, code=2)
 
 
+def test_two_laws_of_one_spring_are_refused(model):
+    laws = ("--law", "head_tx:hardening:k3=1e14", "--law", "head_tx:backlash:gap=1e-6")
+    assert "'head_tx' has two laws of its own spring" in run(model, *laws, code=2)
+
+
 def test_a_played_signal_becomes_a_moving_picture_and_a_page(model, tmp_path, monkeypatch):
     monkeypatch.setattr("mbw.simulate.animation._PICTURE_COUNT", 10)  # rendering takes long
     target = tmp_path / "motion.gif"
