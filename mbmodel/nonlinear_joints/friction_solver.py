@@ -31,14 +31,15 @@ import numpy as np
 from identification.words import Real
 
 _TIME_CONSTANT_S = 1e-9  # below every step, so that refsafe sets it to two steps
-_IMPEDANCE = 0.9999  # the largest that MuJoCo admits (mjMAXIMP)
-_MIN_IMPEDANCE = 0.9  # the force still reverses within a step, for steps below 1 us
+IMPEDANCE_RANGE = (1e-4, 0.9999)  # to which MuJoCo clips impedances (mjMINIMP, mjMAXIMP)
+_MAX_IMPEDANCE = IMPEDANCE_RANGE[1]
+_MIN_STEP_IMPEDANCE = 0.9  # the force still reverses within a step, for steps below 1 us
 # Damper over mass, below the limit, for steps of 1 us to 1 ms; 1 N on 1 kg creeps by 0.1 um/s. A
 # creep that depended on the step would look like an error of the step.
 CREEP_RATE = 1e7  # 1/s
 FRICTION_SOLVER: dict[str, tuple[float, ...]] = {
     "solreffriction": (_TIME_CONSTANT_S, 1.0),
-    "solimpfriction": (_IMPEDANCE, _IMPEDANCE, 0.001),
+    "solimpfriction": (_MAX_IMPEDANCE, _MAX_IMPEDANCE, 0.001),
 }
 # Settings that a simulation replaces: MuJoCo's defaults, with which friction is soft, and those
 # that write_nonlinear_joints wrote before, which lead by 17 deg at 50 Hz.
@@ -63,7 +64,9 @@ def set_friction_solver(compiled: mujoco.MjModel, step_s: float) -> None:
         compiled: the compiled model, which is changed.
         step_s: of the integration [s].
     """
-    impedance = float(np.clip(1.0 - 1.0 / (CREEP_RATE * step_s), _MIN_IMPEDANCE, _IMPEDANCE))
+    impedance = float(
+        np.clip(1.0 - 1.0 / (CREEP_RATE * step_s), _MIN_STEP_IMPEDANCE, _MAX_IMPEDANCE)
+    )
     rows = (
         (compiled.dof_frictionloss, compiled.dof_solref, compiled.dof_solimp),
         (compiled.tendon_frictionloss, compiled.tendon_solref_fri, compiled.tendon_solimp_fri),
@@ -99,7 +102,7 @@ def reversal_rate(reference: Real, impedance: Real) -> float | None:
     """
     if is_replaced(reference, impedance) or reference[0] == _TIME_CONSTANT_S:
         return None
-    width_impedance = float(np.clip(impedance[1], 1e-4, _IMPEDANCE))
+    width_impedance = float(np.clip(impedance[1], *IMPEDANCE_RANGE))
     if reference[0] > 0:
         return 2.0 / (width_impedance * float(reference[0]))
     return float(-reference[1]) / width_impedance
@@ -112,5 +115,5 @@ def creep_rate(rate: float, impedance: Real) -> float:
         rate: at which the force reverses, b [1/s].
         impedance: ``solimpfriction``; (5,).
     """
-    constant = float(np.clip(impedance[0], 1e-4, _IMPEDANCE))
+    constant = float(np.clip(impedance[0], *IMPEDANCE_RANGE))
     return rate * constant / (1.0 - constant)

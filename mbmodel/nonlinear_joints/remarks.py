@@ -52,7 +52,8 @@ def _dry_friction_remark(law: DryFriction, compiled: mujoco.MjModel, coordinate:
     if rate is None:
         return f"{start}mbw simulate has all of it"
     creep = creep_rate(rate, impedance) / float(compiled.dof_invweight0[coordinate])
-    unit = "N s/m" if compiled.jnt_type[compiled.dof_jntid[coordinate]] == _SLIDE else "N m s/rad"
+    is_slide = mujoco.mjtJoint(compiled.jnt_type[compiled.dof_jntid[coordinate]]) == _SLIDE
+    unit = "N s/m" if is_slide else "N m s/rad"
     return (
         f"{start}mbw simulate has it with the solreffriction and solimpfriction of the file: its "
         f"force leads the motion by 45 deg at {rate / (2 * np.pi):.3g} Hz, and below its limit it "

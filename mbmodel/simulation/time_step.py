@@ -9,7 +9,7 @@ from identification.words import ConvergenceError, Real
 from mbmodel.machine import Machine
 from mbmodel.model import as_drawn
 from mbmodel.nonlinear_joints.friction_solver import has_dry_friction
-from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
+from mbmodel.simulation.integration import InputMeans, TimeStep, cause_of_growth, integrate
 from mbmodel.simulation.low_pass import Decimator, filter_taps, half_width_s
 from mbmodel.simulation.time_model import TimeModel
 
@@ -140,8 +140,12 @@ def choose_time_step(
     if not np.isfinite(best.error):
         raise ConvergenceError(
             f"{model.machine.source}: the motion grows without bound with steps down to "
-            f"{best.step_s:.2g} s: the machine is unstable, the inputs are out of scale, or a "
-            f"motion is too fast (up to {pole / (2 * np.pi):.3g} Hz), which is better left rigid"
+            f"{best.step_s:.2g} s: "
+            + (
+                cause_of_growth(model)
+                or "the machine is unstable, the inputs are out of scale, or a motion is too fast "
+                f"(up to {pole / (2 * np.pi):.3g} Hz), which is better left rigid"
+            )
         )
     return best
 

@@ -147,7 +147,7 @@ def make_test(
                     f"{machine.name}: virtual hammer test",
                     f"{total} hits; the first along each direction is shown",
                     _step_sentence(test.step),
-                    machine.remarks,
+                    (*machine.remarks, *test.remarks),
                     hit_views(plan, test),
                 )
                 (place / PAGE).write_text(text, encoding="utf-8")
@@ -160,6 +160,8 @@ def make_test(
         rate=plan.rate_hz,
         duration=plan.block_s,
     ).model_copy(update={"hits": total, "seconds": total * plan.block_s})
+    for remark in test.remarks:
+        SCREEN.say(remark)
     SCREEN.say(_step_sentence(test.step))
     files = "1 file" if len(plan.files) == 1 else f"{len(plan.files)} files"
     SCREEN.say(f"{total} hits, {files}: campaign in {output.path}")
@@ -241,7 +243,7 @@ def play_signal(
                     f"{machine.name}: response in time",
                     f"inputs: {len(drives)}, outputs: {len(readings)}",
                     _step_sentence(response.step),
-                    machine.remarks,
+                    (*machine.remarks, *response.remarks),
                     [PageView("", signal.time_s, inputs, motion)],
                 )
                 (place / PAGE).write_text(text, encoding="utf-8")
@@ -256,6 +258,8 @@ def play_signal(
             spin=rates,
         )
         write_animation(options.animate, machine, signal.time_s, places.outputs)
+    for remark in response.remarks:
+        SCREEN.say(remark)
     SCREEN.say(_step_sentence(response.step))
     SCREEN.say(f"{len(readings)} channels, {len(signal.time_s)} samples in {output.path / name}")
     _say_page(outputs, output.path)
