@@ -19,7 +19,7 @@ The flag ``refsafe``, on by default, raises T to 2 h. A T far below any step thu
 b = 1 / (d h): friction then vanishes or reverses with v + d h a, the velocity at the end of the
 step. That is the time-stepping scheme of Moreau (1988) and Jean (1999) for Coulomb friction, of
 first order in h and stable for every h. The remaining creep is that of a damper m / (h (1 - d)). In
-a simulation d follows from the step, so that this is 1e7 1/s times the mass, whatever the step.
+a simulation d follows from the step, so that this is 1e8 1/s times the mass for steps up to 0.1 ms.
 
 The direct format (-stiffness, -damping) has a fixed b = damping / d, which ``refsafe`` does not
 bound: one b is either late for short steps or unstable for long ones.
@@ -33,10 +33,10 @@ from identification.words import Real
 _TIME_CONSTANT_S = 1e-9  # below every step, so that refsafe sets it to two steps
 IMPEDANCE_RANGE = (1e-4, 0.9999)  # to which MuJoCo clips impedances (mjMINIMP, mjMAXIMP)
 _MAX_IMPEDANCE = IMPEDANCE_RANGE[1]
-_MIN_STEP_IMPEDANCE = 0.9  # the force still reverses within a step, for steps below 1 us
-# Damper over mass, below the limit, for steps of 1 us to 1 ms; 1 N on 1 kg creeps by 0.1 um/s. A
+_MIN_STEP_IMPEDANCE = 0.9  # the force still reverses within a step, for steps below 0.1 us
+# Damper over mass, below the limit, for steps of 0.1 us to 0.1 ms; 1 N on 1 kg creeps by 10 nm/s. A
 # creep that depended on the step would look like an error of the step.
-CREEP_RATE = 1e7  # 1/s
+CREEP_RATE = 1e8  # 1/s
 FRICTION_SOLVER: dict[str, tuple[float, ...]] = {
     "solreffriction": (_TIME_CONSTANT_S, 1.0),
     "solimpfriction": (_MAX_IMPEDANCE, _MAX_IMPEDANCE, 0.001),

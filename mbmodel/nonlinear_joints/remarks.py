@@ -47,7 +47,10 @@ def _dry_friction_remark(law: DryFriction, compiled: mujoco.MjModel, coordinate:
     reference, impedance = compiled.dof_solref[coordinate], compiled.dof_solimp[coordinate]
     start = f"joint {law.joint!r} has {describe_law(law)}: the linear model leaves it out; "
     if is_replaced(reference, impedance):
-        return f"{start}mbw simulate has all of it, with a solver setting that does not creep"
+        return (
+            f"{start}mbw simulate has all of it, with a harder setting of MuJoCo's solver than the "
+            "file's, which creeps or leads the motion"
+        )
     rate = reversal_rate(reference, impedance)
     if rate is None:
         return f"{start}mbw simulate has all of it"
