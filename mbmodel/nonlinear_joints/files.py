@@ -5,7 +5,7 @@ from pathlib import Path
 
 import mujoco
 
-from identification.words import InputError
+from identification.words import InputError, UsageError
 from mbmodel.mjcf.edit import Addition, Edit, write_mjcf
 from mbmodel.mjcf.names import joint_name
 from mbmodel.mjcf.read import compile_with_remarks
@@ -20,6 +20,13 @@ from mbmodel.nonlinear_joints.laws import (
 )
 
 _SINGLE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+# Part of a joint that each law replaces.
+_REPLACED_PARTS: dict[type, str] = {
+    PolynomialSpring: "own spring (hardening, backlash)",
+    GapSpring: "own spring (hardening, backlash)",
+    JenkinsElement: "friction that sticks as a spring",
+    DryFriction: "dry friction",
+}
 _RATIO_MARGIN = 10.0  # a spring this many times stiffer than a preload's is no preload
 
 
@@ -33,9 +40,11 @@ def write_nonlinear_joints(source: Path, target: Path, joints: Sequence[Nonlinea
 
     Raises:
         InputError: the file has no such joint, or cannot hold the law there.
+        UsageError: two laws replace the same part of a joint.
     """
     compiled, _ = compile_with_remarks(source, without_friction=True)
     numbers = {joint_name(compiled, k): k for k in _single_joints(compiled)}
+    _refuse_two_springs(joints)
     changes: list[Edit | Addition] = []
     for law in joints:
         if law.joint not in numbers:
@@ -46,6 +55,20 @@ def write_nonlinear_joints(source: Path, target: Path, joints: Sequence[Nonlinea
         changes += law.changes(_spring_reference(compiled, numbers[law.joint]))
     if refused := write_mjcf(source, target, changes):
         raise InputError(f"{source}: {refused[0]}: write the joint into the file itself")
+
+
+def _refuse_two_springs(joints: Sequence[NonlinearJoint]) -> None:
+    """Refuse laws of a joint of which one would overwrite the other.
+
+    A polynomial spring and a gap both replace the joint's own spring. A Jenkins element and dry
+    friction stand beside it, so a joint may have one of each besides.
+    """
+    named: set[tuple[str, str]] = set()
+    for law in joints:
+        part = _REPLACED_PARTS[type(law)]
+        if (law.joint, part) in named:
+            raise UsageError(f"joint {law.joint!r} has two laws of its {part}: state one of them")
+        named.add((law.joint, part))
 
 
 def read_nonlinear_joints(path: Path) -> tuple[NonlinearJoint, ...]:

@@ -22,17 +22,12 @@ import numpy as np
 
 from identification.words import Real, UsageError
 from mbmodel.mjcf.edit import Addition, Edit, Element
+from mbmodel.nonlinear_joints.friction_solver import FRICTION_SOLVER
 
 FRICTION_SUFFIX, GAP_SUFFIX, PRELOAD_SUFFIX = "_friction", "_gap", "_preload"
 # Stiffness of the spring that gives a preload, over that of the gap's stops: the preload changes
 # by this share of what the stops carry.
 PRELOAD_STIFFNESS_RATIO = 1e-6
-# MuJoCo's dry friction gives way like a damper m 2 / (t (1 - d)) below its limit, with the mass m
-# that the joint moves, and t, d of its solver: 1e6 m here, and some 1.4e3 m by default.
-_FRICTION_SOLVER: dict[str, float | Sequence[float]] = {
-    "solreffriction": (0.002, 1.0),
-    "solimpfriction": (0.999, 0.999, 0.001),
-}
 
 
 @dataclass(frozen=True)
@@ -144,7 +139,7 @@ class DryFriction:
         """
         del spring_reference
         values: dict[str, float | Sequence[float]] = {"frictionloss": self.limit}
-        return (Edit("spring", self.joint, values | _FRICTION_SOLVER),)
+        return (Edit("spring", self.joint, values | FRICTION_SOLVER),)
 
 
 @dataclass(frozen=True)

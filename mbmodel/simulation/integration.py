@@ -15,7 +15,9 @@ import mujoco.rollout
 import numpy as np
 
 from identification.words import ConvergenceError, Real
+from mbmodel.nonlinear_joints.friction_solver import set_friction_solver
 from mbmodel.simulation.drives import CONTROL_SPEC, rest_controls
+from mbmodel.simulation.joint_reach import JointReach, unstable_springs
 from mbmodel.simulation.time_model import TimeModel
 
 _MAX_INTEGRATED_BYTES = 100e6  # memory of states, sensor data and controls of a chunk of steps
@@ -49,7 +51,14 @@ class TimeStep:
 
 
 def integrate(
-    model: TimeModel, gains: Real, means: InputMeans, count: int, step: TimeStep, threads: int = 1
+    model: TimeModel,
+    gains: Real,
+    means: InputMeans,
+    count: int,
+    step: TimeStep,
+    *,
+    threads: int = 1,
+    reach: JointReach | None = None,
 ) -> Iterator[Real]:
     """Integrate one or several records at once, and yield the motion chunk by chunk.
 
@@ -60,6 +69,7 @@ def integrate(
         count: number of steps.
         step: integrator and length of the step.
         threads: that work at the same time.
+        reach: takes note of how far the joints move.
 
     Yields:
         Motion in the middle of the steps, relative to rest, in the model's order of
@@ -71,6 +81,7 @@ def integrate(
     compiled = model.compiled
     compiled.opt.integrator = INTEGRATORS[step.integrator]
     compiled.opt.timestep = step.step_s
+    set_friction_solver(compiled, step.step_s)
     records = len(gains)
     workers = [mujoco.MjData(compiled) for _ in range(max(1, min(threads, records)))]
     state = np.tile(model.start, (records, 1))
@@ -89,6 +100,8 @@ def integrate(
             )
             state = states[:, -1]
             _check_progress(model, states, stop, step)
+            if reach is not None:
+                reach.extend(states)
             rows = sensors if last is None else np.concatenate([last, sensors], axis=1)
             last = sensors[:, -1:]
             if rows.shape[1] > 1:
@@ -101,8 +114,19 @@ def _check_progress(model: TimeModel, states: Real, stop: int, step: TimeStep) -
     if not (np.isfinite(states[:, -1]).all() and np.allclose(time, stop * step.step_s, rtol=1e-6)):
         raise ConvergenceError(
             f"{model.machine.source}: the motion grows without bound before "
-            f"{stop * step.step_s:.3g} s: the machine is unstable, or the inputs are out of scale"
+            f"{stop * step.step_s:.3g} s: "
+            + (cause_of_growth(model) or "the machine is unstable, or the inputs are out of scale")
         )
+
+
+def cause_of_growth(model: TimeModel) -> str:
+    """Return why a motion grows without bound, with a remedy; empty if no law of a joint does it.
+
+    Args:
+        model: the machine at rest.
+    """
+    phrases = unstable_springs(model.compiled)
+    return f"{'; '.join(phrases)}: change the law, or lower the inputs" if phrases else ""
 
 
 def _motion(model: TimeModel, rows: Real, step_s: float) -> Real:

@@ -11,6 +11,7 @@ from mbmodel.export.linear_response import even_step
 from mbmodel.machine import Machine
 from mbmodel.simulation.drives import JointDof, Reading, find_drives
 from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
+from mbmodel.simulation.joint_reach import JointReach
 from mbmodel.simulation.readings import find_readings
 from mbmodel.simulation.time_model import TimeModel, build_time_model
 from mbmodel.simulation.time_step import Recorder, choose_time_step
@@ -28,11 +29,13 @@ class TimeResponse:
         outputs: motion relative to rest, in the order of the labels [m, m/s or m/s^2, rad for
             rotations; positions for joints]; (n_time, n_out).
         step: integrator and step with the estimated error.
+        remarks: sentences on stops that the motion reaches, and on laws that it misses.
     """
 
     time_s: Real
     outputs: Real
     step: TimeStep
+    remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Return the size, the step and its error in one line."""
@@ -103,10 +106,12 @@ def simulate(
     hardest = _fastest_part(signals, round(span * rate))
     step = choose_time_step(model, gains, lambda step_s: means_of(step_s, hardest), recorder, span)
     count = round((duration + 2 / rate) / step.step_s)
-    chunks = integrate(model, gains, means_of(step.step_s), count, step)
+    reach = JointReach(model)
+    chunks = integrate(model, gains, means_of(step.step_s), count, step, reach=reach)
     motion = recorder.record(chunks, step.step_s)[0, :, : len(time_s)].T
     floor = _floor_motion(spline, drives.floor, time_s - time_s[0], order)
-    return TimeResponse(time_s, motion + floor @ _world_axes(model, outputs).T, step)
+    moved = motion + floor @ _world_axes(model, outputs).T
+    return TimeResponse(time_s, moved, step, reach.remarks())
 
 
 def _fastest_part(signals: Real, length: int) -> int:

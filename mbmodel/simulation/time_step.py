@@ -8,7 +8,8 @@ import numpy as np
 from identification.words import ConvergenceError, Real
 from mbmodel.machine import Machine
 from mbmodel.model import as_drawn
-from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
+from mbmodel.nonlinear_joints.friction_solver import has_dry_friction
+from mbmodel.simulation.integration import InputMeans, TimeStep, cause_of_growth, integrate
 from mbmodel.simulation.low_pass import Decimator, filter_taps, half_width_s
 from mbmodel.simulation.time_model import TimeModel
 
@@ -95,7 +96,8 @@ def choose_time_step(
     Runge and Kutta's method of fourth order is used where it is stable with at most 320 steps per
     sample. For a faster damper MuJoCo's ``implicitfast`` takes its place, which is implicit in
     velocity; for a faster spring ``discrete``, which is implicit in position too and damps all
-    modes, the less the shorter its step. Both are of first order: twice the difference.
+    modes, the less the shorter its step. Both are of first order: twice the difference. So is any
+    integrator with dry friction, which reverses within a step.
 
     Args:
         model: the machine at rest.
@@ -126,15 +128,24 @@ def choose_time_step(
 
     choices: list[TimeStep] = []
     for integrator, beginning in beginnings.items():
-        choices.append(_halve_step(integrator, beginning, rate_hz, record, span))
+        is_second_order = integrator == "RK4" and not has_dry_friction(model.compiled)
+        choices.append(
+            _halve_step(
+                integrator, beginning, rate_hz, record, span, is_second_order=is_second_order
+            )
+        )
         if choices[-1].error <= _MAX_ERROR:
             break
     best = min(choices, key=lambda choice: choice.error)
     if not np.isfinite(best.error):
         raise ConvergenceError(
             f"{model.machine.source}: the motion grows without bound with steps down to "
-            f"{best.step_s:.2g} s: the machine is unstable, the inputs are out of scale, or a "
-            f"motion is too fast (up to {pole / (2 * np.pi):.3g} Hz), which is better left rigid"
+            f"{best.step_s:.2g} s: "
+            + (
+                cause_of_growth(model)
+                or "the machine is unstable, the inputs are out of scale, or a motion is too fast "
+                f"(up to {pole / (2 * np.pi):.3g} Hz), which is better left rigid"
+            )
         )
     return best
 
@@ -145,6 +156,8 @@ def _halve_step(
     rate_hz: float,
     record: Callable[[TimeStep], Real | None],
     span_s: float,
+    *,
+    is_second_order: bool,
 ) -> TimeStep:
     """Halve a step until the estimated error is small or the step as short as allowed.
 
@@ -154,8 +167,9 @@ def _halve_step(
         rate_hz: of the recorder [Hz].
         record: integrates a short span and returns the readings; None if that fails.
         span_s: the span [s].
+        is_second_order: whether the error falls with the square of the step, else in proportion.
     """
-    factor = _RICHARDSON_FACTOR if integrator == "RK4" else _FIRST_ORDER_FACTOR
+    factor = _RICHARDSON_FACTOR if is_second_order else _FIRST_ORDER_FACTOR
     coarse = record(TimeStep(integrator, 1 / (steps * rate_hz)))
     while True:
         fine = record(TimeStep(integrator, 1 / (2 * steps * rate_hz)))

@@ -9,6 +9,7 @@ from identification.words import DEFAULT_HAMMER, Dof, Real, Records, Tolerance, 
 from mbmodel.machine import Machine
 from mbmodel.simulation.drives import wrench_gain
 from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
+from mbmodel.simulation.joint_reach import JointReach
 from mbmodel.simulation.time_model import PROBE_CHANNELS, Probe, TimeModel, build_time_model
 from mbmodel.simulation.time_step import Recorder, choose_time_step
 from mbmodel.virtual_test.hits import Hits, draw_hits
@@ -34,7 +35,7 @@ class VirtualTest:
         records: of each file, one for each reference.
         instruments: drawn errors of the instruments.
         step: integrator and step, with the estimated error.
-        remarks: sentences for the user.
+        remarks: sentences on stops that the motion reaches, and on laws that it misses.
     """
 
     records: Mapping[str, tuple[Records, ...]]
@@ -86,7 +87,7 @@ def strike(
         Probe(layout.body_name(site), layout.positions[layout.points.index(site)]) for site in sites
     ]
     model = build_time_model(machine, probes, spin=spin)
-    test = _Test(model, plan, instruments, sites, threads)
+    test = _Test(model, plan, instruments, sites, threads, JointReach(model))
     series = [
         _Series(file, reference, draw_hits(plan, file, random), random)
         for file, stream in zip(plan.files, streams[2:], strict=True)
@@ -100,7 +101,7 @@ def strike(
     for hits in series:
         record = test.record(hits, step, count_hits)
         records[hits.file.file] = (*records.get(hits.file.file, ()), record)
-    return VirtualTest(records, instruments, step)
+    return VirtualTest(records, instruments, step, test.reach.remarks())
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +145,7 @@ class _Test:
         instruments: with their errors.
         sites: of the accelerometers, in the order of the probes.
         threads: that work at the same time.
+        reach: takes note of how far the joints move.
     """
 
     model: TimeModel
@@ -151,6 +153,7 @@ class _Test:
     instruments: Instruments
     sites: list[str]
     threads: int
+    reach: JointReach
 
     def recorder(self, outputs: Sequence[Dof]) -> Recorder:
         """Return what the accelerometers of some channels read."""
@@ -198,7 +201,13 @@ class _Test:
             means = batch.means(step.step_s)
             count = round((self.plan.block_s + recorder.lead_s) / step.step_s)
             chunks = integrate(
-                self.model, self.gains(reference, batch), means, count, step, self.threads
+                self.model,
+                self.gains(reference, batch),
+                means,
+                count,
+                step,
+                threads=self.threads,
+                reach=self.reach,
             )
             motion.append(recorder.record(chunks, step.step_s)[:, :, :samples])
             force.append(_record_force(means, count, step, recorder, channel)[:, :samples])

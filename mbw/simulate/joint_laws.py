@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from identification.words import UsageError, shorten_names
+from identification.words import UsageError, WorkbenchError, shorten_names
 from mbmodel import (
     DryFriction,
     GapSpring,
@@ -65,9 +65,14 @@ def open_machine(
     laws = tuple(parse_law(drawing, text) for text in texts)
     with TemporaryDirectory() as folder:
         target = Path(folder) / "simulated.xml"
-        write_nonlinear_joints(source, target, [law for _, law in laws])
-        machine = load_machine(target, rates, key, without_friction=True)
-        yield SimulatedMachine(machine, source, laws)
+        try:
+            write_nonlinear_joints(source, target, [law for _, law in laws])
+            machine = load_machine(target, rates, key, without_friction=True)
+            yield SimulatedMachine(machine, source, laws)
+        except WorkbenchError as error:
+            # The written file exists for this run alone: name what the user has given.
+            named = " ".join([str(source), *(f"--law {text}" for text in texts)])
+            raise type(error)(str(error).replace(str(target), named)) from error
 
 
 def parse_law(machine: Machine, text: str) -> tuple[str, NonlinearJoint]:

@@ -130,7 +130,7 @@ def make_test(
                     f"{machine.name}: virtual hammer test",
                     f"{count_noun(total, 'hit')}; the first along each direction is shown",
                     _step_sentence(test.step),
-                    machine.remarks,
+                    (*machine.remarks, *test.remarks),
                     hit_views(plan, test),
                 )
                 (place / PAGE).write_text(text, encoding="utf-8")
@@ -143,6 +143,8 @@ def make_test(
         rate=plan.rate_hz,
         duration=plan.block_s,
     ).model_copy(update={"hits": total, "seconds": total * plan.block_s})
+    for remark in test.remarks:
+        SCREEN.say(remark)
     SCREEN.say(_step_sentence(test.step))
     counts = f"{count_noun(total, 'hit')}, {count_noun(len(plan.files), 'file')}"
     SCREEN.say(f"{counts}: campaign in {output.path}")
@@ -236,7 +238,7 @@ def play_signal(
                     f"{machine.name}: response in time",
                     f"inputs: {len(drives)}, outputs: {len(readings)}",
                     _step_sentence(response.step),
-                    machine.remarks,
+                    (*machine.remarks, *response.remarks),
                     [PageView("", signal.time_s, inputs, motion)],
                 )
                 (place / PAGE).write_text(text, encoding="utf-8")
@@ -251,6 +253,8 @@ def play_signal(
             spin=rates,
         )
         write_animation(options.animate, machine, signal.time_s, places.outputs)
+    for remark in response.remarks:
+        SCREEN.say(remark)
     SCREEN.say(_step_sentence(response.step))
     counts = f"{count_noun(len(readings), 'channel')}, {len(signal.time_s)} samples"
     SCREEN.say(f"{counts} in {output.path / name}")

@@ -251,6 +251,28 @@ def test_a_wrong_law_is_refused(model, law, words):
     assert words in run(model, "--law", law, code=2)
 
 
+def test_two_laws_of_one_spring_are_refused(model):
+    laws = ("--law", "head_tx:hardening:k3=1e14", "--law", "head_tx:backlash:gap=1e-6")
+    assert "'head_tx' has two laws of its own spring" in run(model, *laws, code=2)
+
+
+def test_a_law_without_bound_is_named_in_place_of_a_temporary_file(model):
+    law = "head_tx:hardening:k3=-1e20"
+    place = ("--signal", "step", "--at", "acc3:+tx", "--duration", 0.2, "--amplitude", 3000)
+    text = run(model, "--law", law, *place, code=4)
+    assert f"pair.xml --law {law}" in text
+    assert "joint 'head_tx' has a polynomial spring" in text
+    assert "simulated.xml" not in text
+
+
+def test_a_gap_that_stays_open_is_remarked_beside_the_step(model, tmp_path):
+    law = ("--law", "head_tx:backlash:gap=1", "--hammer", "3:+tx", *SHORT)
+    text = run(model, *law, "--out", tmp_path / "o")
+    assert "never reaches a stop of its gap" in text
+    page = (tmp_path / "o" / "simulate.html").read_text(encoding="utf-8")
+    assert "never reaches a stop of its gap" in page
+
+
 def test_a_played_signal_becomes_a_moving_picture_and_a_page(model, tmp_path, monkeypatch):
     monkeypatch.setattr("mbw.simulate.animation._PICTURE_COUNT", 10)  # rendering takes long
     target = tmp_path / "motion.gif"
