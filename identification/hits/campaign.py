@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.hits.hit_frfs import estimate_hit_frfs
+from identification.hits.remarks import window_remarks
 from identification.hits.settings import HitSettings
 from identification.readers.array_files import load_arrays
 from identification.readers.array_records import holds_time_records, read_array_records
@@ -75,9 +76,11 @@ def tests_from_records(
             entry.variant,
         )
         tests.setdefault(entry.file, []).append(Test(condition, hits.estimate, hits))
-        remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]
+        of_window = window_remarks([hits])
+        remarks += [remark for remark in hits.remarks if remark not in of_window]
+        remarks += _hit_count_remarks(entry, hits)
     of_files = dict.fromkeys(remark for reference in records for remark in reference.remarks)
-    return tests, (*of_files, *remarks)
+    return tests, (*of_files, *remarks, *window_remarks(estimates))
 
 
 def _read(

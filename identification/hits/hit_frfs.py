@@ -182,9 +182,10 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
         peak_slope=estimate_peak_slope(
             force, motion, np.array([blow.main.height for blow in blocks.blows])
         ),
+        tau_s=tau,
     )
     recorded_tau = None if settings.window_tau else hits.recorded_tau
-    return replace(estimate, remarks=hit_remarks(estimate, tau, recorded_tau))
+    return replace(estimate, remarks=hit_remarks(estimate, recorded_tau))
 
 
 def _with_variance(

@@ -1,5 +1,7 @@
 """Remarks on the hits of a test, for a reader of its FRFs."""
 
+from collections.abc import Sequence
+
 from identification.words import HitEstimate
 
 _MIN_KEPT_SHARE = 0.5  # of the hits: with fewer kept hits the test should be repeated
@@ -8,14 +10,11 @@ _MIN_KEPT_HITS = 2.0
 _MAX_RESIDUAL_RESPONSE = 0.01
 
 
-def hit_remarks(
-    hits: HitEstimate, tau: float, recorded_tau: float | None = None
-) -> tuple[str, ...]:
+def hit_remarks(hits: HitEstimate, recorded_tau: float | None = None) -> tuple[str, ...]:
     """Return sentences on rejected hits, too few hits, single hits and exponential windows.
 
     Args:
         hits: FRFs and the hits from which they were estimated.
-        tau: time constant of the exponential window that was applied to the records [s].
         recorded_tau: time constant of a window that the records seem to carry, although no key
             states it [s].
     """
@@ -38,17 +37,38 @@ def hit_remarks(
             "s): the analyser seems to have applied an exponential window; state its time constant "
             "as window_tau in the [[test]], or damping is too large by 1/(tau omega)"
         )
-    if tau > 0:
-        remarks.append(
-            f"{test}: {100 * hits.residual_response:.2g} % of the response was left at the end "
-            f"of the block of {hits.block_s:.4g} s: force and responses have an exponential window "
-            f"with tau = {tau:.4g} s, which adds 1/(tau omega) to a damping ratio; the modal fit "
-            "subtracts it"
+    return (*remarks, *window_remarks([hits]))
+
+
+def window_remarks(estimates: Sequence[HitEstimate]) -> tuple[str, ...]:
+    """Return sentences on responses that the blocks cut off, one for all tests of one window.
+
+    Args:
+        estimates: FRFs and the hits from which they were estimated.
+    """
+    groups: dict[tuple[str, str], list[HitEstimate]] = {}
+    for hits in estimates:
+        if hits.tau_s > 0 or hits.residual_response > _MAX_RESIDUAL_RESPONSE:
+            groups.setdefault((f"{hits.block_s:.4g}", f"{hits.tau_s:.4g}"), []).append(hits)
+    return tuple(
+        _describe_window(group, block_s, tau_s) for (block_s, tau_s), group in groups.items()
+    )
+
+
+def _describe_window(group: Sequence[HitEstimate], block_s: str, tau_s: str) -> str:
+    """Return the sentence on the tests of one window."""
+    first = group[0]
+    tests = f"{first.test}, hammer at {first.reference}"
+    largest = f"{100 * max(hits.residual_response for hits in group):.2g} %"
+    if len(group) > 1:
+        tests, largest = f"{len(group)} tests, from {tests}", f"up to {largest}"
+    if first.tau_s > 0:
+        return (
+            f"{tests}: {largest} of the response was left at the end of the block of {block_s} s: "
+            f"force and responses have an exponential window with tau = {tau_s} s, which adds "
+            "1/(tau omega) to a damping ratio; the modal fit subtracts it"
         )
-    elif hits.residual_response > _MAX_RESIDUAL_RESPONSE:
-        remarks.append(
-            f"{test}: {100 * hits.residual_response:.2g} % of the response is left at the end "
-            f"of the block of {hits.block_s:.4g} s without an exponential window: shapes have "
-            "errors of this size"
-        )
-    return tuple(remarks)
+    return (
+        f"{tests}: {largest} of the response is left at the end of the block of {block_s} s "
+        "without an exponential window: shapes have errors of this size"
+    )

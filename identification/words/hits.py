@@ -143,6 +143,8 @@ class HitEstimate:
         densities: spectral densities of the kept blocks, before the exponential window.
         noise: spectral densities before the hits, or None if the records start with a hit.
         peak_slope: derivative of the FRFs by the peak of the hits; None for few or equal hits.
+        tau_s: time constant of the exponential window that was applied to the records; 0 for none
+            [s].
         remarks: sentences that a reader of the result must know.
     """
 
@@ -162,6 +164,7 @@ class HitEstimate:
     densities: SpectralDensities
     noise: SpectralDensities | None = None
     peak_slope: PeakSlope | None = None
+    tau_s: float = 0.0
     remarks: tuple[str, ...] = ()
 
     @property

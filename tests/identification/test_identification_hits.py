@@ -7,6 +7,7 @@ import pytest
 from hammer_records import Hammer, a_system, strike
 
 from identification.hits import HitSettings, estimate_hit_frf, estimate_hit_frfs, find_blows
+from identification.hits.remarks import window_remarks
 from identification.words import Dof, InputError
 
 SYSTEM = a_system()
@@ -126,6 +127,20 @@ def test_an_exponential_window_gives_the_frf_beside_the_imaginary_axis():
     assert plain.estimate.window_tau == 0
     assert relative_error(LIGHT, plain) > 0.1
     assert any("without an exponential window" in remark for remark in plain.remarks)
+
+
+def test_tests_with_the_same_window_share_a_sentence():
+    found = estimate_hit_frf(strike(LIGHT, Hammer(duration_s=0.6, noise=0.0)))
+    (single,) = window_remarks([found])
+    assert single in found.remarks
+    less = replace(found, test="b.uff", residual_response=found.residual_response / 2)
+    (both,) = window_remarks([less, found])
+    assert both.startswith(f"2 tests, from b.uff, hammer at {found.reference}: up to ")
+    assert both.partition(": ")[2] == f"up to {single.partition(': ')[2]}"
+    other_window = replace(found, tau_s=2 * found.tau_s)
+    assert len(window_remarks([found, other_window, replace(found, block_s=9.0)])) == 3
+    settled = replace(found, tau_s=0.0, residual_response=0.001)
+    assert window_remarks([settled]) == ()
 
 
 def test_with_noise_and_an_exponential_window_errors_are_as_predicted():
