@@ -80,6 +80,13 @@ def list_remarks(result: IdentificationResult) -> list[str]:
     sentences = [text.rstrip(".") + "." for text in summary.remarks]
     if not summary.modes:
         sentences.insert(0, _no_modes_sentence(summary))
+    if summary.levels is not None and summary.levels.effects and not summary.levels.within_tests:
+        sentences.append(
+            "The tests of all levels were identified together, but the machine differs from level "
+            "to level: some of these modes may stand for the difference, and channels of a body "
+            "may contradict each other. For the modes at one level, list its tests alone in "
+            "campaign.toml."
+        )
     if summary.roved:
         sentences.append(
             "The hammer roved: by reciprocity, the points that were hit are listed here as "

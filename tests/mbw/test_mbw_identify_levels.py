@@ -12,6 +12,7 @@ from mbw.command import app
 from mbw.identify.files import read_result
 from mbw.identify.levels import level_row, level_section
 from mbw.identify.page import render
+from mbw.identify.remarks import list_remarks
 from mbw.identify.result import IdentificationResult
 from tests.helpers.nonlinear_mass import MJCF, level_campaign
 
@@ -63,6 +64,20 @@ def test_a_row_holds_the_modes_at_each_level(check):
     assert [mode.frequency_changes for mode in row.modes] == [False, False, True]
     assert row.modes[-1].frequency == check.trends[-1].freq_hz.tolist()
     assert level_row(None) is None
+
+
+def test_modes_of_levels_that_differ_are_said_to_be_of_all_levels(result, check):
+    def remarks(row):
+        summary = result.summary.model_copy(update={"levels": row})
+        return list_remarks(IdentificationResult(summary, result.arrays, result.layout))
+
+    row = level_row(check)
+    within, same = (
+        row.model_copy(update=update) for update in ({"within_tests": True}, {"effects": []})
+    )
+    assert sum("list its tests alone" in text for text in remarks(row)) == 1
+    for levels in (None, within, same):
+        assert remarks(levels) == [text for text in remarks(row) if "its tests alone" not in text]
 
 
 def test_a_campaign_of_one_level_has_no_section(result):
