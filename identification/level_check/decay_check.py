@@ -50,9 +50,11 @@ def check_decay(motion: Real, rate_hz: float) -> DecayCheck:
     """Follow all modes of a free decay that ring long and alone, and name the law.
 
     Args:
-        motion: signals from the first instant without force; (n_channel, n_sample).
+        motion: signals from the first instant without force; (n_channel, n_sample), or (n_sample,)
+            of a single channel.
         rate_hz: samples per second.
     """
+    motion = np.atleast_2d(motion)
     tracks = [
         track
         for freq, bandwidth in _find_ringing_modes(motion, rate_hz)

@@ -285,6 +285,8 @@ def test_a_decay_of_two_linear_modes_changes_nothing():
     np.testing.assert_allclose([t.trend.freq_hz[0] for t in check.tracks], [50, 130], rtol=1e-3)
     np.testing.assert_allclose([t.trend.damping[-1] for t in check.tracks], [3e-3, 2e-3], rtol=0.1)
     assert check.law.effects == ()
+    single = check_decay(motion[0], 2000.0)
+    assert [round(float(track.trend.freq_hz[0])) for track in single.tracks] == [50, 130]
 
 
 @pytest.mark.skipif(not BRB.exists(), reason="the measured beam is not at hand")
