@@ -2,10 +2,11 @@
 
 Among hundreds of tolerances some exceed their bounds of 2.5 standard deviations by chance. Held at
 the bound, such a tolerance leaves a gap that looks like an effect, or like an error of the model
-beside one. So those at a bound are fitted up to ``outlier_sigma``. One that ends there too is a
-fault, which no tolerance may hide. So are several that are improbable together: of n tolerances,
-the binomial probability that k shift as far as the k-th largest must not be below that of one
-beyond ``outlier_sigma``.
+beside one. So those at a bound are fitted up to ``outlier_sigma``, however many they are: one
+outlier that is held drives others to their bounds, and these come back once it is free. One that
+ends there too is a fault, which no tolerance may hide. So are several that are improbable together:
+of n tolerances, the binomial probability that k shift as far as the k-th largest must not be below
+that of one beyond ``outlier_sigma``.
 """
 
 from collections.abc import Sequence
@@ -52,14 +53,11 @@ def admit_outliers(
 
 
 def _find_outliers(refit: Refit, settings: DiagnosisSettings) -> Mask:
-    """Return which tolerances are at their bounds of 2.5 standard deviations; (n_x,).
-
-    None is if so many are not there by chance: with wider bounds they would lie beyond.
-    """
+    """Return which tolerances are at their bounds of 2.5 standard deviations; (n_x,)."""
     narrow = refit.session.parametrisation
     wide = narrow.widen_bounds(narrow.coordinates_at_bound(refit.fit.x), settings.outlier_sigma)
     outliers: Mask = (wide.lower < narrow.lower) | (wide.upper > narrow.upper)
-    return outliers & _is_chance(refit, settings)
+    return outliers
 
 
 def _is_chance(refit: Refit, settings: DiagnosisSettings) -> bool:

@@ -4,7 +4,7 @@ Campaigns of withheld truth, whose joints are integrated in time by ``truth`` it
 effect on exact machines and ten beside 5 % of small imperfections, at survival ratio 4, and 60
 linear machines at three levels. In 20 further ones a joint drifts between the levels; in half of
 these the first level is repeated. Seeds 441000 and up tuned nothing; that an earlier
-engine failed at 441002 and 441003 led to mends on other seeds. Rows that are done are kept,
+engine failed at 441002, 441003 and 441026 led to mends. Rows that are done are kept,
 in an order that mixes all cells. The environment is that of the bench of real machines
 (``dirty``): ``LIMIT``, ``CAMPAIGNS``, ``JOBS``.
 """

@@ -250,6 +250,12 @@ def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tm
     assert 1 <= widened.sum() < 20
     assert admit_outliers(scene, [null], replace(SETTINGS, outlier_sigma=2.8)) == [null]
     assert admit_outliers(scene, [admitted], SETTINGS) == [admitted]
+    # Others that were driven to their bounds, more than by chance, come back.
+    x = null.fit.x.copy()
+    driven = np.flatnonzero(null.session.parametrisation.has_prior)[::4]
+    x[driven] = null.session.parametrisation.upper[driven]
+    (from_bounds,) = admit_outliers(scene, [replace(null, fit=replace(null.fit, x=x))], SETTINGS)
+    assert from_bounds.gap < 0.1
     # Beside a cause too, which otherwise looks as if the model had errors beside it.
     stiffer = refit_with(scene, null, only(scene, "structural_damping")[0])
     (beside,) = admit_outliers(scene, [stiffer], SETTINGS)
