@@ -1,4 +1,4 @@
-"""What differs between levels as evidence of its own, free of errors that the levels share."""
+"""Log likelihood of the residuals' differences between levels, where shared errors cancel."""
 
 from math import log
 
@@ -9,12 +9,12 @@ from diagnosis.inference.evidence import FitSummary
 def compare_between_levels(
     fitted: FitSummary, null: FitSummary, best: FitSummary, constants: Calibration
 ) -> float:
-    """Return the gain in log likelihood of what differs between levels [nats].
+    """Return the gain in log likelihood from differences of residuals between levels [nats].
 
-    Errors that the levels share, however large, are not in these differences: they hold noise and
-    the level dependence e that a fit leaves (``level_dependence``). By the profile likelihood over
-    its size, the gain is N ln[(1 + e_0) / (1 + e_S)], N the number of independent values at the
-    share 1 / (1 + e) of the best fit. An excess that a badly known variance explains counts as
+    Errors that all levels share cancel in these differences. What remains is noise and the level
+    dependence e that the fit does not explain (``level_dependence``). By the profile likelihood
+    over its size, the gain is N ln[(1 + e_0) / (1 + e_S)], N the number of independent values at
+    the share 1 / (1 + e) of the best fit. An excess that a badly known variance explains counts as
     none.
 
     Args:

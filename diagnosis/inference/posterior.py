@@ -22,8 +22,8 @@ prove without a model. By chance k parameters gain k / 2 nats on average (Wilks 
 tolerances against all n values, so that these absorb model error, and any cause relieves them:
 their cost counts with a weight w far below 1, but no less than in the fits, N / n. n_e, q and w are
 calibrated on virtual machines whose errors are known. Tests at several levels have a second term
-(``between_levels``): what differs between levels holds no error that they share. The
-empty set without a rest ("none") has odds of
+(``between_levels``): errors that all levels share cancel in the differences of residuals between
+levels. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 

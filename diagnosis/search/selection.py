@@ -49,7 +49,7 @@ def select_causes(
     small_faults = tuple(map(key_of, base.checks.small))
     search, path = Search(base.null, base.null, small_faults=small_faults), base.null
     visited: set[frozenset[Key]] = set()
-    moved: set[frozenset[Key]] = set()  # sets whose last cause was moved
+    moved_sets: set[frozenset[Key]] = set()  # their last cause was moved to neighbours
     stalled_before = is_stalled = False
     while (
         len(path.causes) < settings.max_causes
@@ -70,14 +70,14 @@ def select_causes(
         best = min(promising, key=lambda refit: refit.objective)
         before, (search, path) = path, reconsider_causes(base, search, best, settings)
         search, path = move_causes(base.scene, search, path, path.causes[-1:], settings)
-        moved.add(frozenset(path.keys))
+        moved_sets.add(frozenset(path.keys))
         stalled_before, is_stalled = is_stalled, not is_more_probable(search, path, before)
         if is_acceptable(search, path, settings):
             search = replace(search, selected=path)
         if not is_gap_visible(path.gap):
             break
     best = find_most_probable(search, settings)
-    remaining = best.causes[:-1] if frozenset(best.keys) in moved else best.causes
+    remaining = best.causes[:-1] if frozenset(best.keys) in moved_sets else best.causes
     search, _ = move_causes(base.scene, search, best, remaining, settings)
     return replace(search, selected=find_most_probable(search, settings))
 

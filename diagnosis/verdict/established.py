@@ -100,8 +100,8 @@ def find_present(
 def is_nothing_missing(posterior: Posterior) -> bool:
     """Return whether no hypothesis is more probable than that nothing is missing.
 
-    Where hits of a test differ, this is at most as probable as a gap without a cause: a gap that is
-    not significant then still means that nothing is missing.
+    Where hits of a test differ, the posterior holds "none" at most as probable as "unexplained".
+    Equal probabilities then mean that the gap is not significant.
 
     Args:
         posterior: probabilities of all sets of causes.

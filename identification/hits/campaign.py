@@ -76,9 +76,7 @@ def tests_from_records(
             entry.variant,
         )
         tests.setdefault(entry.file, []).append(Test(condition, hits.estimate, hits))
-        of_window = window_remarks([hits])
-        remarks += [remark for remark in hits.remarks if remark not in of_window]
-        remarks += _hit_count_remarks(entry, hits)
+        remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]
     of_files = dict.fromkeys(remark for reference in records for remark in reference.remarks)
     return tests, (*of_files, *remarks, *window_remarks(estimates))
 

@@ -14,7 +14,7 @@ from identification.hits.estimators import AveragedSpectra, average_spectra, est
 from identification.hits.peak_slope import estimate_peak_slope
 from identification.hits.recorded_window import combine_windows, detect_recorded_window
 from identification.hits.rejection import reject_hits
-from identification.hits.remarks import hit_remarks
+from identification.hits.remarks import hit_remarks, window_remarks
 from identification.hits.settings import HitSettings
 from identification.hits.traces import record_traces
 from identification.hits.windows import (
@@ -42,7 +42,8 @@ _MIN_DIFFERENCE_VARIANCE = 1e-3  # of 20: bounds the correction for very short w
 
 def estimate_hit_frf(records: Records, settings: HitSettings | None = None) -> HitEstimate:
     """Estimate the FRFs of one reference; see ``estimate_hit_frfs``."""
-    return estimate_hit_frfs([records], [settings or HitSettings()])[0]
+    (hits,) = estimate_hit_frfs([records], [settings or HitSettings()])
+    return replace(hits, remarks=(*hits.remarks, *window_remarks([hits])))
 
 
 def estimate_hit_frfs(

@@ -11,7 +11,7 @@ _MAX_RESIDUAL_RESPONSE = 0.01
 
 
 def hit_remarks(hits: HitEstimate, recorded_tau: float | None = None) -> tuple[str, ...]:
-    """Return sentences on rejected hits, too few hits, single hits and exponential windows.
+    """Return sentences on rejected hits, too few hits, single hits and windows of the analyser.
 
     Args:
         hits: FRFs and the hits from which they were estimated.
@@ -37,7 +37,7 @@ def hit_remarks(hits: HitEstimate, recorded_tau: float | None = None) -> tuple[s
             "s): the analyser seems to have applied an exponential window; state its time constant "
             "as window_tau in the [[test]], or damping is too large by 1/(tau omega)"
         )
-    return (*remarks, *window_remarks([hits]))
+    return tuple(remarks)
 
 
 def window_remarks(estimates: Sequence[HitEstimate]) -> tuple[str, ...]:
@@ -61,7 +61,7 @@ def _describe_window(group: Sequence[HitEstimate], block_s: str, tau_s: str) -> 
     tests = f"{first.test}, hammer at {first.reference}"
     largest = f"{100 * max(hits.residual_response for hits in group):.2g} %"
     if len(group) > 1:
-        tests, largest = f"{len(group)} tests, from {tests}", f"up to {largest}"
+        tests, largest = f"{len(group)} tests, the first of them {tests}", f"up to {largest}"
     if first.tau_s > 0:
         return (
             f"{tests}: {largest} of the response was left at the end of the block of {block_s} s: "

@@ -16,7 +16,7 @@ from identification.level_check.laws import (
     LEVEL_CHECK_SETTINGS,
     LevelLaw,
     ModeTrend,
-    find_clearest_change,
+    find_clearest_trend,
     name_law,
 )
 from identification.level_check.shared_shapes import PoleFit, fit_poles
@@ -58,7 +58,7 @@ class LevelCheck:
         span = f"{self.level_n[0]:.4g} to {self.level_n[-1]:.4g} N"
         if self.is_within_tests:
             span = f"single hits of {span}"
-        trend = find_clearest_change(self.trends)
+        trend = find_clearest_trend(self.trends)
         if trend is None:
             return f"Level check, {span}: {self.law.words} beyond its interval."
         moved = sum(map(any, self.changed))

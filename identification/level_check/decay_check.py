@@ -8,7 +8,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import find_peaks
 
 from identification.level_check.free_decay import DecayTrack, track_decay
-from identification.level_check.laws import LevelLaw, find_clearest_change, name_law
+from identification.level_check.laws import LevelLaw, find_clearest_trend, name_law
 from identification.words import Real
 
 _MIN_PEAK_RATIO = 8.0  # spectrum over its running median, from which a peak is a mode that rings
@@ -35,7 +35,7 @@ class DecayCheck:
         """Finding in one or two sentences."""
         if not self.tracks:
             return "Level check of the decay: no mode rings long enough, alone."
-        trend = find_clearest_change([track.trend for track in self.tracks])
+        trend = find_clearest_trend([track.trend for track in self.tracks])
         if trend is None:
             return f"Level check of the decay: {self.law.words} beyond its interval."
         return (

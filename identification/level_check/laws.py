@@ -163,8 +163,8 @@ def name_law(trends: Sequence[ModeTrend]) -> LevelLaw:
     return _FRICTION if loss > -settings.min_friction_loss * shift else _SOFTENING
 
 
-def find_clearest_change(trends: Sequence[ModeTrend]) -> ModeTrend | None:
-    """Return the mode that says most about the law; None if none changes.
+def find_clearest_trend(trends: Sequence[ModeTrend]) -> ModeTrend | None:
+    """Return the mode whose change with the level is the most significant; None without one.
 
     Args:
         trends: modes at two levels or more.
@@ -215,7 +215,7 @@ def _measure_change(trend: ModeTrend, chance: float) -> _ModeChange | None:
     relative = trend.frequency_shift
     shift, shift_sd = _find_largest_change(relative, trend.freq_sd / trend.freq_hz[0])
     loss, loss_sd = _find_largest_change(trend.damping, trend.damping_sd)
-    variance = shift_sd**2 + loss_sd**2 + _find_return(relative) ** 2
+    variance = shift_sd**2 + loss_sd**2 + _measure_reversal(relative) ** 2
     return _ModeChange(
         trend, shift * has_frequency, loss * has_damping, 1 / max(variance, np.finfo(float).tiny)
     )
@@ -230,8 +230,8 @@ def _find_largest_change(values: Real, deviations: Real) -> tuple[float, float]:
     return float(change[clearest]), float(deviation[clearest])
 
 
-def _find_return(values: Real) -> float:
-    """Return the least change by which values leave a rise, or a fall, throughout."""
+def _measure_reversal(values: Real) -> float:
+    """Return how far values turn back from a steady rise or fall, whichever is nearer."""
     drop = np.maximum.accumulate(values) - values
     rise = values - np.minimum.accumulate(values)
     return float(min(drop.max(), rise.max()))

@@ -105,15 +105,15 @@ def _row(
         model_error=fitted.floor,
         residual=fitted.chi_square**0.5,
         closed=(null.gap - fitted.gap) / null.gap if null.gap > 0 else None,
-        between_levels=_root(fitted.level_excess),
+        between_levels=_rms_over_noise(fitted.level_excess),
         log_odds=log_odds,
         rejection=rejection,
         is_outlier=_is_outlier(fitted, settings),
     )
 
 
-def _root(excess: float | None) -> float | None:
-    """Return the ratio of root mean squares of which an excess is the square, less one."""
+def _rms_over_noise(excess: float | None) -> float | None:
+    """Return the root mean square over the noise, whose square is the excess plus one."""
     return None if excess is None else max(1 + excess, 0.0) ** 0.5
 
 

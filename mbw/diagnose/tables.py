@@ -32,8 +32,8 @@ from mbw.page.numbers import format_percent
 _MAX_SCORE_ROWS = 12  # hypotheses of the table of scores
 _MAX_SET_ROWS = 16  # sets of causes in the table of refits
 _BETWEEN_LEVELS = (
-    " Between levels: how far residuals of hits at one point differ from level to level, over the "
-    "noise; it is evidence of its own, since errors that all levels share are not in it."
+    " Between levels: differences of the residuals of one hammer point from level to level, over "
+    "the noise. Errors that all levels share cancel in them, so they count as further evidence."
 )
 
 

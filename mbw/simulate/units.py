@@ -24,8 +24,8 @@ def output_unit(machine: Machine, reading: Reading, quantity: Quantity) -> str:
     A sensor that has no linear model, such as a rangefinder, gives ``sensor``.
     """
     if isinstance(reading, SensorValue):
-        known = machine.sensors.readings.get(str(reading))
-        return "sensor" if known is None else known.unit
+        linear_reading = machine.sensors.readings.get(str(reading))
+        return "sensor" if linear_reading is None else linear_reading.unit
     if isinstance(reading, JointDof):
         return "rad" if _turns(machine, reading) else "m"
     return MOTION_UNITS[quantity][reading.is_rotation]

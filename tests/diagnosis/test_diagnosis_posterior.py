@@ -72,16 +72,16 @@ def test_the_log_odds_of_a_set_are_those_computed_by_hand():
 
 def test_an_improbable_set_does_not_say_how_many_values_are_independent():
     # Three causes leave noise alone, but gain less than they pay; one cause leaves an error.
-    one = fitted((A,), -0.004, 8.0, noise_share=0.1)
+    single = fitted((A,), -0.004, 8.0, noise_share=0.1)
     three = fitted((A, B, C), -0.005, 0.02, noise_share=0.98)
     assert three.count_independent(CONSTANTS) > 1000
     price = np.log(50)
-    logs = compute_log_odds(evidence(), [one, three], CONSTANTS)
-    count = one.count_independent(CONSTANTS)
+    logs = compute_log_odds(evidence(), [single, three], CONSTANTS)
+    count = single.count_independent(CONSTANTS)
     assert logs == pytest.approx([0.004 * count - price, 0.005 * count - 3 * price])
     # Where these three gain what they pay, the noise of their residual counts.
     three = three.model_copy(update={"cost": -3.0})
-    logs = compute_log_odds(evidence(), [one, three], CONSTANTS)
+    logs = compute_log_odds(evidence(), [single, three], CONSTANTS)
     assert logs[1] == pytest.approx(3.0 * three.count_independent(CONSTANTS) - 3 * price)
 
 

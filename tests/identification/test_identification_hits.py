@@ -130,16 +130,18 @@ def test_an_exponential_window_gives_the_frf_beside_the_imaginary_axis():
 
 
 def test_tests_with_the_same_window_share_a_sentence():
-    found = estimate_hit_frf(strike(LIGHT, Hammer(duration_s=0.6, noise=0.0)))
-    (single,) = window_remarks([found])
-    assert single in found.remarks
-    less = replace(found, test="b.uff", residual_response=found.residual_response / 2)
-    (both,) = window_remarks([less, found])
-    assert both.startswith(f"2 tests, from b.uff, hammer at {found.reference}: up to ")
+    cut_off = estimate_hit_frf(strike(LIGHT, Hammer(duration_s=0.6, noise=0.0)))
+    (single,) = window_remarks([cut_off])
+    assert single in cut_off.remarks
+    less = replace(cut_off, test="b.uff", residual_response=cut_off.residual_response / 2)
+    (both,) = window_remarks([less, cut_off])
+    assert both.startswith(
+        f"2 tests, the first of them b.uff, hammer at {cut_off.reference}: up to "
+    )
     assert both.partition(": ")[2] == f"up to {single.partition(': ')[2]}"
-    other_window = replace(found, tau_s=2 * found.tau_s)
-    assert len(window_remarks([found, other_window, replace(found, block_s=9.0)])) == 3
-    settled = replace(found, tau_s=0.0, residual_response=0.001)
+    other_window = replace(cut_off, tau_s=2 * cut_off.tau_s)
+    assert len(window_remarks([cut_off, other_window, replace(cut_off, block_s=9.0)])) == 3
+    settled = replace(cut_off, tau_s=0.0, residual_response=0.001)
     assert window_remarks([settled]) == ()
 
 

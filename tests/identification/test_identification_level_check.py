@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from identification.level_check import check_decay, check_levels, track_decay
-from identification.level_check.laws import ModeTrend, find_clearest_change, name_law
+from identification.level_check.laws import ModeTrend, find_clearest_trend, name_law
 from identification.level_check.shared_shapes import _apply_step, _linearise, fit_poles
 from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
@@ -340,8 +340,8 @@ def test_a_mode_that_was_followed_badly_does_not_name_the_law():
     ]
     assert name_law(right).effects == ("backlash", "hardening")
     assert name_law([*right, *wrong]) == name_law(right)
-    assert find_clearest_change([*wrong, *right]) is right[0]
-    assert find_clearest_change([]) is None
+    assert find_clearest_trend([*wrong, *right]) is right[0]
+    assert find_clearest_trend([]) is None
 
 
 @pytest.mark.skipif(not BRB.exists(), reason="the measured beam is not at hand")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.io
 from PIL import Image, ImageSequence
+from simulate_command import run, write_pair_model
 from small_machine import MJCF
 from typer.testing import CliRunner
 
@@ -33,17 +34,9 @@ RUNNER = CliRunner()
 SHORT = ("--hits", "3", "--rate", "256", "--block", "0.5", "--jobs", "1")
 
 
-def run(*arguments, code=0):
-    result = RUNNER.invoke(app, ["simulate", *map(str, arguments)])
-    assert result.exit_code == code, result.output
-    return " ".join(result.output.split())
-
-
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp("machine") / "pair.xml"
-    path.write_text(MJCF, encoding="utf-8")
-    return path
+    return write_pair_model(tmp_path_factory.mktemp("machine"))
 
 
 @pytest.fixture(scope="module")

@@ -8,30 +8,20 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 import scipy.io
+from simulate_command import run, write_pair_model
 from small_machine import MJCF
-from typer.testing import CliRunner
 
 from identification import read_settings
 from identification.level_check import group_visits
 from mbmodel import HitScatter, Noise
-from mbw.command import app
 from tuning import open_campaign
 
-RUNNER = CliRunner()
 SHORT = ("--hits", "2", "--rate", "256", "--block", "0.5", "--jobs", "1")
-
-
-def run(*arguments, code=0):
-    result = RUNNER.invoke(app, ["simulate", *map(str, arguments)])
-    assert result.exit_code == code, result.output
-    return " ".join(result.output.split())
 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp("machine") / "pair.xml"
-    path.write_text(MJCF, encoding="utf-8")
-    return path
+    return write_pair_model(tmp_path_factory.mktemp("machine"))
 
 
 def test_a_level_that_returns_is_a_further_visit(model, tmp_path):
