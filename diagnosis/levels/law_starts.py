@@ -21,6 +21,7 @@ from diagnosis.levels.law_alone import LawAlone, LawStart, TriedLaw
 from diagnosis.levels.law_family import FAMILIES, LOOSE_GAP, LawFamily
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Complex, Real
+from tuning.workers.independent_calls import Call, run_in_parallel
 
 
 def fit_starts(
@@ -45,7 +46,8 @@ def fit_starts(
         least_damping: least damping at any level.
     """
     alone = LawAlone.of_scene(scene, joint, stiffest)
-    starts = [_fit_effect(alone, effect, least_damping) for effect in effects]
+    calls: list[Call] = [(_fit_effect, (alone, effect, least_damping)) for effect in effects]
+    starts: list[LawStart] = list(run_in_parallel(calls, scene.jobs))
     least_gap = LEVEL_SETTINGS.loose_gap_shares[0] * alone.middle_stretch
     is_tight = any(
         start.family.effect == LOOSE_GAP.effect and start.theta[0] < least_gap for start in starts

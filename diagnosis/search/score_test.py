@@ -11,7 +11,7 @@ strong effect is many standard deviations off, and almost any hypothesis seems t
 (Rao 1948; Silvey 1959).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,7 @@ from tuning import (
     parametrise,
     thin_lines,
 )
+from tuning.workers.independent_calls import Call, run_in_parallel
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,21 +89,25 @@ def compute_gains(
     model_error_floor: float,
     stride: int,
 ) -> list[Gained]:
-    """Return gain and step of each hypothesis; see ``scores`` for the arguments."""
-    # A Part that acts in some tests only needs an evaluation for every test.
+    """Return gain and step of each hypothesis; see ``scores`` for the arguments.
+
+    A Part that acts in some tests only needs an evaluation for every test, so that its hypotheses
+    are scored apart. The others are scored in two halves, whatever the number of processes.
+    """
     machine = scene.model.machine
-    always = [
-        all(Model(machine, hypothesis.parts).acting_fractions(None)) for hypothesis in hypotheses
+    always = np.array(
+        [all(Model(machine, hypothesis.parts).acting_fractions(None)) for hypothesis in hypotheses],
+        bool,
+    )
+    first, second = np.flatnonzero(always)[::2], np.flatnonzero(always)[1::2]
+    groups = [places for places in (first, second, np.flatnonzero(~always)) if len(places)]
+    calls: list[Call] = [
+        (_score_together, (scene, fit, [hypotheses[k] for k in places], model_error_floor, stride))
+        for places in groups
     ]
     gained: dict[int, Gained] = {}
-    for when in (True, False):
-        places = [k for k, acts in enumerate(always) if acts is when]
-        some = [hypotheses[k] for k in places]
-        gained |= zip(
-            places,
-            _score_together(scene, fit, some, model_error_floor, stride) if some else (),
-            strict=True,
-        )
+    for places, part in zip(groups, run_in_parallel(calls, scene.jobs), strict=True):
+        gained |= zip(places.tolist(), part, strict=True)
     return [gained[k] for k in range(len(hypotheses))]
 
 
@@ -112,8 +117,8 @@ def _score_together(
     hypotheses: Sequence[Hypothesis],
     model_error_floor: float,
     stride: int,
-) -> Iterator[Gained]:
-    """Yield gains and steps in the order of the hypotheses."""
+) -> list[Gained]:
+    """Return gains and steps in the order of the hypotheses."""
     model, whole, x = _extend_model(scene, fit, hypotheses)
     count = fit.parametrisation.size
     wanted = {name for hypothesis in hypotheses for name in hypothesis.coordinates}
@@ -126,10 +131,12 @@ def _score_together(
     )
     fitted = ScoredFit(fit.parametrisation, fit.x, probed)
     place = {name: k for k, name in enumerate((*varies.names, *probes.names))}
-    for hypothesis in hypotheses:
-        yield fitted.score(
+    return [
+        fitted.score(
             hypothesis, np.array([place[name] for name in hypothesis.coordinates], np.intp)
         )
+        for hypothesis in hypotheses
+    ]
 
 
 def compute_cosines(
