@@ -27,6 +27,8 @@ class LevelSettings:
         usual_duration: duration times the highest line where the variance does not tell it: the
             force then falls to a quarter at the highest line.
         duration_count: number of durations that are tried.
+        recorded_durations: shortest and longest duration of hits times the limit of their records.
+        recorded_duration_count: number of durations that are tried, in equal ratios.
         peak_sigma: standard deviation of a test's peak, relative: the mean of some hits by hand.
         duration_sigma: standard deviation of the duration that the noise of FRFs tells, relative.
         hit_scatter: usual standard deviation of the momentum of single hits by hand, relative.
@@ -96,6 +98,8 @@ class LevelSettings:
     durations: tuple[float, float] = (0.2, 1.4)
     usual_duration: float = 1.0
     duration_count: int = 121
+    recorded_durations: tuple[float, float] = (0.05, 20.0)
+    recorded_duration_count: int = 601
     peak_sigma: float = 0.05
     duration_sigma: float = 0.1
     hit_scatter: float = 0.12

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.hypothesis import JointDirection, Scene
-from diagnosis.levels.hammer_pulse import estimate_pulse_duration
+from diagnosis.levels.hammer_pulse import estimate_pulses
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_stiffness
@@ -56,11 +56,8 @@ class TestedJoint:
         ports = find_ports(machine, outputs, references)
         ports = apply_point_changes(ports, assembly.point_changes, outputs, references)
         conditions = [test.condition for test in campaign.tests]
-        hits = SimulatedHits(
-            np.array([references.index(c.reference.positive) for c in conditions]),
-            np.array([float(c.level_n or 0.0) * c.reference.sign for c in conditions]),
-            estimate_pulse_duration(campaign),
-        )
+        columns = [references.index(condition.reference.positive) for condition in conditions]
+        hits = SimulatedHits(np.array(columns), *estimate_pulses(campaign))
         return cls(
             assembly.matrices,
             {spring.name: spring.direction for spring in machine.springs}[joint.spring],

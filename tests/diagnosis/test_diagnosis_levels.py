@@ -10,11 +10,6 @@ from scipy.optimize import brentq
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.levels import tested_joint
 from diagnosis.levels.free_levels import LAW_EFFECTS, list_levels, propose_law
-from diagnosis.levels.hammer_pulse import (
-    compute_pulse_force,
-    compute_pulse_spectrum,
-    estimate_pulse_duration,
-)
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.law_family import BACKLASH, FRICTION, HARDENING
 from diagnosis.levels.law_hypothesis import build_law_hypothesis
@@ -100,38 +95,6 @@ def test_laws_side_by_side_are_each_alone():
     forces, _ = stack_laws(laws, 2).solve(free, COMPLIANCE, np.zeros(4))
     alone = [law.solve(free[:2], COMPLIANCE, np.zeros(2))[0] for law in laws]
     np.testing.assert_allclose(forces, np.concatenate(alone), rtol=1e-14)
-
-
-def test_the_spectrum_of_a_half_sine_is_its_fourier_integral():
-    times = np.linspace(0, PULSE_S, 20_001)
-    kernel = np.exp(-2j * np.pi * FREQ_HZ[:, None] * times)
-    integral = np.trapezoid(kernel * compute_pulse_force(times, PULSE_S), times, axis=1)
-    np.testing.assert_allclose(compute_pulse_spectrum(FREQ_HZ, PULSE_S), integral, atol=1e-10)
-
-
-@pytest.mark.parametrize("duration", [4e-3, 6e-3, 9e-3])
-@pytest.mark.parametrize("colour", [0.0, -1.0])
-def test_the_duration_of_hits_follows_from_the_variance(block, duration, colour):
-    campaign = level_campaign(block, None, (100.0,))
-    random, tests = np.random.default_rng(3), []
-    for test in campaign.tests:
-        scatter = random.chisquare(20, test.estimate.variance.shape) / 20
-        fade = np.abs(compute_pulse_spectrum(FREQ_HZ, duration)) ** 2
-        noise = FREQ_HZ[:, None, None] ** colour / fade[:, None, None]
-        estimate = replace(test.estimate, variance=noise * scatter)
-        tests.append(replace(test, estimate=estimate))
-    campaign = replace(campaign, tests=tuple(tests))
-    assert estimate_pulse_duration(campaign) == pytest.approx(duration, rel=0.06)
-
-
-def test_hits_whose_spectrum_is_flat_have_the_usual_duration(block):
-    campaign = level_campaign(block, None, (100.0,))
-    flat = [
-        replace(t, estimate=replace(t.estimate, variance=np.ones_like(t.estimate.variance)))
-        for t in campaign.tests
-    ]
-    found = estimate_pulse_duration(replace(campaign, tests=tuple(flat)))
-    assert found == pytest.approx(1 / FREQ_HZ[-1])
 
 
 def test_receptances_are_those_of_one_mass():
