@@ -16,9 +16,11 @@ noise that is a power of frequency.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from identification.words import Campaign, Complex, HitEstimate, Real
+from identification.level_check import group_visits
+from identification.words import Campaign, Complex, HitEstimate, Input, Real, Test
 
 
 def compute_pulse_force(time_s: Real, duration_s: Real | float) -> Real:
@@ -36,37 +38,83 @@ def compute_pulse_spectrum(freq_hz: Real, duration_s: float) -> Complex:
     return spectrum
 
 
-def estimate_pulses(campaign: Campaign) -> tuple[Real, float]:
-    """Estimate the peak of the hits of each test [N], and the duration of all [s].
+@dataclass(frozen=True, eq=False)
+class Pulses:
+    """Hits of all tests.
 
-    Tests at equal hammer points and levels have equal hits: the mean over those with records.
+    Args:
+        peak: of the mean hit of each test, signed as the reference [N]; (n_test,).
+        duration_s: of all [s].
+        momenta: of single hits of each test over their root mean square, the smallest first; None
+            without records; n_test.
+    """
+
+    peak: Real
+    duration_s: float
+    momenta: tuple[Real | None, ...]
+
+    def list_sizes(self, test: int, count: int) -> Real:
+        """Return equally probable sizes of the hits of a test over the mean hit; (count,).
+
+        Args:
+            test: its number.
+            count: sizes that stand for all.
+        """
+        shares = (np.arange(count) + 0.5) / count
+        momenta = self.momenta[test]
+        if momenta is None:
+            normal = norm.ppf(shares)
+            scatter = LEVEL_SETTINGS.hit_scatter
+            usual: Real = np.exp(scatter * normal / np.sqrt(np.mean(normal**2)))
+            return usual
+        sizes: Real = np.quantile(momenta, shares, method="hazen")
+        return sizes
+
+
+def estimate_pulses(campaign: Campaign) -> Pulses:
+    """Estimate the hits of each test: from records, or from the stated level and the variance.
+
+    Tests of one visit to a level have equal hits at each hammer point: the mean of their records.
 
     Args:
         campaign: tests with records, or with the variance of their FRFs.
-
-    Returns:
-        Peaks (n_test,), signed as the references, and the duration.
     """
     conditions = [test.condition for test in campaign.tests]
-    stated = np.array([float(c.level_n or 0.0) * c.reference.sign for c in conditions])
-    recorded = [
-        None if test.hits is None else _ForceSpectrum.of_hits(test.hits) for test in campaign.tests
-    ]
-    durations = [spectrum.fit_duration() for spectrum in recorded if spectrum is not None]
-    if not durations:
-        return stated, _estimate_pulse_duration(campaign)
-    duration = float(np.median(durations))
-    alike: dict[tuple[str, float], list[float]] = {}
-    for condition, level, spectrum in zip(conditions, stated, recorded, strict=True):
-        if spectrum is not None:
-            peak = np.sign(level) * spectrum.fit_peak(duration)
-            alike.setdefault((str(condition.reference.positive), level), []).append(peak)
-    return np.array(
-        [
-            np.mean(alike.get((str(c.reference.positive), level), [level]))
-            for c, level in zip(conditions, stated, strict=True)
-        ]
-    ), duration
+    peaks = np.array([float(c.level_n or 0.0) * c.reference.sign for c in conditions])
+    momenta: list[Real | None] = [None] * len(peaks)
+    spectra = {
+        c: _ForceSpectrum.of_hits(t.hits)
+        for c, t in zip(conditions, campaign.tests, strict=True)
+        if t.hits
+    }
+    if not spectra:
+        return Pulses(peaks, _estimate_pulse_duration(campaign), tuple(momenta))
+    duration = float(np.median([spectrum.fit_duration() for spectrum in spectra.values()]))
+    for tests in _group_recorded(campaign):
+        peak = np.mean([spectra[test.condition].fit_peak(duration) for test in tests])
+        hits = [_list_momenta(test.hits) for test in tests if test.hits]
+        for test in tests:
+            place = conditions.index(test.condition)
+            peaks[place] = np.sign(peaks[place]) * peak
+            momenta[place] = np.sort(np.concatenate(hits))
+    return Pulses(peaks, duration, tuple(momenta))
+
+
+def _group_recorded(campaign: Campaign) -> list[list[Test]]:
+    """Return the tests with records of each hammer point in each visit to a level."""
+    groups: dict[tuple[int, Input], list[Test]] = {}
+    for visit, (_, visited) in enumerate(group_visits(campaign)):
+        for test in visited.tests:
+            if test.hits:
+                groups.setdefault((visit, test.condition.reference), []).append(test)
+    return list(groups.values())
+
+
+def _list_momenta(hits: HitEstimate) -> Real:
+    """Return the momenta of the kept hits over their root mean square; (n_hit,)."""
+    momenta = np.abs([hit.momentum for hit in hits.kept])
+    relative: Real = momenta / np.sqrt(np.mean(momenta**2))
+    return relative
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,9 @@ so that the average over hits has the stiffness
 
     kappa = c / (1 - c h_g),   c = sum |F_i|^2 c_i / sum |F_i|^2,
 
-exactly. The logarithm of a hit's size is taken as normal; a few equally probable sizes stand for
-all. The average is taken as linear in the variance, which FRFs tell and the refit therefore fits.
+exactly. Records tell the momenta of the hits; without them the logarithm of a hit's size is taken
+as normal. A few equally probable sizes stand for all. The average is taken as linear in the
+variance, which FRFs tell and the refit therefore fits.
 
 The motion that sets kappa depends on the joint's linear spring and damper, which are fitted with
 the law. The table follows both: a fit that took kappa as it was would trade the law against them,
@@ -31,7 +32,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import norm
 
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.settings import LEVEL_SETTINGS
@@ -154,10 +154,9 @@ class LawTable:
         kept = self.known.get(key)
         if kept is not None:
             return kept
-        scatter = LEVEL_SETTINGS.hit_scatter
         chosen = LEVEL_SETTINGS
         count = chosen.rough_hit_sizes if self.family.is_rough else chosen.hit_sizes
-        sizes = np.exp(scatter * _list_hit_sizes(count))
+        sizes = self.joint.list_hit_sizes(count)
         moves = np.diag(self._steps)
         places = np.array([place, *(place + moves), *(place - moves)])
         places = np.where(self._is_size, np.exp(places), places)
@@ -165,13 +164,14 @@ class LawTable:
         cases = [
             (theta, size, linear)
             for theta, linear in zip(places, springs, strict=True)
-            for size in (1.0, *sizes)
+            for size in (np.ones(sizes.shape[1]), *sizes)
         ]
         kappas = self.joint.compute_stiffness(self.family, cases)
         kappas = kappas.reshape(len(places), 1 + len(sizes), *kappas.shape[1:])
         mean, scattered = kappas[:, 0], kappas[:, 1:]
+        weights = sizes[:, self.joint.group_equal_hits()] ** 2
         with np.errstate(invalid="ignore"):  # a spring that gives way has no stiffness
-            averages = average_hits(scattered, self._compute_receptances(springs), sizes**2)
+            averages = average_hits(scattered, self._compute_receptances(springs), weights)
             after, before = np.split(averages[1:], 2)
             by_variance = (averages - mean).mean(axis=0)
             by_place = (after - before) / (2 * self._steps[:, None, None])
@@ -183,22 +183,15 @@ class LawTable:
         return self.known[key]
 
 
-def _list_hit_sizes(count: int) -> Real:
-    """Return equally probable values of a normal distribution, of mean 0 and variance 1."""
-    values = norm.ppf((np.arange(count) + 0.5) / count)
-    unit: Real = values / np.sqrt(np.mean(values**2))
-    return unit
-
-
 def average_hits(stiffness: Complex, receptance: Complex, weights: Real) -> Complex:
     """Return the stiffness that H1 of several hits shows; (n_case, n_test, n_freq).
 
     Args:
         stiffness: kappa under each hit; (n_case, n_hit, n_test, n_freq).
         receptance: h_g in each case; (n_case, n_freq).
-        weights: of each hit, its number times the power of its force; (n_hit,).
+        weights: of each hit, its number times the power of its force; (n_hit, n_test).
     """
     shown = stiffness / (1 + stiffness * receptance[:, None, None])
-    mean = np.einsum("h,chtf->ctf", weights / weights.sum(), shown)
+    mean = np.einsum("ht,chtf->ctf", weights / weights.sum(axis=0), shown)
     average: Complex = mean / (1 - mean * receptance[:, None])
     return average

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.hypothesis import JointDirection, Scene
-from diagnosis.levels.hammer_pulse import estimate_pulses
+from diagnosis.levels.hammer_pulse import Pulses, estimate_pulses
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_stiffness
@@ -25,7 +25,8 @@ class TestedJoint:
         direction: of the joint; (nv,).
         inputs: generalised force of each input; (nv, n_in).
         freq_hz: lines above 0 Hz; (n_freq,).
-        hits: one for each test.
+        pulses: hits of each test.
+        column: input that they hit; (n_test,).
         stiffness: fitted stiffness of the spring.
         damping: of its damper.
         loops: control loops that were closed during the test.
@@ -36,7 +37,8 @@ class TestedJoint:
     direction: Real
     inputs: Real
     freq_hz: Real
-    hits: SimulatedHits
+    pulses: Pulses
+    column: Integers
     stiffness: float
     damping: float
     loops: tuple[FrequencyDependentTerm, ...] = ()
@@ -57,13 +59,13 @@ class TestedJoint:
         ports = apply_point_changes(ports, assembly.point_changes, outputs, references)
         conditions = [test.condition for test in campaign.tests]
         columns = [references.index(condition.reference.positive) for condition in conditions]
-        hits = SimulatedHits(np.array(columns), *estimate_pulses(campaign))
         return cls(
             assembly.matrices,
             {spring.name: spring.direction for spring in machine.springs}[joint.spring],
             assembly.jacobian.T @ ports.force + ports.motor,
             campaign.freq_hz[campaign.freq_hz > 0],
-            hits,
+            estimate_pulses(campaign),
+            np.array(columns),
             float(scene.find_stiffness((joint.spring,))[0]),
             float(scene.find_damping((joint.spring,))[0]),
             tuple(term for term in assembly.frequency_dependent if term.is_loop),
@@ -91,8 +93,13 @@ class TestedJoint:
             self.steps_per_period,
         )
 
+    @property
+    def hits(self) -> SimulatedHits:
+        """Mean hit of each test."""
+        return SimulatedHits(self.column, self.pulses.peak, self.pulses.duration_s)
+
     def compute_stiffness(
-        self, family: LawFamily, cases: Sequence[tuple[Real, float, Real]]
+        self, family: LawFamily, cases: Sequence[tuple[Real, Real | float, Real]]
     ) -> Complex:
         """Return what laws add to the joint's stiffness in each test; (n_case, n_test, n_freq).
 
@@ -101,8 +108,9 @@ class TestedJoint:
         Args:
             family: of the laws.
             cases: parameters of each law and, as the last one, the duration of the hits over the
-                estimated one; peak of the hits over the stated one; stiffness and damping of the
-                joint's linear spring and damper (2,).
+                estimated one; size of the hits over the mean ones, of all or of each group of
+                ``list_hit_sizes``; stiffness and damping of the joint's linear spring and damper
+                (2,).
         """
         stuck = [family.stuck(theta[:-1]) for theta, _, _ in cases]
         springs = [
@@ -117,11 +125,11 @@ class TestedJoint:
                 family.law(theta[:-1]),
                 SimulatedHits(
                     different.column,
-                    peak * different.peak,
-                    float(theta[-1]) * self.hits.duration_s,
+                    size * different.peak,
+                    float(theta[-1]) * different.duration_s,
                 ),
             )
-            for added, (theta, peak, _) in zip(springs, cases, strict=True)
+            for added, (theta, size, _) in zip(springs, cases, strict=True)
         ]
         kappa = compute_equivalent_stiffness(laws, self.freq_hz)
         return np.array(stuck)[:, None, None] + kappa[:, place]
@@ -146,13 +154,19 @@ class TestedJoint:
         total: Complex = np.array(added)[:, None] + kappa[:, place]
         return total
 
+    def list_hit_sizes(self, count: int) -> Real:
+        """Return equally probable sizes of each group of equal hits; (count, n_group)."""
+        place = self.group_equal_hits()
+        first = [int(np.argmax(place == group)) for group in range(int(place.max()) + 1)]
+        return np.stack([self.pulses.list_sizes(test, count) for test in first], axis=1)
+
     def group_equal_hits(self) -> Integers:
         """Return the number of the group of each test; those of one group have equal hits."""
         return self._list_different_hits()[1]
 
     def _list_different_hits(self) -> tuple[SimulatedHits, Integers]:
         """Return the hits that differ, and the number of that of each test; (n_test,)."""
-        pairs = np.stack([self.hits.column, self.hits.peak])
+        pairs = np.stack([self.column, self.pulses.peak])
         different, place = np.unique(pairs, axis=1, return_inverse=True)
-        hits = SimulatedHits(different[0].astype(int), different[1], self.hits.duration_s)
+        hits = SimulatedHits(different[0].astype(int), different[1], self.pulses.duration_s)
         return hits, place.ravel()

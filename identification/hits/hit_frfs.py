@@ -153,6 +153,7 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
             "lines: check which channel is the force"
         )
     freq = np.arange(plan.block // 2 + 1) * records.rate_hz / plan.block
+    momenta = blocks.force.sum(axis=1) / records.rate_hz
     values = estimate_frf(averages, settings.estimator, noise_powers(hits.noise, freq))
     estimate = HitEstimate(
         test=records.test,
@@ -167,8 +168,8 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
         ),
         estimator=settings.estimator,
         kept=tuple(
-            Hit(b.main.record + 1, b.number, b.onset / records.rate_hz, b.main.height)
-            for b in blocks.blows
+            Hit(b.main.record + 1, b.number, b.onset / records.rate_hz, b.main.height, momentum)
+            for b, momentum in zip(blocks.blows, momenta.tolist(), strict=True)
         ),
         rejected=tuple(sorted(hits.left_out, key=lambda rejection: rejection.hit)),
         rate_hz=records.rate_hz,

@@ -21,12 +21,14 @@ class Hit:
         number: number of the hit among all hits of the test, by time, from 1.
         time_s: time of the first rise of the force, from the start of the record [s].
         peak_n: largest force, signed [N].
+        momentum: integral of the force over its window, signed [N s].
     """
 
     record: int
     number: int
     time_s: float
     peak_n: float
+    momentum: float
 
 
 @dataclass(frozen=True)

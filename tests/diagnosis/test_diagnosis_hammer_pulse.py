@@ -43,8 +43,7 @@ def test_the_duration_of_hits_follows_from_the_variance(block, duration, colour)
         estimate = replace(test.estimate, variance=noise * scatter)
         tests.append(replace(test, estimate=estimate))
     campaign = replace(campaign, tests=tuple(tests))
-    _, found = estimate_pulses(campaign)
-    assert found == pytest.approx(duration, rel=0.06)
+    assert estimate_pulses(campaign).duration_s == pytest.approx(duration, rel=0.06)
 
 
 def test_hits_whose_spectrum_is_flat_have_the_usual_duration(block):
@@ -53,9 +52,9 @@ def test_hits_whose_spectrum_is_flat_have_the_usual_duration(block):
         replace(t, estimate=replace(t.estimate, variance=np.ones_like(t.estimate.variance)))
         for t in campaign.tests
     ]
-    peaks, found = estimate_pulses(replace(campaign, tests=tuple(flat)))
-    assert (np.abs(peaks) == 100).all()
-    assert found == pytest.approx(1 / FREQ_HZ[-1])
+    pulses = estimate_pulses(replace(campaign, tests=tuple(flat)))
+    assert (np.abs(pulses.peak) == 100).all()
+    assert pulses.duration_s == pytest.approx(1 / FREQ_HZ[-1])
 
 
 def record_hits(test, peak, duration):
@@ -80,8 +79,29 @@ def test_records_tell_peak_and_duration(block, duration):
         record_hits(t, 1.1 * level, duration)
         for t, level in zip(campaign.tests, stated, strict=True)
     ]
-    peaks, found = estimate_pulses(replace(campaign, tests=tuple(tests)))
-    assert found == pytest.approx(duration, rel=0.03)
+    pulses = estimate_pulses(replace(campaign, tests=tuple(tests)))
+    assert pulses.duration_s == pytest.approx(duration, rel=0.03)
     signs = np.array([test.condition.reference.sign for test in tests])
     # Their sizes from 0.9 to 1.1 have a root mean square of 1.0023.
-    np.testing.assert_allclose(peaks, 1.1 * signs * stated, rtol=0.03)
+    np.testing.assert_allclose(pulses.peak, 1.1 * signs * stated, rtol=0.03)
+    # Six sizes stand for the six hits themselves, fewer ones for equal shares of them.
+    ratio = np.linspace(0.9, 1.1, HITS)
+    ratio /= np.sqrt(np.mean(ratio**2))
+    np.testing.assert_allclose(pulses.list_sizes(0, HITS), ratio, rtol=1e-3)
+    np.testing.assert_allclose(pulses.list_sizes(0, 2), [ratio[1], ratio[4]], rtol=1e-3)
+
+
+def test_hits_of_a_level_that_returns_are_those_of_each_visit(block):
+    campaign = level_campaign(block, None, (40.0, 100.0))
+    first = [record_hits(test, test.condition.level_n, 6e-3) for test in campaign.tests]
+    again = [
+        record_hits(
+            replace(test, condition=replace(test.condition, test=f"{test.condition.test} again")),
+            1.2 * test.condition.level_n,
+            6e-3,
+        )
+        for test in campaign.tests
+    ]
+    peaks = estimate_pulses(replace(campaign, tests=(*first, *again))).peak
+    before, after = np.split(peaks, 2)
+    np.testing.assert_allclose(after, 1.2 * before, rtol=1e-3)

@@ -45,7 +45,7 @@ def test_the_average_of_hits_is_that_of_h1():
 
     readings = frf(kappa[0, :, 0]) * force
     h1 = (readings * force.conj()).sum(axis=0) / (np.abs(force) ** 2).sum(axis=0)
-    average = average_hits(kappa, receptance[None], np.abs(force[:, 0]) ** 2)
+    average = average_hits(kappa, receptance[None], np.abs(force) ** 2)
     np.testing.assert_allclose(frf(average[0, 0]), h1, rtol=1e-12)
 
 
@@ -58,7 +58,7 @@ def test_hits_that_scatter_show_the_average_of_many(tested):
     sizes = np.exp(scatter * points)
     kappas = tested.compute_stiffness(HARDENING[0], [(theta[:3], size, LINEAR) for size in sizes])
     receptance = tested.transient().receptances(tested.freq_hz)[:, 0]
-    (many,) = average_hits(kappas[None], receptance[None], weights * sizes**2)
+    (many,) = average_hits(kappas[None], receptance[None], (weights * sizes**2)[:, None])
     mean, _ = table.at(replace_last(theta, 0.0))
     shown, single, expected = (kappa / (1 + kappa * receptance) for kappa in (found, mean, many))
     strong = np.abs(tested.hits.peak) == 200.0
@@ -74,7 +74,7 @@ def test_no_scatter_is_the_mean_hit_and_the_variance_counts_linearly(tested):
     np.testing.assert_allclose(values[2.0] - values[1.0], values[1.0] - values[0.0], rtol=1e-6)
     slope = table.at(theta)[1][3]
     np.testing.assert_allclose(slope, values[1.0] - values[0.0], rtol=1e-6)
-    still = replace(tested, hits=replace(tested.hits, peak=1e-6 * tested.hits.peak))
+    still = replace(tested, pulses=replace(tested.pulses, peak=1e-6 * tested.pulses.peak))
     quiet = LawTable(still, HARDENING[0], (CUBIC, STIFFNESS, 1.0)).at(theta)[1][3]
     assert np.abs(quiet).max() < 1e-6 * STIFFNESS
 
