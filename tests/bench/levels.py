@@ -62,6 +62,10 @@ def run() -> list[dict[str, object]]:
 def figures(rows: Sequence[dict]) -> list[dict[str, object]]:
     """Return rates, errors of the parameters and times of rows."""
     found: list[dict[str, object]] = []
+    for dirt in dict.fromkeys(row["dirt"] for row in rows):
+        kinds = [f"{law}, dirt {dirt:g} %" for law in EFFECTS]
+        read = [case for row in rows if row["cell"] in kinds and (case := graded(row)) is not None]
+        found.append(_rate(f"all laws, dirt {dirt:g} %", "effect and joint first", read, _is_first))
     for cell in sorted({row["cell"] for row in rows}):
         read = [case for row in rows if row["cell"] == cell and (case := graded(row)) is not None]
         if cell.startswith("linear"):
@@ -72,24 +76,25 @@ def figures(rows: Sequence[dict]) -> list[dict[str, object]]:
             found.append(_rate(cell, "a law with p of 0.5 or more", read, _has_law))
         if cell == STAYS:
             found.append(_rate(cell, "drift first, or a twin of the law", read, _names_drift))
-
-        def is_first(case: Graded) -> bool:
-            return right_first(case.truth, case.verdict)
-
-        found.append(_rate(cell, "effect and joint first", read, is_first))
-        found += _parameter_errors(cell, [case.row for case in read if is_first(case)])
-        closed = [case.row["verdict"]["gap"]["closed"] for case in read if is_first(case)]
+        found.append(_rate(cell, "effect and joint first", read, _is_first))
+        found += _parameter_errors(cell, [case.row for case in read if _is_first(case)])
+        closed = [case.row["verdict"]["gap"]["closed"] for case in read if _is_first(case)]
         known = [value for value in closed if value is not None]
         if known:
             figure = {"figure": f"{cell}: part of the gap closed, median"}
             found.append(figure | {"value": float(np.median(known)), "n": len(known)})
-        found += _closed_levels(cell, [case.row for case in read if is_first(case)])
+        found += _closed_levels(cell, [case.row for case in read if _is_first(case)])
     seconds = [row["seconds"] for row in rows if "seconds" in row]
     if seconds:
         for name, value in (("median", np.median(seconds)), ("largest", max(seconds))):
             figure = {"figure": f"core seconds, {name}", "value": float(value)}
             found.append(figure | {"n": len(seconds)})
     return found
+
+
+def _is_first(case: Graded) -> bool:
+    """Return whether the true effect and joint come first."""
+    return right_first(case.truth, case.verdict)
 
 
 def _has_law(case: Graded) -> bool:
