@@ -100,9 +100,11 @@ class LawTable:
     def _steps(self) -> Real:
         """Steps of difference quotients by each coordinate; (n_parameter,)."""
         names = *(name for name, _ in self.family.parameters), *self.followed, "duration"
-        step = LEVEL_SETTINGS.difference_step
-        linear = step if self.family.is_rough else LEVEL_SETTINGS.linear_step
-        return np.array([linear if name == "stiffness" else step for name in names])
+        chosen, is_rough = LEVEL_SETTINGS, self.family.is_rough
+        linear = chosen.rough_linear_step if is_rough else chosen.linear_step
+        return np.array(
+            [linear if name == "stiffness" else chosen.difference_step for name in names]
+        )
 
     @cached_property
     def _origin(self) -> Real:
