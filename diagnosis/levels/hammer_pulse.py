@@ -1,16 +1,17 @@
 r"""Force of the hammer hits in time, from what a campaign tells about it.
 
-A hit is a half sine of its peak A (the level of the test) and a duration T,
+A hit is a half sine of its peak A and a duration T,
 
     f(t) = A sin(pi t / T),   F(w) = A T / 2 [sinc(f T - 1/2) + sinc(f T + 1/2)] exp(-i pi f T).
 
-Records hold the force. T is the duration whose |F| explains the mean spectrum of the hits best, and
-A the peak of a half sine with their momentum: a recorder samples too slowly for the peak itself.
+Records hold the force. T is the duration whose |F| explains the mean spectrum of the hits best; the
+median of all tests counts. A = pi P / (2 T) follows from the momentum P, which is what a joint
+below the hammer's band feels; a recorder samples too slowly for the peak itself.
 
-FRFs hold no force, but their variance does: with a noise of the density S in the accelerations it
-is S / (n |F|^2) for n hits, and it rises where the force fades (Bendat and Piersol 2010, ch. 9). T
-is the duration whose spectrum explains the shape of the variance along frequency best, beside a
-noise that is a power of frequency.
+FRFs hold no force, but their variance does; A is then the level of the test. With a noise of the
+density S in the accelerations it is S / (n |F|^2) for n hits, and it rises where the force fades
+(Bendat and Piersol 2010, ch. 9). T is the duration whose spectrum explains the shape of the
+variance along frequency best, beside a noise that is a power of frequency.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from scipy.stats import norm
 
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.level_check import group_visits
-from identification.words import Campaign, Complex, HitEstimate, Input, Real, Test
+from identification.words import Campaign, Complex, HitEstimate, Input, Real
 
 
 def compute_pulse_force(time_s: Real, duration_s: Real | float) -> Real:
@@ -40,120 +41,110 @@ def compute_pulse_spectrum(freq_hz: Real, duration_s: float) -> Complex:
 
 @dataclass(frozen=True, eq=False)
 class Pulses:
-    """Hits of all tests.
+    """Estimated half sine of each test's hits.
 
     Args:
-        peak: of the mean hit of each test, signed as the reference [N]; (n_test,).
-        duration_s: of all [s].
-        momenta: of single hits of each test over their root mean square, the smallest first; None
-            without records; n_test.
+        peak: of the root-mean-square hit of each test, signed along the positive axis of its
+            reference [N]; (n_test,).
+        duration_s: duration of all hits [s].
+        relative_momenta: of single hits of each test over their root mean square, the smallest
+            first; None without records; n_test.
     """
 
     peak: Real
     duration_s: float
-    momenta: tuple[Real | None, ...]
+    relative_momenta: tuple[Real | None, ...]
 
     def list_sizes(self, test: int, count: int) -> Real:
-        """Return equally probable sizes of the hits of a test over the mean hit; (count,).
+        """Return equally probable sizes of a test's hits over their root mean square; (count,).
+
+        They have the variance of all hits.
 
         Args:
             test: its number.
             count: sizes that stand for all.
         """
         shares = (np.arange(count) + 0.5) / count
-        momenta = self.momenta[test]
+        momenta = self.relative_momenta[test]
         if momenta is None:
-            normal = norm.ppf(shares)
-            scatter = LEVEL_SETTINGS.hit_scatter
-            usual: Real = np.exp(scatter * normal / np.sqrt(np.mean(normal**2)))
-            return usual
-        sizes: Real = np.quantile(momenta, shares, method="hazen")
+            return np.exp(LEVEL_SETTINGS.hit_scatter * _scale_to_deviation(norm.ppf(shares), 1.0))
+        quantiles = np.quantile(momenta, shares, method="hazen")
+        sizes: Real = momenta.mean() + _scale_to_deviation(quantiles, float(momenta.std()))
         return sizes
+
+
+def _scale_to_deviation(values: Real, deviation: float) -> Real:
+    """Return values less their mean, with a given standard deviation."""
+    off = values - values.mean()
+    scaled: Real = off * (deviation / off.std()) if off.std() > 0 else off
+    return scaled
 
 
 def estimate_pulses(campaign: Campaign) -> Pulses:
     """Estimate the hits of each test: from records, or from the stated level and the variance.
 
     Tests of one visit to a level have equal hits at each hammer point: the mean of their records.
+    Hits shorter than the simulation resolves in the band last as long as it resolves, with their
+    momentum. Where the gain of the hammer is unknown, the level is that of the test.
 
     Args:
         campaign: tests with records, or with the variance of their FRFs.
     """
-    conditions = [test.condition for test in campaign.tests]
-    peaks = np.array([float(c.level_n or 0.0) * c.reference.sign for c in conditions])
-    momenta: list[Real | None] = [None] * len(peaks)
-    spectra = {
-        c: _ForceSpectrum.of_hits(t.hits)
-        for c, t in zip(conditions, campaign.tests, strict=True)
-        if t.hits
-    }
-    if not spectra:
-        return Pulses(peaks, _estimate_pulse_duration(campaign), tuple(momenta))
-    duration = float(np.median([spectrum.fit_duration() for spectrum in spectra.values()]))
-    for tests in _group_recorded(campaign):
-        peak = np.mean([spectra[test.condition].fit_peak(duration) for test in tests])
-        hits = [_list_momenta(test.hits) for test in tests if test.hits]
-        for test in tests:
-            place = conditions.index(test.condition)
-            peaks[place] = np.sign(peaks[place]) * peak
-            momenta[place] = np.sort(np.concatenate(hits))
-    return Pulses(peaks, duration, tuple(momenta))
+    tests = campaign.tests
+    signs = np.array([test.condition.reference.sign for test in tests])
+    peaks = signs * np.array([test.condition.level_n or 0.0 for test in tests])
+    relative: list[Real | None] = [None] * len(tests)
+    durations = [_fit_duration(test.hits) for test in tests if test.hits]
+    if not durations:
+        return Pulses(peaks, _estimate_pulse_duration(campaign), tuple(relative))
+    shortest = LEVEL_SETTINGS.durations[0] / float(campaign.freq_hz[-1])
+    duration = max(float(np.median(durations)), shortest)
+    for numbers in _group_recorded(campaign):
+        momenta = [_list_momenta(tests[number].hits) for number in numbers]
+        roots = [np.sign(p.sum()) * np.sqrt(np.mean(p**2)) for p in momenta]
+        ratios = [np.abs(p / root) for p, root in zip(momenta, roots, strict=True)]
+        for number in numbers:
+            relative[number] = np.sort(np.concatenate(ratios))
+            if tests[number].condition.instrument not in campaign.unknown_gains.hammers:
+                peaks[number] = signs[number] * np.pi / (2 * duration) * np.mean(roots)
+    return Pulses(peaks, duration, tuple(relative))
 
 
-def _group_recorded(campaign: Campaign) -> list[list[Test]]:
-    """Return the tests with records of each hammer point in each visit to a level."""
-    groups: dict[tuple[int, Input], list[Test]] = {}
+def _group_recorded(campaign: Campaign) -> list[list[int]]:
+    """Return the numbers of tests with records of each hammer point in each visit to a level."""
+    number_of = {id(test): number for number, test in enumerate(campaign.tests)}
+    groups: dict[tuple[int, Input], list[int]] = {}
     for visit, (_, visited) in enumerate(group_visits(campaign)):
         for test in visited.tests:
             if test.hits:
-                groups.setdefault((visit, test.condition.reference), []).append(test)
+                key = visit, test.condition.reference
+                groups.setdefault(key, []).append(number_of[id(test)])
     return list(groups.values())
 
 
-def _list_momenta(hits: HitEstimate) -> Real:
-    """Return the momenta of the kept hits over their root mean square; (n_hit,)."""
-    momenta = np.abs([hit.momentum for hit in hits.kept])
-    relative: Real = momenta / np.sqrt(np.mean(momenta**2))
-    return relative
+def _list_momenta(hits: HitEstimate | None) -> Real:
+    """Return the momenta of the kept hits [N s]; (n_hit,)."""
+    return np.array([hit.momentum for hit in hits.kept] if hits else [])
 
 
-@dataclass(frozen=True, eq=False)
-class _ForceSpectrum:
-    """Mean force spectrum of the kept hits of a test.
+def _fit_duration(hits: HitEstimate) -> float:
+    """Return the duration of the half sine with the nearest |F|, by least squares [s].
 
-    Args:
-        freq_hz: lines up to the limit of the anti-aliasing filter; (n_freq,).
-        size: |F| [N s]; (n_freq,).
+    With blocks of t and a one-sided amplitude density D, |F| = D (t / 2)^(1/2). Lines count up to
+    the limit of the anti-aliasing filter.
     """
+    densities = hits.densities
+    inside = (densities.freq_hz > 0) & (densities.freq_hz <= hits.usable_limit_hz)
+    freq_hz, amplitude = densities.freq_hz[inside], densities.force[inside]
+    shortest, longest = LEVEL_SETTINGS.recorded_durations
+    cycles = np.geomspace(shortest, longest, LEVEL_SETTINGS.recorded_duration_count)
+    durations = cycles / freq_hz[-1]
 
-    freq_hz: Real
-    size: Real
+    def explain(duration_s: float) -> float:
+        unit = np.abs(compute_pulse_spectrum(freq_hz, duration_s))
+        return float((unit @ amplitude) ** 2 / (unit @ unit))
 
-    @classmethod
-    def of_hits(cls, hits: HitEstimate) -> "_ForceSpectrum":
-        """Return |F| = D (t / 2)^(1/2) of the one-sided amplitude density D of blocks of t."""
-        densities = hits.densities
-        inside = (densities.freq_hz > 0) & (densities.freq_hz <= hits.usable_limit_hz)
-        size = densities.force[inside] * np.sqrt(hits.block_s / 2)
-        return cls(densities.freq_hz[inside], size)
-
-    def fit_duration(self) -> float:
-        """Return the duration of the half sine with the nearest |F|, by least squares [s]."""
-        shortest, longest = LEVEL_SETTINGS.recorded_durations
-        cycles = np.geomspace(shortest, longest, LEVEL_SETTINGS.recorded_duration_count)
-        durations = cycles / self.freq_hz[-1]
-        explained = [self._project(duration) for duration in durations]
-        return float(durations[int(np.argmax(explained))])
-
-    def fit_peak(self, duration_s: float) -> float:
-        """Return the peak of half sines of a duration with the nearest |F| [N]."""
-        unit = np.abs(compute_pulse_spectrum(self.freq_hz, duration_s))
-        return float(unit @ self.size / (unit @ unit))
-
-    def _project(self, duration_s: float) -> float:
-        """Return the part of |F| that half sines of a duration explain."""
-        unit = np.abs(compute_pulse_spectrum(self.freq_hz, duration_s))
-        return float((unit @ self.size) ** 2 / (unit @ unit))
+    return float(durations[int(np.argmax([explain(duration) for duration in durations]))])
 
 
 def _estimate_pulse_duration(campaign: Campaign) -> float:

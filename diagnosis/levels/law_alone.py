@@ -95,7 +95,8 @@ class LawAlone:
         )
         levels = list_levels(campaign)
         peaks = compute_peak_stretch(tested.transient(), tested.hits)
-        is_low = np.abs(tested.hits.peak) <= levels[len(levels) // 2]
+        middle = levels[len(levels) // 2]
+        is_low = np.array([(test.condition.level_n or 0.0) <= middle for test in campaign.tests])
         update = JointUpdate.of_scene(scene, joint, tested, thin)
         return cls(joint, tested, update, stiffest, float(peaks[is_low].max()), float(peaks.max()))
 

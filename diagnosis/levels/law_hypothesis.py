@@ -1,8 +1,8 @@
 """Hypothesis of a law at a joint direction: a Part for each kind of hit, about one linear machine.
 
 A refit moves the machine about which the law was simulated, so that the Parts are built again about
-each refit until nothing changes (``refit_laws``). Few hits do not have exactly the stated peak, and
-FRFs tell their duration and scatter roughly: the peak of each kind of hit, and the duration and
+each refit until nothing changes (``refit_laws``). Peak, duration and scatter of the hits are
+estimates (``hammer_pulse``): the peak of each kind of hit, and the duration and
 variance of all, are tolerances that are fitted with the law.
 """
 
@@ -64,7 +64,7 @@ def build_law_hypothesis(
         if number:
             parameters = tuple(replace(p, name=f"{p.name}@{number}") for p in shared)
             follow |= {p.name: q.name for p, q in zip(parameters, shared, strict=True)}
-        peak = Parameter(f"{prefix}.hit_peak@{number}", 1.0, "of the stated one")
+        peak = Parameter(f"{prefix}.hit_peak@{number}", 1.0, "of the estimated one")
         believed[peak.name] = LEVEL_SETTINGS.peak_sigma
         conditions = frozenset(tests[k].condition for k in np.flatnonzero(place == place[number]))
         location = f"joint:{joint.stage}"

@@ -45,8 +45,8 @@ class LawTable:
 
     It is linear in cells of the parameters, which are logarithms of sizes: within a cell by the
     central differences between its ends, since simulations are expensive. The start is the middle
-    of a cell. Hits of another peak are those of the stated one on a similar law: all motion scales
-    with them if the length or force of the law does (``LawFamily.similarity``).
+    of a cell. Hits of another peak are those of the estimated one on a similar law: all motion
+    scales with them if the length or force of the law does (``LawFamily.similarity``).
 
     Args:
         joint: linear machine and hits.
@@ -66,7 +66,7 @@ class LawTable:
     latest: dict[bytes, tuple[Complex, Complex]] = field(default_factory=dict)
 
     def at(self, theta: Real) -> tuple[Complex, Complex]:
-        """Return kappa at the stated peaks (n_test, n_freq), and its derivatives.
+        """Return kappa at the estimated peaks (n_test, n_freq), and its derivatives.
 
         Args:
             theta: parameters as in ``start``, then the relative variance of hits.

@@ -43,9 +43,9 @@ class LevelSettings:
             slides for the last time is rough in them on a scale of 1 %.
         linear_step: relative step of difference quotients by a joint's linear stiffness. It shifts
             resonances by up to half as much, which must stay within their width.
-        rough_linear_step: the same on a rough law, where the difference over a shorter step is that
-            of the roughness. The mean over a cell with 5 % was 14 to 20 % off beside a resonance of
-            1 % damping, with 2 % it is 4 to 6 %, a single place 3 %.
+        rough_linear_step: relative step by that stiffness on a rough law. A shorter step would
+            measure the roughness. A longer one spoils the mean over a cell beside a sharp
+            resonance: it was 14 to 20 % off with 5 %, and 4 to 6 % with 2 %.
         kept_cells: simulated cells in memory.
         fits_per_turn: fits of a refit, each at the error that the one before left: the next turn
             simulates the law about another machine anyway.
@@ -101,7 +101,7 @@ class LevelSettings:
     usual_duration: float = 1.0
     duration_count: int = 121
     recorded_durations: tuple[float, float] = (0.05, 20.0)
-    recorded_duration_count: int = 601
+    recorded_duration_count: int = 121
     peak_sigma: float = 0.05
     duration_sigma: float = 0.1
     hit_scatter: float = 0.12

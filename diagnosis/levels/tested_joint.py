@@ -26,7 +26,7 @@ class TestedJoint:
         inputs: generalised force of each input; (nv, n_in).
         freq_hz: lines above 0 Hz; (n_freq,).
         pulses: hits of each test.
-        column: input that they hit; (n_test,).
+        column: index of the input that each test hits; (n_test,).
         stiffness: fitted stiffness of the spring.
         damping: of its damper.
         loops: control loops that were closed during the test.

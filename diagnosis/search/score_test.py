@@ -12,11 +12,11 @@ strong effect is many standard deviations off, and almost any hypothesis seems t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.hypothesis import Hypothesis, Scene, find_no_direction, state_nothing
 from diagnosis.inference.evidence import Key
 from diagnosis.search.linearised_fit import Factor, Gained, ScoredFit
 from identification.words import Real
@@ -93,6 +93,7 @@ def compute_gains(
 
     A Part that acts in some tests only needs an evaluation for every test, so that its hypotheses
     are scored apart. The others are scored in two halves, whatever the number of processes.
+    Functions that a score does not need stay in this process.
     """
     machine = scene.model.machine
     always = np.array(
@@ -101,14 +102,28 @@ def compute_gains(
     )
     first, second = np.flatnonzero(always)[::2], np.flatnonzero(always)[1::2]
     groups = [places for places in (first, second, np.flatnonzero(~always)) if len(places)]
+    sent = [_reduce_to_parts(hypothesis) for hypothesis in hypotheses]
+    plain = replace(scene, record=None)
     calls: list[Call] = [
-        (_score_together, (scene, fit, [hypotheses[k] for k in places], model_error_floor, stride))
+        (_score_together, (plain, fit, [sent[k] for k in places], model_error_floor, stride))
         for places in groups
     ]
     gained: dict[int, Gained] = {}
     for places, part in zip(groups, run_in_parallel(calls, scene.jobs), strict=True):
         gained |= zip(places.tolist(), part, strict=True)
     return [gained[k] for k in range(len(hypotheses))]
+
+
+def _reduce_to_parts(hypothesis: Hypothesis) -> Hypothesis:
+    """Return a hypothesis without functions of the verdict, which a process might not take."""
+    return replace(
+        hypothesis,
+        correct=None,
+        reform=None,
+        movable=None,
+        state=state_nothing,
+        along=find_no_direction,
+    )
 
 
 def _score_together(
