@@ -1,5 +1,7 @@
 """Figures of the bench of real machines; they say so while no campaign was diagnosed."""
 
+from collections import Counter
+
 from tests.bench.dirty import EARLIER, FIRST
 from tests.bench.dirty_rates import figures, wrong_rows
 from tests.bench.kept import of
@@ -38,6 +40,25 @@ def dirty_campaigns() -> str:
     return str(sum("left_out" not in row for row in of(NAME).values()))
 
 
+def count_engines(name: str) -> str:
+    """Return numbers of diagnosed campaigns by the commit of the engine, the most first.
+
+    Args:
+        name: of the rows.
+    """
+    rows = [row for row in of(name).values() if "left_out" not in row]
+    counts = Counter(row.get("commit", "") for row in rows)
+    return ", ".join(
+        f"{count} by {f'commit {commit}' if commit else 'engines before it'}"
+        for commit, count in sorted(counts.items(), key=lambda pair: (not pair[0], -pair[1]))
+    )
+
+
+def dirty_engines() -> str:
+    """Numbers of campaigns by the commit of the engine."""
+    return count_engines(NAME)
+
+
 def dirty_first_seed() -> str:
     """First seed of the table."""
     return str(FIRST)
@@ -56,4 +77,5 @@ FIGURES = {
     "dirty-earlier-table": dirty_earlier_table,
     "dirty-wrong-table": dirty_wrong_table,
     "dirty-campaigns": dirty_campaigns,
+    "dirty-engines": dirty_engines,
 }

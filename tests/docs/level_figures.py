@@ -1,10 +1,8 @@
 """Figures of the bench of levels, from the campaigns that were diagnosed so far."""
 
-from collections import Counter
-
 from tests.bench.kept import of
 from tests.bench.levels import FIRST, figures
-from tests.docs.dirty_figures import NOT_YET
+from tests.docs.dirty_figures import NOT_YET, count_engines
 from tests.docs.formats import significant, table
 
 
@@ -24,12 +22,7 @@ def levels_campaigns() -> str:
 
 def levels_engines() -> str:
     """Number of campaigns by the commit of the engine, the most first."""
-    rows = [row for row in of(f"levels.{FIRST}").values() if "left_out" not in row]
-    counts = Counter(row.get("commit", "") for row in rows)
-    return ", ".join(
-        f"{count} by {f'commit {commit}' if commit else 'engines before it'}"
-        for commit, count in sorted(counts.items(), key=lambda pair: (not pair[0], -pair[1]))
-    )
+    return count_engines(f"levels.{FIRST}")
 
 
 FIGURES = {
