@@ -15,6 +15,7 @@ variance along frequency best, beside a noise that is a power of frequency.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.stats import norm
@@ -80,12 +81,14 @@ def _scale_to_deviation(values: Real, deviation: float) -> Real:
     return scaled
 
 
+@lru_cache(4)  # each refit of a law asks for the pulses of the same campaign
 def estimate_pulses(campaign: Campaign) -> Pulses:
     """Estimate the hits of each test: from records, or from the stated level and the variance.
 
-    Tests of one visit to a level have equal hits at each hammer point: the mean of their records.
-    Hits shorter than the simulation resolves in the band last as long as it resolves, with their
-    momentum. Where the gain of the hammer is unknown, the level is that of the test.
+    Tests at one hammer point in one visit to a level have equal hits: the mean of their records.
+    The simulation resolves pulses down to a fifth of the period of the highest line. Shorter ones
+    are simulated with that duration and their own momentum. Where the gain of the hammer is
+    unknown, the stated level stays the peak.
 
     Args:
         campaign: tests with records, or with the variance of their FRFs.
@@ -99,32 +102,27 @@ def estimate_pulses(campaign: Campaign) -> Pulses:
         return Pulses(peaks, _estimate_pulse_duration(campaign), tuple(relative))
     shortest = LEVEL_SETTINGS.durations[0] / float(campaign.freq_hz[-1])
     duration = max(float(np.median(durations)), shortest)
-    for numbers in _group_recorded(campaign):
-        momenta = [_list_momenta(tests[number].hits) for number in numbers]
+    for recorded in _group_recorded(campaign):
+        momenta = [np.array([hit.momentum for hit in hits.kept]) for _, hits in recorded]
         roots = [np.sign(p.sum()) * np.sqrt(np.mean(p**2)) for p in momenta]
         ratios = [np.abs(p / root) for p, root in zip(momenta, roots, strict=True)]
-        for number in numbers:
+        for number, _ in recorded:
             relative[number] = np.sort(np.concatenate(ratios))
             if tests[number].condition.instrument not in campaign.unknown_gains.hammers:
                 peaks[number] = signs[number] * np.pi / (2 * duration) * np.mean(roots)
     return Pulses(peaks, duration, tuple(relative))
 
 
-def _group_recorded(campaign: Campaign) -> list[list[int]]:
-    """Return the numbers of tests with records of each hammer point in each visit to a level."""
+def _group_recorded(campaign: Campaign) -> list[list[tuple[int, HitEstimate]]]:
+    """Return number and hits of recorded tests, by hammer point and visit to a level."""
     number_of = {id(test): number for number, test in enumerate(campaign.tests)}
-    groups: dict[tuple[int, Input], list[int]] = {}
+    groups: dict[tuple[int, Input], list[tuple[int, HitEstimate]]] = {}
     for visit, (_, visited) in enumerate(group_visits(campaign)):
         for test in visited.tests:
             if test.hits:
                 key = visit, test.condition.reference
-                groups.setdefault(key, []).append(number_of[id(test)])
+                groups.setdefault(key, []).append((number_of[id(test)], test.hits))
     return list(groups.values())
-
-
-def _list_momenta(hits: HitEstimate | None) -> Real:
-    """Return the momenta of the kept hits [N s]; (n_hit,)."""
-    return np.array([hit.momentum for hit in hits.kept] if hits else [])
 
 
 def _fit_duration(hits: HitEstimate) -> float:

@@ -45,7 +45,7 @@ class LevelSettings:
             resonances by up to half as much, which must stay within their width.
         rough_linear_step: relative step by that stiffness on a rough law. A shorter step would
             measure the roughness. A longer one spoils the mean over a cell beside a sharp
-            resonance: it was 14 to 20 % off with 5 %, and 4 to 6 % with 2 %.
+            resonance: it was 15 to 19 % off with 5 %, and 5 to 7 % with 2 %.
         kept_cells: simulated cells in memory.
         fits_per_turn: fits of a refit, each at the error that the one before left: the next turn
             simulates the law about another machine anyway.

@@ -57,8 +57,7 @@ class TestedJoint:
         references = list(campaign.inputs)
         ports = find_ports(machine, outputs, references)
         ports = apply_point_changes(ports, assembly.point_changes, outputs, references)
-        conditions = [test.condition for test in campaign.tests]
-        columns = [references.index(condition.reference.positive) for condition in conditions]
+        columns = [references.index(test.condition.reference.positive) for test in campaign.tests]
         return cls(
             assembly.matrices,
             {spring.name: spring.direction for spring in machine.springs}[joint.spring],
@@ -95,7 +94,7 @@ class TestedJoint:
 
     @property
     def hits(self) -> SimulatedHits:
-        """Mean hit of each test."""
+        """Root-mean-square hit of each test."""
         return SimulatedHits(self.column, self.pulses.peak, self.pulses.duration_s)
 
     def compute_stiffness(
@@ -108,9 +107,9 @@ class TestedJoint:
         Args:
             family: of the laws.
             cases: parameters of each law and, as the last one, the duration of the hits over the
-                estimated one; size of the hits over the mean ones, of all or of each group of
-                ``list_hit_sizes``; stiffness and damping of the joint's linear spring and damper
-                (2,).
+                estimated one; size of the hits over the root-mean-square hit, one number or one
+                for each group (n_group,); stiffness and damping of the joint's linear spring and
+                damper (2,).
         """
         stuck = [family.stuck(theta[:-1]) for theta, _, _ in cases]
         springs = [
@@ -156,9 +155,9 @@ class TestedJoint:
 
     def list_hit_sizes(self, count: int) -> Real:
         """Return equally probable sizes of each group of equal hits; (count, n_group)."""
-        place = self.group_equal_hits()
-        first = [int(np.argmax(place == group)) for group in range(int(place.max()) + 1)]
-        return np.stack([self.pulses.list_sizes(test, count) for test in first], axis=1)
+        _, first_tests = np.unique(self.group_equal_hits(), return_index=True)
+        sizes = [self.pulses.list_sizes(int(test), count) for test in first_tests]
+        return np.stack(sizes, axis=1)
 
     def group_equal_hits(self) -> Integers:
         """Return the number of the group of each test; those of one group have equal hits."""

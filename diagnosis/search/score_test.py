@@ -93,7 +93,7 @@ def compute_gains(
 
     A Part that acts in some tests only needs an evaluation for every test, so that its hypotheses
     are scored apart. The others are scored in two halves, whatever the number of processes.
-    Functions that a score does not need stay in this process.
+    Functions that a score does not need are not sent to the processes.
     """
     machine = scene.model.machine
     always = np.array(
@@ -102,10 +102,13 @@ def compute_gains(
     )
     first, second = np.flatnonzero(always)[::2], np.flatnonzero(always)[1::2]
     groups = [places for places in (first, second, np.flatnonzero(~always)) if len(places)]
-    sent = [_reduce_to_parts(hypothesis) for hypothesis in hypotheses]
-    plain = replace(scene, record=None)
+    reduced = [_reduce_to_parts(hypothesis) for hypothesis in hypotheses]
+    without_record = replace(scene, record=None)
     calls: list[Call] = [
-        (_score_together, (plain, fit, [sent[k] for k in places], model_error_floor, stride))
+        (
+            _score_together,
+            (without_record, fit, [reduced[k] for k in places], model_error_floor, stride),
+        )
         for places in groups
     ]
     gained: dict[int, Gained] = {}
@@ -115,7 +118,7 @@ def compute_gains(
 
 
 def _reduce_to_parts(hypothesis: Hypothesis) -> Hypothesis:
-    """Return a hypothesis without functions of the verdict, which a process might not take."""
+    """Return a hypothesis without the functions of refits and verdicts, to send it to a process."""
     return replace(
         hypothesis,
         correct=None,
