@@ -4,7 +4,7 @@
 """
 
 from mbmodel.additions import (
-    carried_mass_element,
+    directed_mass_elements,
     joint_coupling_writer,
     link_elements,
     released_joint_elements,
@@ -95,6 +95,13 @@ from mbmodel.uncertainty.uncertain_plant import UncertainPlant, measure_lft_erro
 from mbmodel.variants.variant_parts import with_variants
 from mbmodel.virtual_test.hammer_test import VirtualTest, strike
 from mbmodel.virtual_test.plan import HammerTestPlan, HitScatter, Noise, RecordedFile
+from mbmodel.writing.written_file import (
+    NOT_WRITTEN,
+    WrittenModel,
+    refuse_difference,
+    write_copy,
+)
+from mbmodel.writing.written_model import write_model
 
 silence_mujoco_log()
 
@@ -102,6 +109,7 @@ __all__ = [
     "COMBINED_NAME",
     "CONTROL",
     "NORMAL_QUANTILE_95",
+    "NOT_WRITTEN",
     "STAGE_COPY_NAME",
     "WORLD",
     "AddedPart",
@@ -168,16 +176,17 @@ __all__ = [
     "TimeStep",
     "UncertainPlant",
     "VirtualTest",
+    "WrittenModel",
     "add_bending_mode",
     "as_drawn",
     "assemble_uncertain_plant",
     "body_parts",
     "bound_magnitudes",
-    "carried_mass_element",
     "channel_parts",
     "closed_loop_dynamics",
     "combine",
     "compare_state_space",
+    "directed_mass_elements",
     "discretise",
     "energy_shares",
     "export_state_space",
@@ -206,6 +215,7 @@ __all__ = [
     "parse_output",
     "read_nonlinear_joints",
     "reduce_system",
+    "refuse_difference",
     "release_rigid_directions",
     "released_joint_elements",
     "respond_linearly",
@@ -223,6 +233,8 @@ __all__ = [
     "weighted_motions",
     "with_loops",
     "with_variants",
+    "write_copy",
     "write_mjcf",
+    "write_model",
     "write_nonlinear_joints",
 ]

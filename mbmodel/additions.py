@@ -16,20 +16,27 @@ import numpy as np
 
 from identification.words import Real
 from mbmodel.machine import WORLD, Axle, Machine
-from mbmodel.mjcf.edit import Addition, Element, NotInMjcf, Values
+from mbmodel.mjcf.edit import Addition, Element, Values
 from mbmodel.parts import Change
 
 _TENDON_LENGTH_M = 1.0  # of a tendon along its axis: any length gives the same linear terms
 _MIN_RELATIVE_STIFFNESS = 1e-9  # of the largest: smaller eigenvalues and coefficients are rounding
 _GYRATION_RADIUS_M = 1e-3  # of a mass that only slides: MuJoCo needs an inertia above zero
 
-# Attributes of a joint that <default> could set otherwise.
+# Attributes of a joint and of a tendon that <default> could set otherwise.
+_NO_TENDON_DEFAULTS: Values = {
+    "stiffness": "0",
+    "damping": "0",
+    "armature": "0",
+    "frictionloss": "0",
+    "limited": "false",
+}
 _NO_DEFAULTS: Values = {"armature": "0", "frictionloss": "0", "limited": "false"}
 
 
 def joint_coupling_writer(
     name: str, machine: Machine, finite: Callable[[Real], tuple[Change, ...]]
-) -> Callable[[Real], tuple[Addition | NotInMjcf, ...]]:
+) -> Callable[[Real], tuple[Addition, ...]]:
     """Return a function that writes a change of joints as springs and dampers between coordinates.
 
     Args:
@@ -41,7 +48,7 @@ def joint_coupling_writer(
         A function of theta for ``AddedPart.written``.
     """
 
-    def write(theta: Real) -> tuple[Addition | NotInMjcf, ...]:
+    def write(theta: Real) -> tuple[Addition, ...]:
         total = np.zeros((2, *machine.armature.shape))
         for change in finite(theta):
             total += change.left @ change.core[:2] @ change.right.T
@@ -52,7 +59,7 @@ def joint_coupling_writer(
 
 def joint_coupling_elements(
     name: str, machine: Machine, stiffness: Real, damping: Real
-) -> tuple[Addition | NotInMjcf, ...]:
+) -> tuple[Addition, ...]:
     """Return fixed tendons that act as springs and dampers between joint coordinates.
 
     Each matrix is split by its eigenvectors, scaled by its diagonal: one tendon per eigenvalue.
@@ -63,7 +70,7 @@ def joint_coupling_elements(
         stiffness: to add [N/m, N m/rad, N/rad]; symmetric, (nv, nv).
         damping: to add [N s/m, N m s/rad, N s/rad]; symmetric, (nv, nv).
     """
-    elements: list[Addition | NotInMjcf] = []
+    elements: list[Addition] = []
     for kind, matrix in (("stiffness", stiffness), ("damping", damping)):
         if not matrix.any():
             continue
@@ -84,10 +91,8 @@ def joint_coupling_elements(
     return tuple(elements)
 
 
-def _fixed_tendon(
-    name: str, machine: Machine, row: Real, kind: str, size: float
-) -> Addition | NotInMjcf:
-    """Return a fixed tendon of one stiffness or damping, or why an MJCF cannot hold it.
+def _fixed_tendon(name: str, machine: Machine, row: Real, kind: str, size: float) -> Addition:
+    """Return a fixed tendon of one stiffness or damping.
 
     Args:
         name: of the tendon.
@@ -96,18 +101,15 @@ def _fixed_tendon(
         kind: ``stiffness`` or ``damping``.
         size: its value.
     """
-    chosen = np.flatnonzero(np.abs(row) > _MIN_RELATIVE_STIFFNESS)
-    joints = [machine.coordinates[k] for k in chosen]
-    released = [joint for joint in joints if joint not in machine.drawing.joints]
-    if released:
-        return NotInMjcf(name, f"the file has no joint {released[0]}")
-    if len(joints) == 1 and size < 0:
-        return NotInMjcf(name, f"subtract {-size:.4g} from the {kind} of joint {joints[0]} by hand")
     children = tuple(
-        Element("joint", {"joint": joint, "coef": float(row[k])})
-        for joint, k in zip(joints, chosen, strict=True)
+        Element(
+            "joint",
+            {"joint": machine.written_name(machine.coordinates[k]), "coef": float(row[k])},
+        )
+        for k in np.flatnonzero(np.abs(row) > _MIN_RELATIVE_STIFFNESS)
     )
-    return Addition(name, "tendon", Element("fixed", {"name": name, kind: size}, children))
+    values: Values = {"name": name, **_NO_TENDON_DEFAULTS, kind: size}
+    return Addition(name, "tendon", Element("fixed", values, children))
 
 
 def link_elements(
@@ -136,7 +138,8 @@ def link_elements(
             strict=True,
         )
     )
-    return (*ends, _spatial_tendon(name, sizes))
+    stiffness, damping = sizes.tolist()
+    return (*ends, _spatial_tendon(name, stiffness=stiffness, damping=damping))
 
 
 def suspended_mass_elements(
@@ -184,46 +187,42 @@ def suspended_mass_elements(
     return (
         Addition(end, body, site),
         Addition(name, "worldbody", mass),
-        _spatial_tendon(name, sizes[1:]),
+        _spatial_tendon(name, stiffness=float(sizes[1]), damping=float(sizes[2])),
     )
 
 
-def carried_mass_element(
-    name: str, machine: Machine, body: str, along: tuple[Real, Real], sizes: Real
-) -> Addition:
-    """Return a mass that slides along an axis of a body, and is rigid across it.
+def directed_mass_elements(
+    name: str, machine: Machine, body: str, along: tuple[Real, Real], mass: float
+) -> tuple[Addition, ...]:
+    """Return a mass without weight that a body feels along one axis alone.
 
-    The mass is a child of the body, without weight.
+    It is the armature of a tendon from the body to the ground: T' m T with T the motion of the
+    point along the axis.
 
     Args:
         name: of the addition.
         machine: as drawn.
-        body: name of the body that carries it.
+        body: name of the body that feels it.
         along: a point of the body and the unit vector, in world axes [m]; (3,) each.
-        sizes: mass [kg], stiffness [N/m], damping [N s/m].
+        mass: [kg].
     """
     point, axis = along
-    mass, stiffness, damping = sizes.tolist()
-    slide: Values = {
-        "name": f"{name}.slide",
-        "type": "slide",
-        "axis": tuple((machine.drawing.bodies[body].frame.T @ axis).tolist()),
-        "stiffness": stiffness,
-        "damping": damping,
-        **_NO_DEFAULTS,
-    }
-    inertia: Values = {
-        "pos": "0 0 0",
-        "mass": mass,
-        "diaginertia": (mass * _GYRATION_RADIUS_M**2,) * 3,
-    }
-    frame: Values = {
-        "name": name,
-        "pos": _local_position(machine, body, point),
-        "gravcomp": "1",
-    }
-    children = (Element("inertial", inertia), Element("joint", slide))
-    return Addition(name, body, Element("body", frame, children))
+    ends = (body, point), ("worldbody", point + _TENDON_LENGTH_M * axis)
+    sites = tuple(
+        Addition(
+            f"{name}.{which}",
+            parent,
+            Element(
+                "site",
+                {
+                    "name": f"{name}.{which}",
+                    "pos": _local_position(machine, WORLD if parent == "worldbody" else parent, at),
+                },
+            ),
+        )
+        for which, (parent, at) in zip("ab", ends, strict=True)
+    )
+    return (*sites, _spatial_tendon(name, armature=mass))
 
 
 def released_joint_elements(
@@ -250,10 +249,15 @@ def released_joint_elements(
     return (Addition(name, axle.stage, Element("joint", values)),)
 
 
-def _spatial_tendon(name: str, sizes: Real) -> Addition:
-    """Return a tendon between the sites ``<name>.a`` and ``<name>.b``."""
+def _spatial_tendon(name: str, **sizes: float) -> Addition:
+    """Return a tendon between the sites ``<name>.a`` and ``<name>.b``.
+
+    Args:
+        name: of the tendon.
+        sizes: its stiffness [N/m], damping [N s/m] or armature [kg].
+    """
     sites = tuple(Element("site", {"site": f"{name}.{which}"}) for which in "ab")
-    values: Values = {"name": name, "stiffness": float(sizes[0]), "damping": float(sizes[1])}
+    values: Values = {"name": name, **_NO_TENDON_DEFAULTS, **sizes}
     return Addition(name, "tendon", Element("spatial", values, sites))
 
 

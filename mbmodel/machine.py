@@ -22,6 +22,8 @@ from mbmodel.linearisation.springs import Spring
 from mbmodel.linearisation.statics import Statics
 from mbmodel.spatial import transport
 
+RELEASED_MARK = ".held_"  # between stage and direction in the name of a released coordinate
+
 
 @dataclass(frozen=True, eq=False)
 class Axle:
@@ -167,6 +169,13 @@ class Machine:
         """Mass matrix of the joint coordinates, T' Mb T + armature [kg, kg m^2]; (nv, nv)."""
         mass: Real = self.jacobian.T @ self.body_mass @ self.jacobian + self.armature
         return mass
+
+    def written_name(self, coordinate: str) -> str:
+        """Return the name that a coordinate has in a written MJCF.
+
+        That of a released direction is the stage's name, an underscore and the direction.
+        """
+        return coordinate.replace(RELEASED_MARK, "_")
 
     def motion_per_twist(self, axle: Axle, origin: Real) -> Real:
         """Return the motion of the centres of mass above a joint per twist at a point.

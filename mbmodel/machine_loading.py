@@ -38,6 +38,7 @@ def load_machine(
     *,
     without_friction: bool = False,
     pose: Mapping[str, float] | None = None,
+    follow: bool = False,
 ) -> Machine:
     """Read an MJCF, find its static equilibrium, and linearise the machine there.
 
@@ -53,6 +54,8 @@ def load_machine(
             name [m, rad].
         without_friction: whether dry friction (``frictionloss``), which has no linear model, is
             left out instead of refused.
+        follow: whether the equilibrium follows the parameters wherever it depends on them; else
+            only where that changes T or K noticeably.
 
     Raises:
         InputError: what cannot be read or linearised, with the element and a remedy.
@@ -112,7 +115,7 @@ def load_machine(
     in_frames = np.einsum("bji,bj->bi", frames, from_origins)
     rest = data.qpos.copy()
     statics = Statics(model, path, keyframe, rest, tuple(stages), frames, in_frames)
-    return with_statics(machine, statics, data)
+    return with_statics(machine, statics, data, always=follow)
 
 
 def _gravity(model: mujoco.MjModel) -> Real:

@@ -15,9 +15,9 @@ from mbmodel.coefficients import kinematics_and_coefficients, nominal_coefficien
 from mbmodel.control_loops.loop_part import LoopPart, loop_parts
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
-from mbmodel.model_edits import model_edits
 from mbmodel.moving_equilibrium.kept_equilibria import KeptEquilibria
 from mbmodel.parts import (
+    AddedPart,
     Change,
     ConditionalPart,
     Parameter,
@@ -26,6 +26,7 @@ from mbmodel.parts import (
     spring_parts,
 )
 from mbmodel.variants.variant_parts import parts_in_variant
+from mbmodel.writing.model_edits import held_parameters, model_edits
 
 T = TypeVar("T", bound=np.generic)
 
@@ -225,6 +226,27 @@ class Model:
             theta: parameters in SI; (n_parameter,).
         """
         return model_edits(self, theta)
+
+    def stated(self, theta: Real) -> Real:
+        """Return the parameters without sizes of added Parts that count as nothing.
+
+        Args:
+            theta: parameters in SI; (n_parameter,).
+        """
+        values = zip(self.parts, self.split_parameters(theta), strict=True)
+        stated = [
+            part.stated(value) if isinstance(part, AddedPart) and part.stated else value
+            for part, value in values
+        ]
+        return np.concatenate([*stated, np.zeros(0)])
+
+    def held(self, theta: Real) -> Real:
+        """Return the parameters that the MJCF holds once theta is written; (n_parameter,).
+
+        Args:
+            theta: parameters in SI; (n_parameter,).
+        """
+        return held_parameters(self, theta)
 
     def slopes(
         self, theta: Real, condition: Condition | None = None, chosen: Mask | None = None

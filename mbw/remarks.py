@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from identification.words import TOLERANCE_BOUND_SIGMA
 from mbw.gain_text import gain_sentence
+from mbw.page.numbers import format_percent
 from tuning import TunedFile
 from tuning.files.result import TUNED_JSON
 
@@ -33,7 +34,8 @@ def list_remarks(summary: TunedFile) -> list[str]:
         )
     if gains := gain_sentence(summary.channel_gains):
         sentences.append(gains)
-    if missing := describe_not_in_mjcf(summary.not_held_by_mjcf, TUNED_JSON):
+    missing = describe_not_in_mjcf(summary.not_held_by_mjcf, summary.not_held_error, TUNED_JSON)
+    if missing:
         sentences.append(missing)
     return sentences + list_limits(summary)
 
@@ -96,11 +98,12 @@ def gain_tolerance(summary: TunedFile) -> float | None:
     return max((prior for name, prior in gains.items() if name not in unknown), default=0.0)
 
 
-def describe_not_in_mjcf(names: Sequence[str], list_file: str) -> str:
+def describe_not_in_mjcf(names: Sequence[str], error: float | None, list_file: str) -> str:
     """Return a sentence on what a tuned MJCF cannot hold; sum up sensor gains and hammer hits.
 
     Args:
         names: parameters that the MJCF does not hold, each with its reason in brackets.
+        error: relative change of the FRFs without them; None if it is not known.
         list_file: name of the file that lists all of them.
 
     Returns:
@@ -124,7 +127,8 @@ def describe_not_in_mjcf(names: Sequence[str], list_file: str) -> str:
     ]
     if not parts:
         return ""
-    return f"The tuned MJCF does not hold: {', '.join(parts)} ({list_file} lists them)."
+    size = "" if error is None else f"without them the FRFs change by {format_percent(error)}; "
+    return f"The tuned MJCF does not hold: {', '.join(parts)} ({size}{list_file} lists them)."
 
 
 def _largest_pulls(summary: TunedFile) -> str:

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 from identification.readers.mode_table import read_mode_table
-from mbmodel import as_drawn, load_machine, modes_of_matrices, write_mjcf
+from mbmodel import as_drawn, load_machine, modes_of_matrices, refuse_difference, write_model
 from tuning.files.mode_table_result import summarise_mode_table
 from tuning.files.mode_table_schema import ModeTableFile, TablePartnerRow, TabulatedModeRow
 from tuning.mode_table.mode_table_tuning import ModeTableTuning, tune_to_modes
@@ -30,7 +30,8 @@ _HEADER = """<!--
 def main() -> None:
     """Write the tuned machine, and the figures of the README."""
     tuned = identify()
-    write_mjcf(STATION, IDENTIFIED, tuned.model.edits(tuned.theta))
+    written = write_model(tuned.model, tuned.theta, IDENTIFIED)
+    refuse_difference(written.file, written.difference)
     text = IDENTIFIED.read_text(encoding="utf-8")
     named = text.replace(
         '<mujoco model="microstation">', '<mujoco model="microstation_identified">'

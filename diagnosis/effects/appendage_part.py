@@ -34,16 +34,14 @@ from diagnosis.effects.scales import (
     MASS_SHARE_UNIT,
 )
 from diagnosis.effects.spring_laws import Shape
-from diagnosis.rounding import NEGLIGIBLE_SHARE
 from identification.words import Real
 from mbmodel import (
     AddedPart,
     Addition,
     Change,
     Machine,
-    NotInMjcf,
     Parameter,
-    carried_mass_element,
+    directed_mass_elements,
     suspended_mass_elements,
     transport,
 )
@@ -126,6 +124,7 @@ class AppendagePart:
             self.compute_slopes,
             written=self.write,
             weighs=self.weigh,
+            stated=self.leave_out_small_masses,
         )
 
     def find_resonance(self, theta: Real) -> tuple[float, float]:
@@ -205,37 +204,38 @@ class AppendagePart:
             core[5 + k] += turned.T @ momentum + momentum.T @ turned
         return self.mass_unit * core
 
+    def leave_out_small_masses(self, theta: Real) -> Real:
+        """Return the parameters without masses that no verdict states, a unit of the largest."""
+        small = theta[:3] <= MASS_SHARE_UNIT * theta[:3].max()
+        return np.where(np.append(small, np.zeros(len(theta) - 3, bool)), 0.0, theta)
+
     def weigh(self, theta: Real) -> Real:
         """Return the spatial inertia that the nominal body counts already, negative; (6, 6)."""
         return -self._sum_inertia(theta, np.full(3, theta[9] * theta[:3].max()))
 
-    def write(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
-        """Return bodies on slides.
+    def write(self, theta: Real) -> tuple[Addition, ...]:
+        """Return masses on springs, which slide along an axis, and masses that act along one.
 
-        A body on the ground is felt along its axis alone, a child of the body is rigid across it.
+        The body feels each of them along its axis alone. Along a single axis any place is alike, so
+        the nearest one is written; an appendage that is rigid across it has but one place.
         """
         theta = self._resolve(theta)
         omega, zeta = self.find_resonance(theta)
-        masses, place = self.mass_unit * theta[:3], ARM_UNIT_M * theta[5:8]
+        sprung, place = self.mass_unit * theta[:3], ARM_UNIT_M * theta[5:8]
+        rigid = self.mass_unit * theta[8] * (theta[:3].max() - theta[:3])
         layout = self.machine.layout
         body, centre = layout.bodies[self.number], layout.centres[self.number]
-        single = find_single_axis(masses)
-        across = float(theta[8]) if single.any() and theta[8] > NEGLIGIBLE_SHARE else 0.0
-        additions: list[Addition | NotInMjcf] = []
-        if theta[8] > across + NEGLIGIBLE_SHARE:
-            reason = "the appendage is soft along several axes and rigid across them"
-            additions.append(NotInMjcf(self.rigid_names[0], reason))
-        for axis in np.flatnonzero(masses > NEGLIGIBLE_SHARE * masses.max()):
-            name, direction = f"{body}.appendage_{'xyz'[axis]}", np.eye(3)[axis]
-            sizes = masses[axis] * np.array([1.0, omega**2, 2 * zeta * omega])
+        single = np.zeros(3, bool) if theta[8] else find_single_axis(sprung)
+        additions: list[Addition] = []
+        for axis, direction in enumerate(np.eye(3)):
+            name = f"{body}.appendage_{'xyz'[axis]}"
             nearest = np.where(single, 0.0, place) if single[axis] else place
-            hung, fixed = ((centre + arm, direction) for arm in (nearest, place))
-            if across < 1 - NEGLIGIBLE_SHARE:
-                free = (1 - across) * sizes
-                additions += suspended_mass_elements(name, self.machine, body, hung, free)
-            if across:
-                carried = across * sizes
-                additions.append(
-                    carried_mass_element(f"{name}_rigid", self.machine, body, fixed, carried)
+            along = centre + nearest, direction
+            if sprung[axis] > 0:
+                sizes = sprung[axis] * np.array([1.0, omega**2, 2 * zeta * omega])
+                additions += suspended_mass_elements(name, self.machine, body, along, sizes)
+            if rigid[axis] > 0:
+                additions += directed_mass_elements(
+                    f"{name}_rigid", self.machine, body, along, float(rigid[axis])
                 )
         return tuple(additions)

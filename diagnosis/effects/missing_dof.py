@@ -144,7 +144,7 @@ class _ReleasedDirection:
             candidate for candidate in self.machine.axles if candidate.coordinate == coordinate
         )
         sizes = np.array([stiffness, stiffness * tau])
-        name = f"{self.rigid.stage}_{self.rigid.dof}"
+        name = self.machine.written_name(self.machine.coordinates[coordinate])
         return released_joint_elements(name, self.machine, axle, sizes)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:

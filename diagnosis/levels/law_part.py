@@ -65,6 +65,10 @@ class LawPart:
         count = len(self.table.family.parameters)
         return self.table.family.write(self.spring, theta[:count])
 
+    def held(self, theta: Real) -> Real:
+        """Return theta: the MJCF holds the law."""
+        return theta
+
     def _change(self, values: Complex, core: Real) -> Change:
         column = self.table.joint.direction[:, None]
         shape = partial(_look_up, self.table.joint.freq_hz, values)

@@ -23,7 +23,7 @@ import numpy as np
 
 from identification.words import DIRECTIONS, InputError, Real
 from mbmodel.compliance.extended_machine import add_coordinates
-from mbmodel.machine import Axle, Machine
+from mbmodel.machine import RELEASED_MARK, Axle, Machine
 from mbmodel.spatial import twist
 
 # Natural frequency of a locked direction over the highest of interest: FRFs err by 1e-5.
@@ -183,7 +183,7 @@ def _order_as_world(axes: Real) -> Real:
 
 def _coordinate_name(stage: str, dof: str) -> str:
     """Return the name of a rigid direction's coordinate."""
-    return f"{stage}.held_{dof}"
+    return f"{stage}{RELEASED_MARK}{dof}"
 
 
 def _time_constant(machine: Machine) -> float:

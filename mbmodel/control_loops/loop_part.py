@@ -91,6 +91,10 @@ class LoopPart:
         del theta
         return (NotInMjcf(self.location, "an MJCF has no element for its controller"),)
 
+    def held(self, theta: Real) -> Real:
+        """Return theta: there are no parameters."""
+        return theta
+
 
 def loop_parts(machine: Machine) -> tuple[LoopPart, ...]:
     """Return the Parts of the loops that are closed around a machine."""

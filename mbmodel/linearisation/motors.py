@@ -42,14 +42,16 @@ def actuator_gains(  # one argument for each thing known of the machine at rest
     stages: list[int],
     centres: tuple[Real, ...],
     jacobian: Real,
+    *,
+    only_at_bodies: bool = False,
 ) -> tuple[dict[str, ActuatorGain], tuple[str, ...]]:
     """Return the gain of each actuator by name, and remarks on actuators without effect.
 
     Forces are linear in the control, so the generalised force is the difference of two controls.
-    An actuator at a site without reference exerts a wrench along its gear, one at a spatial tendon
-    the tendon's pull. These act at bodies, so that they follow when joints move. An actuator with
-    several controls is as many inputs, ``<name>.0``, ``<name>.1`` and so on. One without controls
-    is none: its stiffness and damping belong to the machine.
+    An actuator at a site exerts a wrench along its gear, and its opposite on a reference site; one
+    at a spatial tendon exerts the tendon's pull. These act at bodies, so that they follow when
+    joints move. An actuator with several controls is as many inputs, ``<name>.0``, ``<name>.1`` and
+    so on. One without controls is none: its stiffness and damping belong to the machine.
 
     Args:
         model: the compiled model.
@@ -58,6 +60,7 @@ def actuator_gains(  # one argument for each thing known of the machine at rest
         stages: MJCF body number of each stage.
         centres: centre of mass of each stage [m]; (3,) each.
         jacobian: T; (6 n_body, nv).
+        only_at_bodies: whether to leave out actuators that act at joints.
 
     Raises:
         InputError: an actuator whose force is at a limit at rest.
@@ -68,6 +71,8 @@ def actuator_gains(  # one argument for each thing known of the machine at rest
     for actuator in range(model.nactuator):
         name, count = actuator_name(model, actuator), int(model.actuator_ctrlnum[actuator])
         wrench = wrench_at_bodies(model, data, actuator, pulls, stages, centres)
+        if only_at_bodies and wrench is None:
+            continue
         for k in range(count):
             joint = _force_per_control(model, data, int(model.actuator_ctrladr[actuator]) + k)
             if joint is None:
@@ -98,7 +103,8 @@ def _split_gain(joint: Real, wrench: Real | None, jacobian: Real) -> ActuatorGai
     """Return a generalised force as a wrench at bodies, if it has one, and the rest at joints."""
     if wrench is None or not (row := jacobian.T @ wrench).any():
         return ActuatorGain(joint, np.zeros(len(jacobian)))
-    body = wrench * (joint @ row) / (row @ row)
+    moved = np.abs(joint) > _MAX_GAIN_ERROR * np.abs(joint).max()
+    body = wrench * (joint[moved] @ row[moved]) / (row[moved] @ row[moved])
     return ActuatorGain(joint - jacobian.T @ body, body)
 
 
@@ -151,6 +157,9 @@ def wrench_at_bodies(
 ) -> Real | None:
     """Return the wrench of a unit actuator force at the bodies, or None if it acts at joints.
 
+    Between a site and a reference site it acts on both, in opposite directions along the axes of
+    the reference. MuJoCo leaves out coordinates that move both; their share is no wrench at bodies.
+
     Args:
         model: the compiled model.
         data: at static equilibrium.
@@ -160,19 +169,18 @@ def wrench_at_bodies(
         centres: centre of mass of each stage [m]; (3,) each.
     """
     kind = mujoco.mjtTrn(model.actuator_trntype[actuator])
-    target, reference = model.actuator_trnid[actuator]
+    target, reference = model.actuator_trnid[actuator].tolist()
     if kind == mujoco.mjtTrn.mjTRN_TENDON:
-        return pulls.get(int(target))
-    if kind != mujoco.mjtTrn.mjTRN_SITE or reference >= 0:
+        return pulls.get(target)
+    if kind != mujoco.mjtTrn.mjTRN_SITE:
         return None
-    stage = stage_of(model, model.site_bodyid[target])
-    if stage not in stages:
-        return None
-    number = stages.index(stage)
-    axes = data.site_xmat[target].reshape(3, 3)
+    axes = data.site_xmat[target if reference < 0 else reference].reshape(3, 3)
     gear = model.actuator_gear[actuator]
     force, torque = axes @ gear[:3], axes @ gear[3:]
     wrench = np.zeros((len(stages), 6))
-    wrench[number, :3] = force
-    wrench[number, 3:] = torque + np.cross(data.site_xpos[target] - centres[number], force)
-    return wrench.ravel()
+    for site, sign in ((target, 1.0), (reference, -1.0)):
+        stage = stage_of(model, model.site_bodyid[site]) if site >= 0 else -1
+        if stage in stages:
+            arm = data.site_xpos[site] - centres[stages.index(stage)]
+            wrench[stages.index(stage)] += sign * np.append(force, torque + np.cross(arm, force))
+    return wrench.ravel() if wrench.any() else None

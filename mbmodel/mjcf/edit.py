@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 from xml.dom import minidom
-from xml.parsers.expat import ExpatError
 
-from identification.words import InputError, node_number
+from identification.words import node_number
 from mbmodel.mjcf.asset_paths import redirect_paths
+from mbmodel.mjcf.expand import expand_mjcf
+from mbmodel.mjcf.flatten import parse_xml
 from mbmodel.mjcf.keyframe_edit import extend_keyframes
 
 ElementKind = Literal["spring", "joint", "site", "inertial", "hit"]
@@ -32,16 +33,11 @@ _REMOVED_ATTRIBUTES: dict[ElementKind, tuple[str, ...]] = {
     "inertial": (*_ORIENTATION_ATTRIBUTES, "diaginertia"),
     "hit": (),
 }
-# Settings of <compiler> by which MuJoCo changes bodies or masses after reading them.
-_BODY_CHANGING_SETTINGS = (
-    "fusestatic",
-    "inertiafromgeom",
-    "settotalmass",
-    "boundmass",
-    "boundinertia",
-)
-# Elements between a body and its parts that have a frame of their own.
-_FRAME_TAGS = ("frame", "replicate")
+# An element between a body and its parts that has a frame of its own, and one that copies them.
+_FRAME_TAG, _COPYING_TAG = "frame", "replicate"
+# Attributes by which tendons, actuators and sensors refer to a site.
+_SITE_REFERENCES = ("site", "refsite", "cranksite", "slidersite", "sidesite", "objname", "refname")
+_DRAWN_SUFFIX = "_drawn"  # of the copy of a moved site to which other elements keep referring
 
 
 @dataclass(frozen=True)
@@ -113,30 +109,35 @@ def write_mjcf(
     target: Path,
     changes: Sequence[Edit | Addition | NotInMjcf],
     folder: Path | None = None,
+    *,
+    expanded: bool = False,
 ) -> tuple[NotInMjcf, ...]:
     """Write a copy of an MJCF with other numbers and additional elements.
 
     Everything else in the file stays as it is. For a polynomial stiffness or damping the linear
     term changes. If the copy goes to another folder, the paths of its meshes, textures and included
-    files become relative to that folder.
+    files become relative to that folder. A site that moves with its sensor leaves a copy where it
+    is drawn, to which tendons, actuators and MuJoCo sensors keep referring.
+
+    The copy may still differ from what was meant, where settings or classes of the file act on
+    what is written. ``mbmodel.writing.write_model`` reads it back.
 
     Args:
         source: the MJCF that was read.
         target: the new file; its folder exists.
         changes: what Parts ask to be written; their ``NotInMjcf`` are returned as they are.
         folder: folder to which the new file will move; None if it stays.
+        expanded: whether to write the expanded MJCF, in which every element states its own values,
+            in place of the file as its author wrote it.
 
     Returns:
         Changes that the file does not hold, such as those of joints without a name or in an
-        included file.
+        included file. An expanded file holds all of them.
 
     Raises:
         InputError: the source cannot be read any more.
     """
-    try:
-        document = minidom.parse(str(source))
-    except (OSError, ExpatError) as error:
-        raise InputError(f"{source} cannot be read again ({error}): restore the file") from error
+    document = expand_mjcf(source) if expanded else parse_xml(source)
     not_written = [change for change in changes if isinstance(change, NotInMjcf)]
     edits = [change for change in changes if isinstance(change, Edit)]
     for name in dict.fromkeys(edit.name for edit in edits if edit.kind == "hit"):
@@ -147,7 +148,8 @@ def write_mjcf(
                 NotInMjcf(f"{edit.name}.{attribute}", reason) for attribute in edit.values
             ]
     added = []
-    for addition in (change for change in changes if isinstance(change, Addition)):
+    additions = [change for change in changes if isinstance(change, Addition)]
+    for addition in sorted(additions, key=lambda addition: addition.parent == "tendon"):
         if (node := _add(document, addition)) is not None:
             added.append((addition.parent, node))
         else:
@@ -170,6 +172,10 @@ def _add(document: minidom.Document, addition: Addition) -> minidom.Element | No
     if parent is None:
         return None
     node = make_element(document, addition.element)
+    for child in node.getElementsByTagName("joint") if node.tagName == "fixed" else ():
+        # A direction without a joint is rigid, and adds nothing to the tendon's length.
+        if _find(document, Edit("joint", child.getAttribute("joint"), {})) is None:
+            node.removeChild(child)
     parent.appendChild(node)
     return node
 
@@ -219,10 +225,10 @@ def _apply(document: minidom.Document, edit: Edit) -> str | None:
     element = _find(document, edit)
     if element is None:
         return "the file itself has no element of this name"
-    if edit.kind != "spring" and _inside(element, _FRAME_TAGS):
-        return "the element is inside a <frame> or <replicate>"
-    if edit.kind in ("inertial", "site") and (setting := _body_changing_setting(document)):
-        return f"<compiler> has {setting}, which changes bodies after reading"
+    if edit.kind == "site":
+        _keep_drawn_site(document, element)
+    if edit.kind in ("joint", "site") and not _leave_frames(element):
+        return "the element is inside a <replicate>"
     if edit.kind == "inertial":
         element = _inertial(document, element)
     for attribute in _REMOVED_ATTRIBUTES[edit.kind]:
@@ -237,6 +243,49 @@ def _apply(document: minidom.Document, edit: Edit) -> str | None:
     return None
 
 
+def _leave_frames(element: minidom.Element) -> bool:
+    """Move an element out of frames into its body, with their class; return False in a replicate.
+
+    The values of edits are in the axes of the body.
+    """
+    outermost, parent, childclass = None, element.parentNode, ""
+    while isinstance(parent, minidom.Element) and parent.tagName in (_FRAME_TAG, _COPYING_TAG):
+        if parent.tagName == _COPYING_TAG:
+            return False
+        childclass = childclass or parent.getAttribute("childclass")
+        outermost, parent = parent, parent.parentNode
+    if outermost is not None and isinstance(parent, minidom.Element):
+        parent.insertBefore(element, outermost)
+        if childclass and not element.hasAttribute("class"):
+            element.setAttribute("class", childclass)
+    return True
+
+
+def _keep_drawn_site(document: minidom.Document, site: minidom.Element) -> None:
+    """Leave a copy of a site where it is drawn, if other elements refer to the site."""
+    name, parent = site.getAttribute("name"), site.parentNode
+    users = [
+        (element, attribute)
+        for section in ("tendon", "actuator", "sensor", "equality")
+        for root in document.getElementsByTagName(section)
+        for element in root.getElementsByTagName("*")
+        for attribute in _SITE_REFERENCES
+        if element.getAttribute(attribute) == name
+        and (attribute in element.attributes)
+        and not (attribute == "objname" and element.getAttribute("objtype") != "site")
+        and not (attribute == "refname" and element.getAttribute("reftype") != "site")
+    ]
+    if not users or not isinstance(parent, minidom.Element):
+        return
+    copy = site.cloneNode(True)
+    if copy is None:
+        return
+    copy.setAttribute("name", f"{name}{_DRAWN_SUFFIX}")
+    parent.insertBefore(copy, site)
+    for element, attribute in users:
+        element.setAttribute(attribute, f"{name}{_DRAWN_SUFFIX}")
+
+
 def _find(document: minidom.Document, edit: Edit) -> minidom.Element | None:
     """Return the element that an edit names, or None."""
     for section in ("worldbody", "tendon"):
@@ -246,36 +295,6 @@ def _find(document: minidom.Document, edit: Edit) -> minidom.Element | None:
                     if element.getAttribute("name") == edit.name:
                         return element
     return None
-
-
-def _inside(element: minidom.Element, tags: Sequence[str]) -> bool:
-    """Return whether an element between this one and its body has a frame of its own."""
-    parent = element.parentNode
-    if element.tagName == "body":
-        return False
-    while isinstance(parent, minidom.Element) and parent.tagName not in ("body", "worldbody"):
-        if parent.tagName in tags:
-            return True
-        parent = parent.parentNode
-    return False
-
-
-def _body_changing_setting(document: minidom.Document) -> str:
-    """Return a setting by which MuJoCo changes the bodies that the file states, or nothing."""
-    for compiler in document.getElementsByTagName("compiler"):
-        for attribute in _BODY_CHANGING_SETTINGS:
-            value = compiler.getAttribute(attribute)
-            if value not in ("", "false", "auto") and not _is_off(value):
-                return f'{attribute}="{value}"'
-    return ""
-
-
-def _is_off(value: str) -> bool:
-    """Return whether a setting is a number that switches it off."""
-    try:
-        return float(value) <= 0
-    except ValueError:
-        return False
 
 
 def _inertial(document: minidom.Document, body: minidom.Element) -> minidom.Element:

@@ -19,13 +19,13 @@ def flatten_mjcf(source: Path) -> minidom.Document:
     Raises:
         InputError: a file cannot be read any more.
     """
-    document = _parse_xml(source)
+    document = parse_xml(source)
     while includes := document.getElementsByTagName("include"):
         for include in includes:
             parent = include.parentNode
             if not isinstance(parent, minidom.Element):
                 raise InputError(f"{source}: its first element is <include>: write <mujoco>")
-            content = root_element(_parse_xml(source.parent / include.getAttribute("file")))
+            content = root_element(parse_xml(source.parent / include.getAttribute("file")))
             for child in tuple(content.childNodes):
                 parent.insertBefore(document.importNode(child, True), include)
             parent.removeChild(include)
@@ -39,7 +39,15 @@ def root_element(document: minidom.Document) -> minidom.Element:
     return document.documentElement
 
 
-def _parse_xml(path: Path) -> minidom.Document:
+def parse_xml(path: Path) -> minidom.Document:
+    """Return the XML document of a file, which has been read before.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        InputError: it cannot be read any more.
+    """
     try:
         return minidom.parse(str(path))
     except (OSError, ExpatError) as error:

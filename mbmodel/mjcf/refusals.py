@@ -88,11 +88,23 @@ def _end_of_dofs(model: mujoco.MjModel, joint: int) -> int:
 
 
 def _check_tendon(path: Path, model: mujoco.MjModel, tendon: int) -> None:
-    """Refuse negative coefficients of a tendon that couples no joints, and friction."""
+    """Refuse negative coefficients of a tendon between sites, and friction.
+
+    A fixed tendon may subtract from the stiffness of its joints, but from a single joint no more
+    than that has.
+    """
     element = f"tendon {tendon_name(model, tendon)!r}"
-    if not (is_fixed_tendon(model, tendon) and model.tendon_num[tendon] > 1):
-        _refuse_negative(path, element, "stiffness", model.tendon_stiffness[tendon])
-        _refuse_negative(path, element, "damping", model.tendon_damping[tendon])
+    stiffness, damping = model.tendon_stiffness[tendon], model.tendon_damping[tendon]
+    if not is_fixed_tendon(model, tendon):
+        _refuse_negative(path, element, "stiffness", stiffness)
+        _refuse_negative(path, element, "damping", damping)
+    elif model.tendon_num[tendon] == 1:
+        wrap = model.tendon_adr[tendon]
+        joint, square = model.wrap_objid[wrap], float(model.wrap_prm[wrap]) ** 2
+        drawn = model.jnt_stiffness[joint], model.dof_damping[model.jnt_dofadr[joint]]
+        both = f"joint {joint_name(model, joint)!r} with {element}"
+        _refuse_negative(path, both, "stiffness", min(stiffness, 0.0) * square + drawn[0])
+        _refuse_negative(path, both, "damping", min(damping, 0.0) * square + drawn[1])
     if model.tendon_frictionloss[tendon] > 0 and is_enabled(model, _DISABLE.mjDSBL_FRICTIONLOSS):
         raise InputError(
             f"{path}: {element} has frictionloss, which has no linear model: remove it"

@@ -12,9 +12,10 @@ from identification.words import ConvergenceError, InputError, Real
 from mbmodel.machine import Machine
 from mbmodel.machine_loading import load_machine
 from mbmodel.mjcf.read import compile_mjcf
-from mbmodel.mounting.combination_check import check_combination
+from mbmodel.mounting.combination_check import compare_combination
 from mbmodel.mounting.combined_file import CombinedFile
 from mbmodel.mounting.place import Offset, PointMass, find_pose
+from mbmodel.writing.difference import Difference
 
 _MAX_UNSEEN_TURN = 1e-6  # of a site's axes against the world [rad]: more needs a remark
 
@@ -78,8 +79,41 @@ def combine(
             or settings of a compiler that would change masses.
         ConvergenceError: the combined machine has no static equilibrium.
     """
+    for expanded in (False, True):
+        combined, difference = _combine(
+            machine, folder, stage, masses, rates, key, expanded=expanded
+        )
+        if difference is None:
+            return combined
+    raise InputError(
+        f"{machine.source} with what is put on it is not the sum of both files: {difference}; "
+        "write what differs as <inertial>, stiffness and damping into the files themselves"
+    )
+
+
+def _combine(
+    machine: Machine,
+    folder: Path,
+    stage: MountedStage | None,
+    masses: Sequence[PointMass],
+    rates: Mapping[str, float] | None,
+    key: str | None,
+    *,
+    expanded: bool,
+) -> tuple[Combined, Difference | None]:
+    """Return the combined machine, and how its file differs from those that it is made of.
+
+    Args:
+        machine: as ``combine`` has it, and the following ones too.
+        folder: of the files.
+        stage: that the machine carries.
+        masses: on bodies.
+        rates: of the hinges that turn steadily [rad/s], by name.
+        key: name of the keyframe.
+        expanded: whether the files are written in expanded form.
+    """
     base = compile_mjcf(machine.source)
-    file = CombinedFile(machine, base)
+    file = CombinedFile(machine, base, expanded=expanded)
     origins = [(machine.source.name, "", base)]
     remarks: list[str] = []
     loaded = machine
@@ -95,8 +129,8 @@ def combine(
     if masses:
         loaded = _read(file, machine, folder, rates, key)
     path = file.write(folder)
-    check_combination(compile_mjcf(path), origins, [mass.mass_kg for mass in masses])
-    return Combined(loaded, file, tuple(remarks))
+    difference = compare_combination(compile_mjcf(path), origins, [m.mass_kg for m in masses])
+    return Combined(loaded, file, tuple(remarks)), difference
 
 
 def _read(

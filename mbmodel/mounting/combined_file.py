@@ -10,6 +10,7 @@ from identification.words import InputError
 from mbmodel.machine import Machine
 from mbmodel.mjcf.asset_paths import redirect_paths
 from mbmodel.mjcf.edit import Element, Values, make_element
+from mbmodel.mjcf.expand import expand_mjcf
 from mbmodel.mjcf.flatten import flatten_mjcf, root_element
 from mbmodel.mounting.joined_keyframes import join_keyframes
 from mbmodel.mounting.name_clashes import choose_prefix, find_names, free_name
@@ -26,15 +27,19 @@ class CombinedFile:
     Args:
         machine: without any addition.
         compiled: the machine's MJCF compiled.
+        expanded: whether both files are written in expanded form, so that settings and classes of
+            one cannot change the other.
 
     Attributes:
         prefix: of the stage's names; empty if they are as in its own file.
         stage: the stage's MJCF; None without a stage.
     """
 
-    def __init__(self, machine: Machine, compiled: mujoco.MjModel) -> None:
-        self._source, self._compiled = machine.source, compiled
-        self._document = flatten_mjcf(machine.source)
+    def __init__(
+        self, machine: Machine, compiled: mujoco.MjModel, *, expanded: bool = False
+    ) -> None:
+        self._source, self._compiled, self._expanded = machine.source, compiled, expanded
+        self._document = (expand_mjcf if expanded else flatten_mjcf)(machine.source)
         self._names = find_names(compiled, self._document)
         self._stage_source: Path | None = None
         self._attached = ""
@@ -54,7 +59,7 @@ class CombinedFile:
         Raises:
             InputError: the machine's file has no element for the body.
         """
-        self.stage = copy_stage(source)
+        self.stage = copy_stage(source, expanded=self._expanded)
         self._stage_source = source
         _turn_off_fusing(self.stage.document)
         names = find_names(compiled, self.stage.document)

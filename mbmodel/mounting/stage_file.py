@@ -5,6 +5,7 @@ from pathlib import Path
 from xml.dom import minidom
 
 from identification.words import InputError
+from mbmodel.mjcf.expand import expand_mjcf
 from mbmodel.mjcf.flatten import flatten_mjcf, root_element
 
 # Sections in which the machine's own settings count; keyframes are those of both together.
@@ -28,7 +29,7 @@ class StageCopy:
     has_geoms: bool
 
 
-def copy_stage(source: Path) -> StageCopy:
+def copy_stage(source: Path, *, expanded: bool = False) -> StageCopy:
     """Return what of a stage's MJCF is mounted: its bodies, and the sites of its world.
 
     The world of the stage becomes the body that carries it. Springs may begin at sites of that
@@ -36,11 +37,12 @@ def copy_stage(source: Path) -> StageCopy:
 
     Args:
         source: MJCF of the stage.
+        expanded: whether to copy its expanded form.
 
     Raises:
         InputError: the file is no MJCF, or has no body.
     """
-    document = flatten_mjcf(source)
+    document = (expand_mjcf if expanded else flatten_mjcf)(source)
     root = root_element(document)
     if root.tagName != "mujoco":
         raise InputError(f"{source} is no MJCF: its first element must be <mujoco>")

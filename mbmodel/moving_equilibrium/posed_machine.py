@@ -13,6 +13,7 @@ import numpy as np
 
 from identification.words import Real
 from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping
+from mbmodel.linearisation.motors import ActuatorGain, actuator_gains
 from mbmodel.linearisation.springs import Spring, find_springs
 from mbmodel.linearisation.statics import Statics
 from mbmodel.linearisation.tendon_slopes import tendon_jacobian
@@ -53,6 +54,10 @@ def machine_at_pose(
         stiffness[:nv, :nv], damping[:nv, :nv] = remaining_stiffness_and_damping(
             model, data, np.zeros(nv)
         )
+    there = actuator_gains(
+        model, data, statics.path, list(statics.stages), centres, bodies, only_at_bodies=True
+    )[0]
+    moved = {name: _drive_at_pose(machine, gain, turns) for name, gain in there.items()}
     springs_there = find_springs(model, data, statics.path, list(statics.stages), centres)
     return replace(
         machine,
@@ -61,6 +66,7 @@ def machine_at_pose(
         remaining_stiffness=stiffness,
         remaining_damping=damping,
         springs=_springs_at_pose(machine, springs_there, turns),
+        motors={**machine.motors, **moved},
         pose=pose,
         statics=None,
     )
@@ -101,6 +107,15 @@ def _has_other_forces(machine: Machine, model: mujoco.MjModel) -> bool:
         or machine.remaining_stiffness.any()
         or machine.remaining_damping.any()
         or any(getattr(model, name).any() for name in polynomials)
+    )
+
+
+def _drive_at_pose(machine: Machine, gain: ActuatorGain, turns: Real) -> ActuatorGain:
+    """Return a motor's gain in the axes of the turned bodies, for all coordinates and bodies."""
+    nv, size = len(machine.coordinates), len(machine.body_mass)
+    body = _turn_back(turns, gain.body[:, None])[:, 0]
+    return ActuatorGain(
+        np.pad(gain.joint, (0, nv - len(gain.joint))), np.pad(body, (0, size - len(body)))
     )
 
 

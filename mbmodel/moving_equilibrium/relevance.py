@@ -26,18 +26,23 @@ _RANDOM_DIRECTIONS = 2  # with random signs, beside the sum of all, so that noth
 _ROUNDING_OF_STIFFNESS = 1e-8  # of the largest: less in a diagonal entry is no stiffness
 
 
-def with_statics(machine: Machine, statics: Statics, data: mujoco.MjData) -> Machine:
+def with_statics(
+    machine: Machine, statics: Statics, data: mujoco.MjData, *, always: bool = False
+) -> Machine:
     """Return a machine whose equilibrium follows its parameters, if that matters.
 
     Args:
         machine: at its nominal rest.
         statics: of its MJCF.
         data: at static equilibrium.
+        always: whether it follows even if that changes T and K by next to nothing.
     """
     if machine.spinning or not is_preloaded(statics.model, data):
         return machine
     moving = replace(machine, statics=statics)
-    return moving if _largest_change(moving, statics) > _MAX_UNNOTICED_CHANGE else machine
+    if always or _largest_change(moving, statics) > _MAX_UNNOTICED_CHANGE:
+        return moving
+    return machine
 
 
 def _largest_change(machine: Machine, statics: Statics) -> float:

@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 
 from identification.words import InputError, UsageError
-from mbmodel.mjcf.edit import Addition, Edit, write_mjcf
+from mbmodel.mjcf.edit import Addition, Edit
 from mbmodel.mjcf.names import joint_name
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.mjcf.tendons import is_fixed_tendon
@@ -18,6 +18,7 @@ from mbmodel.nonlinear_joints.laws import (
     NonlinearJoint,
     PolynomialSpring,
 )
+from mbmodel.writing.written_file import refuse_difference, write_copy
 
 _SINGLE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
 # Part of a joint that each law replaces.
@@ -53,8 +54,8 @@ def write_nonlinear_joints(source: Path, target: Path, joints: Sequence[Nonlinea
                 f"{', '.join(numbers)}"
             )
         changes += law.changes(_spring_reference(compiled, numbers[law.joint]))
-    if refused := write_mjcf(source, target, changes):
-        raise InputError(f"{source}: {refused[0]}: write the joint into the file itself")
+    written = write_copy(source, target, changes)
+    refuse_difference(target.name, written.difference)
 
 
 def _refuse_two_springs(joints: Sequence[NonlinearJoint]) -> None:

@@ -9,7 +9,7 @@ from identification.words import Real
 from mbmodel.linearisation.drawing import DrawnBody
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Edit, NotInMjcf
-from mbmodel.parts.part import AXIS_NAMES, Change, Parameter, PartContext
+from mbmodel.parts.part import AXIS_NAMES, Change, Parameter, PartContext, drawn_values
 from mbmodel.spatial import cross_matrix, nearest_inertia, spatial_inertia, split_inertia
 
 # Row and column of the six parameters of an inertia.
@@ -121,16 +121,12 @@ class BodyPart:
         drawn = [parameter.drawn for parameter in self.parameters]
         if np.array_equal(theta, drawn) and added_inertia is None:
             return ()
-        drawn_body = self.drawn_body
-        total = drawn_body.inertia + self._inertia(theta) - self.drawn_inertia
-        if added_inertia is not None:
-            total = total + added_inertia
-        if total[0, 0] <= 0:
+        mass, offset, inertia = self._split_own(theta, added_inertia)
+        if mass <= 0:
             return (
                 NotInMjcf(f"{self.body}.mass", "the mass of its MJCF body would not be positive"),
             )
-        mass, offset, inertia = split_inertia(total)
-        nearest = nearest_inertia(inertia)
+        drawn_body, nearest = self.drawn_body, nearest_inertia(inertia)
         local = drawn_body.frame.T @ nearest @ drawn_body.frame
         values: dict[str, float | tuple[float, ...]] = {
             "pos": tuple(
@@ -143,6 +139,29 @@ class BodyPart:
         if np.abs(nearest - inertia).max() <= _MIN_REPORTED_INERTIA_CHANGE * np.abs(inertia).max():
             return (edit,)
         return (edit, NotInMjcf(f"{self.body}.inertia", _NEAREST_INERTIA_REASON))
+
+    def held(self, theta: Real, added_inertia: Real | None = None) -> Real:
+        """Return theta with the moments of inertia that are written.
+
+        Args:
+            theta: values of the parameters; (10,).
+            added_inertia: spatial inertia that other Parts add; (6, 6).
+        """
+        mass, _, inertia = self._split_own(theta, added_inertia)
+        if mass <= 0:
+            return drawn_values(self, theta)
+        held, moved = theta.copy(), nearest_inertia(inertia) - inertia
+        held[1:7] += [moved[i, j] for i, j in _INERTIA_ENTRIES]
+        return held
+
+    def _split_own(self, theta: Real, added_inertia: Real | None) -> tuple[float, Real, Real]:
+        """Return mass, displacement of its centre and inertia of the MJCF body that is written."""
+        total = self.drawn_body.inertia + self._inertia(theta) - self.drawn_inertia
+        if added_inertia is not None:
+            total = total + added_inertia
+        if total[0, 0] <= 0:
+            return 0.0, np.zeros(3), np.zeros((3, 3))
+        return split_inertia(total)
 
 
 def body_parts(machine: Machine) -> tuple[BodyPart, ...]:

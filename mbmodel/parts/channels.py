@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.words import DIRECTIONS, Dof, Output, Real
 from mbmodel.mjcf.edit import Edit, NotInMjcf
-from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind
+from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind, drawn_values
 
 NO_CHANNEL_IN_MJCF = "an MJCF describes no gain or delay of a channel"
 
@@ -71,6 +71,10 @@ class ChannelPart:
             for parameter, value in zip(self.parameters, theta, strict=True)
             if value != parameter.drawn
         )
+
+    def held(self, theta: Real) -> Real:
+        """Return the nominal values."""
+        return drawn_values(self, theta)
 
 
 def channel_parts(

@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.words import Complex, Condition, Real
 from mbmodel.mjcf.edit import Edit, NotInMjcf
-from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind
+from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind, drawn_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +72,10 @@ class HammerGainPart:
             for parameter, value in zip(self.parameters, theta, strict=True)
             if value != parameter.drawn
         )
+
+    def held(self, theta: Real) -> Real:
+        """Return the nominal values."""
+        return drawn_values(self, theta)
 
 
 def _factor(coefficients: Real, delay: float) -> Change:

@@ -118,6 +118,10 @@ class JointPart:
             for joint in self.drawn_joints
         )
 
+    def held(self, theta: Real) -> Real:
+        """Return theta: an MJCF holds places and axes of joints."""
+        return theta
+
     def move_addition(self, theta: Real, addition: Addition, frame: Real) -> Addition:
         """Return an additional joint, moved with the joints of the drawing.
 

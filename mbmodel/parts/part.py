@@ -26,6 +26,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
+import numpy as np
+
 from identification.words import Complex, Condition, Real
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
@@ -132,6 +134,15 @@ class Part(Protocol):
 
     def write(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
         """Return what to write into the MJCF at theta, and what the MJCF cannot hold."""
+
+    def held(self, theta: Real) -> Real:
+        """Return the values that the MJCF holds once theta is written."""
+
+
+def drawn_values(part: Part, theta: Real) -> Real:
+    """Return the nominal values of a Part's parameters, in the shape of its theta."""
+    values = np.array([parameter.drawn for parameter in part.parameters], np.float64)
+    return values.reshape(theta.shape)
 
 
 @runtime_checkable

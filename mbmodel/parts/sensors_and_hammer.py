@@ -26,7 +26,14 @@ from identification.words import Dof, Integers, Layout, Real, UsageError, is_ham
 from mbmodel.linearisation.drawing import DrawnElement
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Edit, NotInMjcf
-from mbmodel.parts.part import AXIS_NAMES, Change, Parameter, PartContext, ToleranceKind
+from mbmodel.parts.part import (
+    AXIS_NAMES,
+    Change,
+    Parameter,
+    PartContext,
+    ToleranceKind,
+    drawn_values,
+)
 from mbmodel.spatial import cross_matrix, rotation_matrix, rotation_slopes
 
 T = TypeVar("T", bound=np.generic)
@@ -190,14 +197,18 @@ class SensorPart:
                 if parameter.unit == "s"
                 else "an MJCF site has no gain",
             )
-            for parameter, value in zip(self.parameters, theta, strict=True)
-            if parameter.known not in ("sensor_angle", "sensor_position")
-            and value != parameter.drawn
+            for parameter, value, held in zip(self.parameters, theta, self.held(theta), strict=True)
+            if value != held
         )
         _, rotation, offset, _, _ = self._separate(theta)
         if not (rotation.any() or offset.any()):
             return electric
         return (_site_edit(self.drawn_site, offset, rotation_matrix(rotation)), *electric)
+
+    def held(self, theta: Real) -> Real:
+        """Return theta with the nominal gains, cross-talk and delays: a site has a pose alone."""
+        is_pose = [p.known in ("sensor_angle", "sensor_position") for p in self.parameters]
+        return np.where(is_pose, theta, drawn_values(self, theta))
 
 
 def _pose_parameters(
@@ -272,6 +283,10 @@ class HammerPart:
             *hit_site,
             NotInMjcf(name, "an MJCF site has one pose, but each hammer direction needs its own"),
         )
+
+    def held(self, theta: Real) -> Real:
+        """Return the nominal place and direction."""
+        return drawn_values(self, theta)
 
 
 def _site_edit(drawn_site: DrawnElement, offset: Real, turn: Real) -> Edit:

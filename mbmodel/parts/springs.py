@@ -142,6 +142,10 @@ class SpringPart:
             values.setdefault(element, {})[attribute] = float(value)
         return tuple(Edit("spring", name, coefficients) for name, coefficients in values.items())
 
+    def held(self, theta: Real) -> Real:
+        """Return theta: an MJCF holds springs and dampers."""
+        return theta
+
 
 def _coefficients(spring: Spring) -> tuple[tuple[str, float, str], tuple[str, float, str]]:
     """Return name, value and unit of stiffness and damping."""

@@ -51,6 +51,10 @@ class CarriedPart:
         del theta
         return ()
 
+    def held(self, theta: Real) -> Real:
+        """Return theta, which the Part of the nominal machine writes."""
+        return theta
+
     def _at(self, context: PartContext) -> PartContext:
         """Return the nominal machine in the test of a context."""
         return replace(self.nominal, condition=context.condition)
@@ -115,3 +119,7 @@ class TurnedJointPart:
         """Return nothing: the nominal machine is written."""
         del theta
         return ()
+
+    def held(self, theta: Real) -> Real:
+        """Return theta, which the Part of the nominal machine writes."""
+        return theta

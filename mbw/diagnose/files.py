@@ -1,5 +1,6 @@
 """Files of ``mbw diagnose``: writing three JSON files, arrays and an MJCF; reading them back."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +9,12 @@ from diagnosis import Diagnosis, Verdict
 from diagnosis.inference.evidence import Evidence
 from identification.readers.result_files import read_result_arrays, read_result_json
 from identification.words import InputError
-from mbmodel import NotInMjcf, write_mjcf
+from mbmodel import WrittenModel, write_model
 from mbw.diagnose.machine_rows import restore_machine
 from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.schema import ShownFile
 from tuning.control_loops.loops_file import LOOPS_JSON, write_loops
-from tuning.files.result import TUNED_JSON, TUNED_MJCF, final_folder
+from tuning.files.result import TUNED_JSON, TUNED_MJCF, final_folder, not_held_error
 
 VERDICT, EVIDENCE = "verdict.json", "evidence.json"
 SHOWN, ARRAYS, PAGE = "diagnosis.json", "diagnosis.npz", "report.html"
@@ -38,18 +39,31 @@ def write_files(result: StoredDiagnosis, folder: Path) -> None:
     np.savez_compressed(folder / ARRAYS, allow_pickle=False, **result.arrays)
 
 
-def write_augmented(diagnosis: Diagnosis, target: Path) -> tuple[NotInMjcf, ...]:
-    """Write the tuned MJCF with the detected effect, and the control loops of the test beside it.
+@dataclass(frozen=True)
+class WrittenAugmented:
+    """The augmented MJCF.
 
-    Returns:
-        What an MJCF cannot hold.
+    Args:
+        written: what became of it.
+        not_held_error: relative change of the FRFs without what it cannot hold; None if it holds
+            all.
     """
+
+    written: WrittenModel
+    not_held_error: float | None
+
+
+def write_augmented(diagnosis: Diagnosis, target: Path) -> WrittenAugmented:
+    """Write the tuned MJCF with the detected effect, beside it the control loops of the test."""
     held_out_gap = diagnosis.after or diagnosis.retuned
     theta = diagnosis.parameters.theta if diagnosis.parameters else held_out_gap.theta
-    model = held_out_gap.refit.session.model
-    folder = final_folder(target.parent)
+    session = held_out_gap.refit.session
+    model = session.model
+    stated = model.stated(theta)
     write_loops(model.machine.loops, target.with_name(LOOPS_JSON))
-    return write_mjcf(model.machine.source, target, model.edits(theta), folder)
+    written = write_model(model, stated, target, final_folder(target.parent))
+    error = not_held_error(model, stated, session.campaign) if written.not_held else None
+    return WrittenAugmented(written, error)
 
 
 def read_result(path: Path) -> StoredDiagnosis:

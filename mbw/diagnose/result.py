@@ -18,7 +18,7 @@ from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.inference.evidence import Evidence
 from diagnosis.verdict.schema import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
-from mbmodel import Machine, NotInMjcf, machine_geometry
+from mbmodel import NOT_WRITTEN, Machine, WrittenModel, machine_geometry
 from mbw.diagnose.link_axis import link_axis
 from mbw.diagnose.machine_rows import machine_rows, place_row
 from mbw.diagnose.pulled_tolerance import pull_sentence
@@ -65,12 +65,17 @@ class StoredDiagnosis:
         return bool(self.arrays["after"].size)
 
 
-def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) -> StoredDiagnosis:
+def collect_result(
+    diagnosis: Diagnosis,
+    written: WrittenModel = NOT_WRITTEN,
+    not_held_error: float | None = None,
+) -> StoredDiagnosis:
     """Collect the result of a diagnosis.
 
     Args:
         diagnosis: diagnosis with its fits.
-        not_in_mjcf: parameters that the augmented MJCF does not hold.
+        written: what became of the augmented MJCF.
+        not_held_error: relative change of the FRFs without what it does not hold.
     """
     verdict = build_verdict(diagnosis)
     campaign, machine = diagnosis.retuned.campaign, diagnosis.session.model.machine
@@ -114,7 +119,9 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
         machine=machine_row,
         places={name: _place(name, machine, diagnosis) for name in dict.fromkeys(locations)},
         inputs=input_rows(diagnosis.session),
-        not_held_by_mjcf=[str(parameter) for parameter in not_in_mjcf],
+        not_held_by_mjcf=[str(parameter) for parameter in written.not_held],
+        not_held_error=not_held_error,
+        mjcf_difference=written.difference,
     )
     arrays = {"freq_hz": freq, **frfs, **machine_arrays}
     return StoredDiagnosis(verdict, diagnosis.evidence, shown, arrays)

@@ -156,6 +156,9 @@ class ShownFile(_Row):
         places: every location that the verdict or the evidence names.
         inputs: input files with their hashes.
         not_held_by_mjcf: parameters that augmented.xml does not hold, with reasons.
+        not_held_error: relative change of the FRFs without them, over the channels.
+        mjcf_difference: how augmented.xml, read back, differs from the machine in memory in what
+            an MJCF can hold; empty if it does not.
     """
 
     campaign: str
@@ -178,3 +181,5 @@ class ShownFile(_Row):
     places: dict[str, PlaceRow]
     inputs: list[InputRow]
     not_held_by_mjcf: list[str]
+    not_held_error: float | None = None
+    mjcf_difference: str = ""

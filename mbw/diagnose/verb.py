@@ -7,6 +7,7 @@ from rich.progress import Progress
 
 from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
 from diagnosis.effects import check_others
+from mbmodel import refuse_difference
 from mbw.band import check_band
 from mbw.diagnose.files import (
     AUGMENTED,
@@ -100,7 +101,8 @@ def run(
         )
         diagnosis = _diagnose(session, jobs, checkpoint)
         with output.write() as place:
-            result = collect_result(diagnosis, write_augmented(diagnosis, place / AUGMENTED))
+            augmented = write_augmented(diagnosis, place / AUGMENTED)
+            result = collect_result(diagnosis, augmented.written, augmented.not_held_error)
             write_files(result, place)
             (place / PAGE).write_text(render(result), encoding="utf-8")
         checkpoint.close()
@@ -113,9 +115,11 @@ def run(
     effect = " with the effect" if diagnosis.after else ""
     SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
     SCREEN.say(f"  {calibration_sentence(session.known_force_tolerance)}")
-    if missing := describe_not_in_mjcf(result.shown.not_held_by_mjcf, SHOWN):
+    shown = result.shown
+    if missing := describe_not_in_mjcf(shown.not_held_by_mjcf, shown.not_held_error, SHOWN):
         SCREEN.say(f"  {missing}")
     SCREEN.say(f"report in {(output.path / PAGE).absolute().as_uri()}")
+    refuse_difference(AUGMENTED, shown.mjcf_difference)
     return output.path
 
 

@@ -10,7 +10,15 @@ import numpy as np
 import typer
 
 from identification.words import Dof, InputError, UsageError, shorten_names
-from mbmodel import Machine, TimeStep, load_machine, simulate, strike, write_mjcf
+from mbmodel import (
+    Machine,
+    TimeStep,
+    load_machine,
+    refuse_difference,
+    simulate,
+    strike,
+    write_copy,
+)
 from mbmodel.simulation.drives import parse_drive, parse_reading
 from mbw.animation.files import check_picture_target
 from mbw.files import write_json
@@ -122,9 +130,10 @@ def make_test(
             )
         with output.write() as place:
             write_campaign(place, planned, test, seed, simulated.laws)
-            write_mjcf(nominal or simulated.source, place / MODEL, (), output.path)
+            copies = {MODEL: nominal or simulated.source}
             if simulated.laws or nominal is not None:
-                write_mjcf(machine.source, place / TRUE_MODEL, (), output.path)
+                copies[TRUE_MODEL] = machine.source
+            written = [write_copy(s, place / n, (), output.path) for n, s in copies.items()]
             if outputs.pictures:
                 text = render(
                     f"{machine.name}: virtual hammer test",
@@ -148,6 +157,8 @@ def make_test(
     SCREEN.say(_step_sentence(test.step))
     counts = f"{count_noun(total, 'hit')}, {count_noun(len(plan.files), 'file')}"
     SCREEN.say(f"{counts}: campaign in {output.path}")
+    for copy in written:
+        refuse_difference(copy.file, copy.difference)
     _say_page(outputs, output.path)
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
         typer.echo(f"mbw identify {output.path}")

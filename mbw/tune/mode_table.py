@@ -9,11 +9,12 @@ import typer
 from identification.readers.mode_table import read_mode_table
 from identification.words import UsageError
 from identification.words.file_access import check_file
-from mbmodel import load_machine
+from mbmodel import load_machine, refuse_difference
 from mbw.files import write_json
 from mbw.interrupts import INTERRUPTED
 from mbw.messages import NOT_CONVERGED, SCREEN
 from mbw.output_folder import ResultOptions
+from mbw.remarks import describe_not_in_mjcf
 from mbw.tune.mode_table_page import MODE_TABLE_PAGE, render
 from mbw.tune.mode_table_text import mode_lines
 from tuning.files.mode_table_result import (
@@ -114,6 +115,7 @@ def run(  # one for each option
         if outputs.json is not None:
             write_json(summary.model_dump_json(indent=1), outputs.json)
         _say(summary, output.path, outputs)
+    refuse_difference(TUNED_MJCF, summary.mjcf_difference)
     if summary.fit.outcome == "interrupted":
         SCREEN.error("interrupted: the best parameters so far are written")
         raise typer.Exit(INTERRUPTED)
@@ -146,6 +148,8 @@ def _say(summary: ModeTableFile, folder: Path, outputs: ResultOptions) -> None:
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
         typer.echo("\n".join(mode_lines(summary)))
     SCREEN.say(_describe_determined(summary))
+    if missing := describe_not_in_mjcf(summary.not_held_by_mjcf, None, MODE_TABLE_JSON):
+        SCREEN.say(f"  {missing}")
     for remark in summary.remarks:
         SCREEN.say(f"  {remark}")
     SCREEN.say(f"results in {folder}")

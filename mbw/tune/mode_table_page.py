@@ -39,7 +39,7 @@ def render(summary: ModeTableFile) -> str:
             f"{fit.outcome.capitalize()} after {fit.evaluations} evaluations"
             + (f", {fit.agreeing_starts} of {fit.starts} starts" if fit.starts > 1 else "")
             + " at this minimum. "
-            + describe_not_in_mjcf(summary.not_held_by_mjcf, MODE_TABLE_JSON)
+            + describe_not_in_mjcf(summary.not_held_by_mjcf, None, MODE_TABLE_JSON)
         ),
         scripts=["tune/mode_table.js"],
         styles=["tune/style.css"],

@@ -144,7 +144,8 @@ def _provenance(summary: TunedFile) -> str:
     if blocks := summary.held_out_blocks:
         width = blocks[0].high - blocks[0].low
         text += f" Held-out errors: five-fold cross-validation over blocks of {width:g} Hz."
-    text = escape(f"{text} {describe_not_in_mjcf(summary.not_held_by_mjcf, TUNED_JSON)}".strip())
+    missing = describe_not_in_mjcf(summary.not_held_by_mjcf, summary.not_held_error, TUNED_JSON)
+    text = escape(f"{text} {missing}".strip())
     if not summary.inputs:
         return text
     files = ", ".join(

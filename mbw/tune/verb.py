@@ -10,6 +10,7 @@ from rich.progress import Progress, TaskID
 
 from diagnosis import compute_residual_shares
 from identification.words import UsageError
+from mbmodel import refuse_difference
 from mbw.band import check_band
 from mbw.files import write_json
 from mbw.gap_text import describe_gap, number_text
@@ -178,6 +179,7 @@ def run(  # noqa: PLR0913  # one for each option
             SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
         if not tuned.interrupted:
             checkpoint.close()
+    refuse_difference(TUNED_MJCF, summary.mjcf_difference)
     _exit_unless_converged(tuned)
     return output.path
 

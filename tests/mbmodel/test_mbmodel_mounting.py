@@ -343,9 +343,6 @@ REFUSED = {
     "no such site": (BOX.format("slide", ""), "", "a", "acc2", r"no site 'acc2'.*acc1"),
     "no body": ("<site/>", "", "a", "acc1", "has no body to mount"),
     "free joint": (BOX.format("free", ""), "", "a", "acc1", "free joint can only be used on top"),
-    "mass settings": (
-        BOX.format("slide", ""), '<compiler settotalmass="90"/>', "a", "acc1", "settotalmass",
-    ),
     "contact": (
         BOX.format("slide", '<body name="c" pos="0 0 0.1"><joint name="c_j" type="slide"/>'
                    '<geom size="0.05"/><body name="d" pos="0 0 0.02"><joint name="d_j" '
@@ -375,10 +372,27 @@ def test_what_cannot_be_mounted_is_refused_with_a_sentence(from_text, write, out
     assert str(out) not in str(caught.value)
 
 
-def test_a_machine_whose_compiler_sets_the_total_mass_takes_nothing(from_text, out):
-    machine = from_text(mjcf(mass_on_spring(40, 4e6, 90), extra='<compiler settotalmass="90"/>'))
-    with pytest.raises(InputError, match="settotalmass"):
-        combine(machine, out, None, [PointMass("a", 3.0, (0.0, 0.0, 0.0))])
+@pytest.mark.parametrize(
+    ("base", "stage"),
+    [
+        ('<compiler settotalmass="90"/>', ""),
+        ("", '<compiler boundmass="9" boundinertia="0.3"/>'),
+        ('<default><joint springdamper="0.02 0.1"/></default>', '<compiler settotalmass="7"/>'),
+    ],
+    ids=["total mass of the machine", "least mass of the stage", "springs by frequency"],
+)
+def test_settings_of_both_files_hold_for_their_own_bodies(from_text, write, out, base, stage):
+    machine = from_text(mjcf(mass_on_spring(40, 4e6, 90), extra=base))
+    top = write(mjcf(mass_on_spring(4, 3e5, 9), extra=stage), "top.xml")
+    alone = load_machine(top)
+    combined = combine(
+        machine, out, MountedStage(top, "a", (0, 0, 0)), [PointMass("a", 3.0, (0.0, 0.0, 0.0))]
+    ).machine
+    masses = [m.body_mass[0, 0] for m in (machine, alone)]
+    assert combined.body_mass[0, 0] == pytest.approx(masses[0] + 3.0, rel=1e-9)
+    assert combined.body_mass[6, 6] == pytest.approx(masses[1], rel=1e-9)
+    expected = [s.stiffness for m in (machine, alone) for s in m.springs]
+    assert [s.stiffness for s in combined.springs] == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_body_of_an_attached_model_cannot_be_edited(write, out):

@@ -249,24 +249,6 @@ def test_a_motor_at_a_site_follows_when_joints_move(from_text, tmp_path):
     assert np.abs(column - drive.joint - machine.jacobian.T @ drive.body).max() > 1e-2
 
 
-@pytest.mark.parametrize(
-    "setting", ['fusestatic="true"', 'boundmass="0.1"', 'inertiafromgeom="true"']
-)
-def test_masses_that_the_compiler_changes_are_reported_as_not_in_the_mjcf(tmp_path, setting):
-    text = mjcf(mass_on_spring(4.0, 3e4, 11.0)).replace("<compiler", f"<compiler {setting}")
-    text = text.replace("<site", '<geom size="0.1"/><site')
-    path = tmp_path / "m.xml"
-    path.write_text(text)
-    machine = load_machine(path)
-    model = Model(machine, body_parts(machine))
-    theta = model.drawn.copy()
-    theta[0] *= 1.1
-    missing = write_mjcf(path, tmp_path / "n.xml", model.edits(theta))
-    assert {m.reason for m in missing} == {
-        f"<compiler> has {setting}, which changes bodies after reading"
-    }
-
-
 def test_a_stage_whose_own_body_weighs_nothing_says_so(from_text):
     text = mass_on_spring(4.0, 3e4, 11.0).replace(
         '<inertial pos="0 0 0" mass="4" diaginertia="1 1 1"/>',

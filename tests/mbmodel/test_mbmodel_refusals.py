@@ -46,9 +46,10 @@ REFUSED = {
     "not a number in damping": (joint('damping="nan"'), ["joint 'a_j'", "damping='nan'"]),
     "negative tendon stiffness": (
         with_extra(
-            '<tendon><fixed name="t" stiffness="-1"><joint joint="a_j" coef="1"/></fixed></tendon>'
+            '<tendon><fixed name="t" stiffness="-1e9">'
+            '<joint joint="a_j" coef="1"/></fixed></tendon>'
         ),
-        ["tendon 't'", "stiffness -1"],
+        ["joint 'a_j' with tendon 't'", "stiffness -"],
     ),
     "tendon friction": (
         with_extra(

@@ -67,6 +67,21 @@ def is_gap_visible(gap: float, min_excess: float = MIN_VISIBLE_EXCESS) -> bool:
     return gap > min_excess**2 - 1
 
 
+def relative_change(changed: Sequence[Complex], predicted: Sequence[Complex]) -> float | None:
+    """Return the root mean square over tests of ||H' - H|| / ||H||; None if nothing moves.
+
+    Args:
+        changed: H', the model's answer to each test; (n_freq, n_out, 1) each.
+        predicted: H, likewise.
+    """
+    ratios = [
+        np.linalg.norm(second - first) / size
+        for first, second in zip(predicted, changed, strict=True)
+        if (size := float(np.linalg.norm(first))) > 0
+    ]
+    return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else None
+
+
 def channel_gaps(predicted: Sequence[Complex], campaign: Campaign) -> ChannelGaps:
     """Compare predictions with measurements, test by test.
 

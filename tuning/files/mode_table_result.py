@@ -11,7 +11,7 @@ import numpy as np
 
 from identification.readers.mode_table import TabulatedMode
 from identification.readers.result_files import read_result_json
-from mbmodel import NORMAL_QUANTILE_95, mjcf_files, write_mjcf
+from mbmodel import NORMAL_QUANTILE_95, NOT_WRITTEN, WrittenModel, mjcf_files, write_model
 from tuning.files.mode_table_schema import (
     ModeTableFile,
     TableFitRow,
@@ -33,12 +33,14 @@ MODE_TABLE_JSON, MODE_TABLE_CSV = "mode_table.json", "mode_table.csv"
 _MAX_RESIDUAL_SIGMA = 3.0  # of a row: a larger one is told
 
 
-def summarise_mode_table(tuned: ModeTableTuning, not_held: Sequence[str] = ()) -> ModeTableFile:
+def summarise_mode_table(
+    tuned: ModeTableTuning, written: WrittenModel = NOT_WRITTEN
+) -> ModeTableFile:
     """Return the content of mode_table.json.
 
     Args:
         tuned: the tuning.
-        not_held: parameters that the MJCF cannot hold.
+        written: what became of the tuned MJCF.
     """
     minimum, parameters = tuned.minimum, _parameter_rows(tuned)
     rows = [
@@ -63,7 +65,8 @@ def summarise_mode_table(tuned: ModeTableTuning, not_held: Sequence[str] = ()) -
         parameters=parameters,
         determined=[row.name for row in parameters if row.ratio < DETERMINED_RATIO],
         remarks=[*tuned.table.remarks, *_remarks(rows, without_row)],
-        not_held_by_mjcf=list(not_held),
+        not_held_by_mjcf=[str(missing) for missing in written.not_held],
+        mjcf_difference=written.difference,
         inputs=_input_rows(tuned),
     )
 
@@ -208,10 +211,8 @@ def write_mode_table_result(tuned: ModeTableTuning, folder: Path) -> ModeTableFi
     Returns:
         The content of mode_table.json.
     """
-    source = tuned.model.machine.source
-    edits = tuned.model.edits(tuned.theta)
-    not_held = write_mjcf(source, folder / TUNED_MJCF, edits, final_folder(folder))
-    summary = summarise_mode_table(tuned, [str(missing) for missing in not_held])
+    written = write_model(tuned.model, tuned.theta, folder / TUNED_MJCF, final_folder(folder))
+    summary = summarise_mode_table(tuned, written)
     (folder / MODE_TABLE_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
     (folder / MODE_TABLE_CSV).write_text(_csv_text(summary), "utf-8")
     x, covariance = tuned.minimum.x, tuned.covariance

@@ -85,6 +85,7 @@ class ModeTableFile(_TableRow):
     determined: list[str]
     remarks: list[str]
     not_held_by_mjcf: list[str]
+    mjcf_difference: str = ""
     inputs: list[InputRow]
 
     def __repr__(self) -> str:

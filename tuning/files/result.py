@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.result_files import read_result_arrays, read_result_json
-from identification.words import Complex, InputError, Real
-from mbmodel import model_modes, write_mjcf
-from tuning.assessment.gap import Gap, block_error_shares
+from identification.words import Campaign, Complex, InputError, Real
+from mbmodel import NOT_WRITTEN, Model, WrittenModel, model_modes, write_model
+from tuning.assessment.gap import Gap, block_error_shares, relative_change
 from tuning.assessment.model_error import estimate_model_error
 from tuning.campaign_tuning import CampaignTuning, Comparison
 from tuning.control_loops.loops_file import LOOPS_JSON, write_loops
@@ -31,6 +31,7 @@ from tuning.files.schema import (
     TunedFile,
     TunedTestRow,
 )
+from tuning.misfit.batch import predict
 
 TUNED_JSON, TUNED_MJCF, FRF_NPZ = "tuned.json", "tuned.xml", "frf.npz"
 LEVELS = ("sensors", "bodies")
@@ -79,14 +80,16 @@ class TuningResult:
 
 
 def summarise_tuning(
-    tuned: CampaignTuning, remaining: Sequence[ShareRow] = (), not_held: Sequence[str] = ()
+    tuned: CampaignTuning,
+    remaining: Sequence[ShareRow] = (),
+    written: WrittenModel = NOT_WRITTEN,
 ) -> TunedFile:
     """Return the content of tuned.json.
 
     Args:
         tuned: the tuning.
         remaining: share of each body in the residual gap, from the diagnosis.
-        not_held: parameters that MJCF cannot express.
+        written: what became of the tuned MJCF.
     """
     session = tuned.session
     model, campaign = session.model, session.campaign
@@ -142,7 +145,9 @@ def summarise_tuning(
         pairs=pairs,
         unpaired_modes=unpaired,
         remaining_gap=list(remaining),
-        not_held_by_mjcf=list(not_held),
+        not_held_by_mjcf=[str(missing) for missing in written.not_held],
+        not_held_error=not_held_error(model, theta, campaign) if written.not_held else None,
+        mjcf_difference=written.difference,
     )
 
 
@@ -223,12 +228,10 @@ def write_result(
         InputError: the folder cannot be written.
     """
     model, theta = tuned.session.model, tuned.model_fit.theta
-    edits = model.edits(theta)
     with write_atomically(folder) as place:
-        target = place / TUNED_MJCF
-        not_held = write_mjcf(model.machine.source, target, edits, final_folder(place))
+        written = write_model(model, theta, place / TUNED_MJCF, final_folder(place))
         np.savez_compressed(place / FRF_NPZ, allow_pickle=False, **_arrays(tuned))
-        summary = summarise_tuning(tuned, remaining, [str(missing) for missing in not_held])
+        summary = summarise_tuning(tuned, remaining, written)
         (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
         write_loops(model.machine.loops, place / LOOPS_JSON)
         if tuned.confidence is not None and tuned.plant is not None:
@@ -242,6 +245,18 @@ def write_result(
             )
             write_posterior(posterior, place / POSTERIOR_NPZ)
     return summary
+
+
+def not_held_error(model: Model, theta: Real, campaign: Campaign) -> float | None:
+    """Return the relative change of the FRFs of a campaign without what an MJCF cannot hold.
+
+    Args:
+        model: machine and Parts.
+        theta: parameters in SI; (n_parameter,).
+        campaign: its tests.
+    """
+    held = predict(model, model.held(theta), campaign)
+    return relative_change(held, predict(model, theta, campaign))
 
 
 def final_folder(place: Path) -> Path:

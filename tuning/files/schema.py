@@ -252,6 +252,8 @@ class TunedFile(_Row):
     unpaired_modes: list[ModelModeRow] = []
     remaining_gap: list[ShareRow]
     not_held_by_mjcf: list[str]
+    not_held_error: float | None = None
+    mjcf_difference: str = ""
 
     def __repr__(self) -> str:
         """Return campaign, model, number of parameters and outcome in one line."""
