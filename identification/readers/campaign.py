@@ -35,6 +35,7 @@ from identification.readers.frf_table import FrfTable, set_zero_line
 from identification.readers.frf_units import refuse_signals_of_known_gain
 from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.uff_frfs import read_uff
+from identification.readers.uff_nodes import site_axes_remarks
 from identification.readers.units import frequency_factor
 from identification.words import (
     Campaign,
@@ -74,7 +75,11 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     """
     raw, hit_remarks = tests_from_records(path, settings, partial(_name_sites, layout))
     tests: list[Test] = []
-    remarks = [*hit_remarks, *check_lengths(path, layout)]
+    files = dict.fromkeys(path.parent / entry.file for entry in settings.test)
+    remarks = [*layout.remarks, *hit_remarks, *check_lengths(path, layout)]
+    remarks += [
+        remark for file in files if is_universal(file) for remark in site_axes_remarks(file, layout)
+    ]
     for entry in settings.test:
         if entry.file in raw:
             tests += raw[entry.file]

@@ -1,0 +1,130 @@
+"""Cases on what exporters state beside the values: axes of nodes, fields, widths, headings."""
+
+import numpy as np
+from identification_examples import Function, dataset
+
+from tests.field.make_inputs.folder import UNIVERSAL, identify, measured, modes_are, write_case
+from tests.field.virtual_machine import FREQ_HZ, HEIGHT_M, SITES, field_machine
+
+
+def write():
+    """Write all cases of this module."""
+    _axes_of_nodes()
+
+
+def _numbers(values, form="13.5E"):
+    return "".join(f"{v:{form}}" for v in values)
+
+
+def _node_lines(places, definition, displacement):
+    """Return the lines of a dataset 15; one displacement system for all or one for each."""
+    labels = np.broadcast_to(displacement, len(places))
+    return [
+        "".join(f"{f:10d}" for f in (n, definition, label, 11)) + _numbers(place)
+        for n, (place, label) in enumerate(zip(places, labels, strict=True), start=1)
+    ]
+
+
+def _records(channels):
+    """Return functions 58b of channels [(node, direction, values (n_freq, n_ref), coherence)]."""
+    content = b""
+    for node, direction, *parts in channels:
+        for column, reference in enumerate(((1, 3), (3, 3))):
+            common = {
+                "x": FREQ_HZ,
+                "rsp": (node, direction),
+                "ref": reference,
+                "order": "<",
+                "single": True,
+            }
+            for values, kind, ordinate in zip(parts, (4, 6), (12, 0), strict=True):
+                content += Function(
+                    values[:, column], func=kind, ordinate=ordinate, **common
+                ).content()
+    return content
+
+
+def _axes_of_nodes():
+    values, coherence = measured()
+    places = np.column_stack([SITES, np.full(len(SITES), HEIGHT_M)])
+    right = modes_are(field_machine().modes()[0])
+    test = f'layout = "geometry.unv"\n\n[[test]]\n{UNIVERSAL}\n'
+
+    # Node 4 in a system whose x axis points down; the nodes are given from a corner.
+    corner = np.array([0.5, -0.25, 0.1])
+    down = [np.zeros(3), [0, 0, -1], [1, 0, 0]]  # origin, on +x, in the plane of +x and +z
+    offset = [corner, *(corner + np.eye(3)[[0, 2]])]
+    lines = [
+        line
+        for label, points in ((2, down), (3, offset))
+        for line in (
+            "".join(f"{f:10d}" for f in (label, 0, 0, 8, 1)),
+            "",
+            _numbers(np.ravel(points)[:6]),
+            _numbers(np.ravel(points)[6:]),
+        )
+    ]
+    rows = [(n, 3, values[:, n - 1], coherence[:, n - 1]) for n in (1, 2, 3, 5)]
+    rows.append((4, 1, -values[:, 3], coherence[:, 3]))
+    write_case(
+        "exports/turned_node",
+        "datasets 15 and 18: positions from a corner, and one node whose x axis points down",
+        "positions moved and axes turned, with remarks that name both; a solid body",
+        [
+            identify(
+                "--json",
+                "r.json",
+                says=["node 4", "system 2", "system 3", "it moves as a solid"],
+                never=["wrong axes", "polarity"],
+                value=right,
+            )
+        ],
+        {
+            "campaign.toml": test,
+            "geometry.unv": dataset("    18", lines)
+            + dataset("    15", _node_lines(places - corner, 3, [0, 0, 0, 2, 0])),
+            "t.uff": _records(rows),
+        },
+    )
+
+    # A cylinder about the world's x axis: radial and tangential directions lie in the plane of y
+    # and z, and share the motion along z by the angle of each node.
+    angle = np.arctan2(places[:, 2], places[:, 1])
+    system = [f"{4:10d}{1:10d}{8:10d}", "drum"]
+    system += [_numbers(row, "25.16E") for row in ((0, 1, 0), (0, 0, 1), (1, 0, 0), (0, 0, 0))]
+    rows = [
+        (n + 1, direction, factor[n] * values[:, n], coherence[:, n])
+        for n in range(len(places))
+        for direction, factor in ((1, np.sin(angle)), (2, np.cos(angle)))
+    ]
+    content = b"".join(
+        Function(
+            part, x=FREQ_HZ, rsp=(node, direction), ref=(1, 2), order="<", single=True, **kinds
+        ).content()
+        for node, direction, frf, share in rows
+        # The force along z at node 1 and the tangential force there differ by the cosine.
+        for part, kinds in (
+            (frf[:, 0] * np.cos(angle[0]), {"func": 4, "ordinate": 12}),
+            (share[:, 0], {"func": 6, "ordinate": 0}),
+        )
+    )
+    write_case(
+        "exports/cylindrical_nodes",
+        "datasets 2420 and 15 in the file of the measurement: radial and tangential channels",
+        "the axes of each node, with a remark that names the system; a solid body",
+        [
+            identify(
+                "--json",
+                "r.json",
+                says=["system 4 (cylindrical)", "it moves as a solid"],
+                never=["never moves as a solid", "polarity"],
+                value=right,
+            )
+        ],
+        {
+            "campaign.toml": test.replace("geometry.unv", "t.uff"),
+            "t.uff": dataset("  2420", [f"{1:10d}", "Part1", *system])
+            + dataset("    15", _node_lines(places, 0, 4))
+            + content,
+        },
+    )
