@@ -1,5 +1,9 @@
 """Cases on what exporters state beside the values: axes of nodes, fields, widths, headings."""
 
+import tempfile
+from pathlib import Path
+
+import meshio
 import numpy as np
 from identification_examples import Function, dataset
 
@@ -10,6 +14,7 @@ from tests.field.virtual_machine import FREQ_HZ, HEIGHT_M, SITES, field_machine
 def write():
     """Write all cases of this module."""
     _axes_of_nodes()
+    _fields_of_meshes()
 
 
 def _numbers(values, form="13.5E"):
@@ -127,4 +132,41 @@ def _axes_of_nodes():
             + dataset("    15", _node_lines(places, 0, 4))
             + content,
         },
+    )
+
+
+def _fields_of_meshes():
+    x, y = np.meshgrid(np.linspace(0, 1.2, 9), np.linspace(0, 0.7, 6), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    corner = np.array([6 * i + j for i in range(8) for j in range(5)])
+    cells = [("quad", corner[:, None] + np.array([0, 6, 7, 1]))]
+    data = {}
+    for number, (m, n) in enumerate(((1, 1), (2, 1), (1, 2)), start=7):
+        deflection = np.sin(m * np.pi * points[:, 0] / 1.2) * np.sin(n * np.pi * points[:, 1] / 0.7)
+        shape = np.column_stack([0 * deflection, 0 * deflection, deflection])
+        slopes = np.gradient(deflection.reshape(x.shape), x[:, 0], y[0])
+        rotation = np.column_stack([slopes[1].ravel(), -slopes[0].ravel(), 0 * deflection])
+        for name, values in (
+            ("U{} real", np.cos(0.4) * shape),
+            ("U{} imag", np.sin(0.4) * shape),
+            ("UR{}", rotation),
+            ("RF{}", 1e4 * shape),
+        ):
+            data[f"{name.format(number)} ({7.5 * number:g} Hz)"] = values
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plate.vtu"
+        meshio.Mesh(points, cells, point_data=data).write(path)
+        mesh = path.read_bytes()
+    write_case(
+        "exports/fields_of_a_mesh",
+        "a mesh with U (real and imaginary), UR and RF of modes 7 to 9",
+        "three modes with their numbers; the other fields are named and left out",
+        [
+            {
+                "command": ["place", "plate.vtu", "--json", "r.json"],
+                "says": ["UR7 (52.5 Hz)", "RF7 (52.5 Hz)", "left out", "complex modes"],
+                "value": [{"path": "modes.*.mode", "equals": [7, 8, 9]}],
+            }
+        ],
+        {"plate.vtu": mesh},
     )
