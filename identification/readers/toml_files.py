@@ -3,8 +3,10 @@
 import math
 import re
 import tomllib
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, TypeVar
+from types import UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 from unicodedata import category
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
@@ -51,7 +53,7 @@ def read_toml(path: Path, model: type[TomlModel]) -> TomlModel:
     try:
         return model.model_validate(load_toml(path))
     except ValidationError as error:
-        raise InputError(f"{path}: {_describe_first_error(error)}") from error
+        raise InputError(f"{path}: {_describe_first_error(error, model)}") from error
 
 
 def load_toml(path: Path) -> dict[str, object]:
@@ -91,11 +93,18 @@ def _refuse_extreme_numbers(path: Path, value: object, keys: tuple[str, ...]) ->
         )
 
 
-def _describe_first_error(error: ValidationError) -> str:
-    """Return a sentence on the first error of a TOML file."""
-    fault = error.errors(include_url=False)[0]
-    steps = (str(step + 1) if isinstance(step, int) else step for step in fault["loc"])
-    where = ".".join(step for step in steps if step not in (FILE_TAG, TABLE_TAG))
+def _describe_first_error(error: ValidationError, model: type[BaseModel]) -> str:
+    """Return a sentence on a misspelt key of a TOML file if there is one, else on its first error.
+
+    A misspelt key comes first since the key that it stands for is then missing, too.
+    """
+    faults = error.errors(include_url=False)
+    unknown = [fault for fault in faults if fault["type"] == "extra_forbidden"]
+    for fault in unknown:
+        if near := _nearest_key(model, fault["loc"]):
+            return f"unknown key {_key_path(fault['loc'])}: did you mean {near}?"
+    fault = faults[0]
+    where = _key_path(fault["loc"])
     if fault["type"] == "extra_forbidden":
         return f"unknown key {where}: correct its spelling or remove it"
     if fault["type"] == "missing":
@@ -103,6 +112,58 @@ def _describe_first_error(error: ValidationError) -> str:
     if fault["type"] in ("model_type", "dict_type"):  # pydantic names the class there
         return f"{where} = {fault['input']!r}: Input should be a table"
     return f"{where} = {fault['input']!r}: {fault['msg'].removeprefix('Value error, ')}"
+
+
+def _key_path(location: tuple[int | str, ...]) -> str:
+    """Return the path of a key with dots; items of lists count from 1."""
+    steps = (str(step + 1) if isinstance(step, int) else step for step in location)
+    return ".".join(step for step in steps if step not in (FILE_TAG, TABLE_TAG))
+
+
+def _nearest_key(model: type[BaseModel], location: tuple[int | str, ...]) -> str | None:
+    """Return the key of a table that is spelt most like an unknown one; None if none is near.
+
+    Args:
+        model: model of the file.
+        location: location of the unknown key, as pydantic gives it.
+    """
+    *steps, wrong = location
+    kinds: list[object] = [model]
+    for step in steps:
+        kinds = [inner for kind in kinds for inner in _step_into(kind, step)]
+    models = [m for kind in kinds for m in _plain_kinds(kind) if _is_model(m)]
+    keys = {f.alias or name: name for m in models for name, f in m.model_fields.items()}
+    near = get_close_matches(str(wrong).lower().replace("-", "_"), keys, 1)
+    return near[0] if near else None
+
+
+def _step_into(kind: object, step: int | str) -> list[object]:
+    """Return the kinds of value that a step of a location leads to."""
+    if step in (FILE_TAG, TABLE_TAG):
+        return [kind]
+    inner: list[object] = []
+    for plain in _plain_kinds(kind):
+        if _is_model(plain):
+            fields = {f.alias or name: f.annotation for name, f in plain.model_fields.items()}
+            inner += [fields[step]] if step in fields else []
+        elif get_origin(plain) in (dict, list, tuple):
+            inner += get_args(plain)[-1:]
+    return inner
+
+
+def _plain_kinds(kind: object) -> list[Any]:
+    """Return the members of a union, without annotations."""
+    origin = get_origin(kind)
+    if origin is Annotated:
+        return _plain_kinds(get_args(kind)[0])
+    if origin in (Union, UnionType):
+        return [plain for member in get_args(kind) for plain in _plain_kinds(member)]
+    return [kind]
+
+
+def _is_model(kind: object) -> bool:
+    """Return whether a kind of value is a table with known keys."""
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
 
 
 def tag_file_or_table(value: object) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from identification.readers.uff_blocks import Block, locate_blocks
+from identification.readers.uff_fields import FieldError
 from identification.readers.uff_function import function_type, read_function
 from identification.readers.uff_geometry import read_node_table, read_units
 from identification.readers.uff_shapes import read_shape_55, read_shape_2414
@@ -71,8 +72,9 @@ def read_records(
             record = _READER_OF_KIND[block.kind](block)
         except (ValueError, IndexError, OverflowError) as error:
             if is_needed:
+                fault = str(error) if isinstance(error, FieldError) else "cannot be read"
                 raise InputError(
-                    f"{path}, record {block.number} cannot be read: export it again or delete it"
+                    f"{path}, record {block.number} {fault}: export it again or delete it"
                 ) from error
             malformed.setdefault(block.kind, []).append(block.number)
         else:

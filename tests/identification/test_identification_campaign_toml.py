@@ -202,21 +202,23 @@ def test_text_that_is_not_utf8_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "key"),
+    ("text", "key", "advice"),
     [
-        ('colour = "red"\n' + ONE, "colour"),
-        (ONE + "avarages = 3\n", "test.1.avarages"),
-        (ONE + '[[test]]\nfile = "b.uff"\nwindow = 0.1\n', "test.2.window"),
-        (ONE + "[sensor.acc7]\nflipp = []\n", "sensor.acc7.flipp"),
-        (ONE + "[tolerance]\nmas = 0.1\n", "tolerance.mas"),
-        (ONE + "[band]\nlow = 1\n", "band"),
-        (ONE + "[tuning]\nties = []\n", "tuning.ties"),
+        ('colour = "red"\n' + ONE, "colour", "correct its spelling or remove it"),
+        (ONE + "avarages = 3\n", "test.1.avarages", "did you mean averages?"),
+        (ONE + "Window-Tau = 3\n", "test.1.Window-Tau", "did you mean window_tau?"),
+        (ONE.replace("file =", "fiel ="), "test.1.fiel", "did you mean file?"),
+        (ONE + '[[test]]\nfile = "b.uff"\nwindow = 0.1\n', "test.2.window", "mean window_tau?"),
+        (ONE + "[sensor.acc7]\nflipp = []\n", "sensor.acc7.flipp", "did you mean flip?"),
+        (ONE + "[tolerance]\nmas = 0.1\n", "tolerance.mas", "did you mean mass?"),
+        (ONE + "[band]\nlow = 1\n", "band", "correct its spelling or remove it"),
+        (ONE + "[tuning]\nties = []\n", "tuning.ties", "did you mean tie?"),
     ],
 )
-def test_an_unknown_key_is_named_with_its_place(refusal, text, key):
+def test_an_unknown_key_is_named_with_its_place_and_the_nearest_key(refusal, text, key, advice):
     message = refusal(text)
-    assert f"unknown key {key}:" in message
-    assert "correct its spelling" in message
+    assert f"unknown key {key}: " in message
+    assert message.endswith(advice)
 
 
 @pytest.mark.parametrize(

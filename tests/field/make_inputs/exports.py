@@ -7,14 +7,36 @@ import meshio
 import numpy as np
 from identification_examples import Function, dataset
 
-from tests.field.make_inputs.folder import UNIVERSAL, identify, measured, modes_are, write_case
-from tests.field.virtual_machine import FREQ_HZ, HEIGHT_M, SITES, field_machine
+from tests.field.make_inputs.folder import (
+    ARRAYS,
+    CHANNELS,
+    UNIVERSAL,
+    array_files,
+    campaign,
+    identify,
+    measured,
+    modes_are,
+    npz,
+    write_case,
+)
+from tests.field.make_inputs.units import universal
+from tests.field.virtual_machine import (
+    FREQ_HZ,
+    HEIGHT_M,
+    SITES,
+    field_machine,
+    layout_text,
+    model_text,
+)
 
 
 def write():
     """Write all cases of this module."""
     _axes_of_nodes()
     _fields_of_meshes()
+    _lists_and_keys()
+    _continuous_forces()
+    _widths_and_headings()
 
 
 def _numbers(values, form="13.5E"):
@@ -169,4 +191,111 @@ def _fields_of_meshes():
             }
         ],
         {"plate.vtu": mesh},
+    )
+
+
+def _lists_and_keys():
+    values, coherence = measured()
+    write_case(
+        "exports/range_in_list",
+        "a list of channels that holds a range and a label",
+        "the modes",
+        [identify("--json", "r.json", value=modes_are(field_machine().modes()[0]))],
+        array_files(
+            values,
+            coherence,
+            ARRAYS.replace(CHANNELS, 'channels = ["nodes 1..4, z", "acc5:+z"]'),
+        ),
+    )
+    write_case(
+        "exports/misspelt_key",
+        "a key of [[test]] and one of the layout that are misspelt",
+        "exit 3 and the key that was meant",
+        [
+            identify(exit_code=3, says=["test.1.refrences", "did you mean references?"]),
+            {
+                "command": ["identify", "layout", "--out", "out"],
+                "exit_code": 3,
+                "says": ["site.acc1.positon", "did you mean position?"],
+            },
+        ],
+        {
+            "campaign.toml": campaign(ARRAYS.replace("references =", "refrences =")),
+            "layout.toml": layout_text(),
+            "layout/campaign.toml": campaign(ARRAYS),
+            "layout/layout.toml": layout_text().replace("position", "positon", 1),
+        },
+    )
+
+
+def _continuous_forces():
+    random = np.random.default_rng(8)
+    rate_hz, n_sample = 128.0, 2048
+    time = np.arange(n_sample) / rate_hz
+    forces = {
+        "random_force": (
+            "random force without rest",
+            random.normal(size=n_sample),
+            "never rests",
+        ),
+        "burst_force": (
+            "a force of random bursts",
+            random.normal(size=n_sample) * (time % 4.0 < 1.0),
+            "pulls as much as it pushes",
+        ),
+    }
+    for name, (situation, force, words) in forces.items():
+        response = random.normal(size=(5, n_sample)) * 0.01 + force
+        write_case(
+            f"exports/{name}",
+            situation,
+            "exit 3: it is continuous excitation, give FRFs",
+            [identify(exit_code=3, says=[words, "continuous excitation", "give its FRFs"])],
+            {
+                "campaign.toml": campaign(f'file = "t.npz"\n{CHANNELS}\nreferences = ["1:+z"]'),
+                "layout.toml": layout_text(),
+                "t.npz": npz(
+                    force=force.astype(np.float32),
+                    response=response.astype(np.float32),
+                    rate_hz=rate_hz,
+                ),
+            },
+        )
+
+
+def _widths_and_headings():
+    values, coherence = measured()
+    count = len(FREQ_HZ)
+    narrow = universal(values[:, :1], order="")
+    write_case(
+        "exports/double_width",
+        "a universal file that states double precision, with values of 13 characters",
+        "exit 3 and both",
+        [identify(exit_code=3, says=["record 1 states double precision", "13 characters wide"])],
+        {
+            "campaign.toml": campaign(UNIVERSAL),
+            "layout.toml": layout_text(),
+            "t.uff": narrow.replace(f"{5:10d}{count:10d}".encode(), f"{6:10d}{count:10d}".encode()),
+        },
+    )
+    write_case(
+        "exports/decibels",
+        "magnitudes in dB instead of FRFs",
+        "exit 3: the phase is missing",
+        [identify(exit_code=3, says=["decibels", "phase"])],
+        array_files(20 * np.log10(np.abs(values)), coherence),
+    )
+    freq, damping = field_machine().modes()
+    rows = "".join(f"{f:.6g},{z:.6g}\n" for f, z in zip(freq, damping, strict=True))
+    write_case(
+        "exports/ratio_under_per_cent",
+        "damping ratios under the heading damping/%",
+        "the heading is doubted",
+        [
+            {
+                "command": ["tune", "--modes", "modes.csv", "model.xml", "--out", "out"],
+                "says": ["damping/%", "if the values are ratios"],
+            }
+        ],
+        {"model.xml": model_text(), "modes.csv": f"frequency/Hz,damping/%\n{rows}"},
     )
