@@ -111,6 +111,9 @@ def _describe_first_error(error: ValidationError, model: type[BaseModel]) -> str
         return f"key {where} is missing: add it"
     if fault["type"] in ("model_type", "dict_type"):  # pydantic names the class there
         return f"{where} = {fault['input']!r}: Input should be a table"
+    if fault["type"] == "too_long" and isinstance(fault["input"], list):
+        limit = fault["ctx"]["max_length"]
+        return f"{where} has {len(fault['input'])} entries, at most {limit} are read: give fewer"
     return f"{where} = {fault['input']!r}: {fault['msg'].removeprefix('Value error, ')}"
 
 

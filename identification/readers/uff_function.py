@@ -84,15 +84,15 @@ def _parse_values(lines: list[str], form: int, *, is_even: bool) -> Real:
     try:
         return parse_columns(lines, _COLUMNS[form, is_even])
     except ValueError as error:
-        other = _OTHER_PRECISION[form]
+        actual_form = _OTHER_PRECISION[form]
         try:
-            parse_columns(lines, _COLUMNS[other, is_even])
+            parse_columns(lines, _COLUMNS[actual_form, is_even])
         except ValueError:
             raise error from None
         stated, width = ("double", 13) if form in _DOUBLE_FORMS else ("single", 20)
         raise FieldError(
             f"states {stated} precision (data type {form}), but its values are {width} characters "
-            f"wide as those of data type {other}"
+            f"wide as those of data type {actual_form}"
         ) from error
 
 

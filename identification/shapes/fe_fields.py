@@ -191,10 +191,10 @@ def _drop_other_quantities(families: Sequence[_Family]) -> list[_Family]:
     return [family for family in kept if family in certain or not _meets(family, certain)]
 
 
-def _meets(family: _Family, others: Iterable[_Family]) -> bool:
+def _meets(family: _Family, rivals: Iterable[_Family]) -> bool:
     """Return whether another family has a field at a frequency of this one."""
     keys = family.keys()
-    return any(keys & rival.keys() for rival in others if rival is not family)
+    return any(keys & rival.keys() for rival in rivals if rival is not family)
 
 
 def _drop_rivals(source: str, families: Sequence[_Family]) -> list[_Family]:

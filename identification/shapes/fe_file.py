@@ -120,8 +120,8 @@ def _with_frequencies(
 ) -> tuple[list[ShapeField], tuple[str, ...]]:
     """Return the shapes whose names hold a frequency, and a remark on the others."""
     named = [field for field in fields if field.frequency is not None]
-    others = [field.name for field in fields if field.frequency is None]
-    for name in others:
+    unnamed = [field.name for field in fields if field.frequency is None]
+    for name in unnamed:
         if _HERTZ_PATTERN.search(name):
             raise InputError(
                 f"{path}: the name {name!r} holds no frequency. Write it as 'mode 1 (34.5 Hz)', "
@@ -129,13 +129,13 @@ def _with_frequencies(
             )
     if not named:
         raise InputError(
-            f"{path}: the point data ({', '.join(others[:3])} ..) name no frequencies. Name them "
+            f"{path}: the point data ({', '.join(unnamed[:3])} ..) name no frequencies. Name them "
             "as 'mode 1 (34.5 Hz)', or give a file with --frequencies."
         )
-    if not others:
+    if not unnamed:
         return named, ()
-    more = f" and {len(others) - 1} more" if len(others) > 1 else ""
-    return named, (f"{path.name}: {others[0]}{more}: without a frequency, left out",)
+    more = f" and {len(unnamed) - 1} more" if len(unnamed) > 1 else ""
+    return named, (f"{path.name}: {unnamed[0]}{more}: without a frequency, left out",)
 
 
 def _read_frequency_table(path: Path) -> Real:

@@ -311,3 +311,9 @@ def test_a_value_instead_of_a_table_is_refused_without_names_of_classes(refusal)
 
 def test_an_empty_file_is_refused(refusal):
     assert "missing" in refusal("")
+
+
+def test_a_million_ranges_of_lines_are_counted_and_not_quoted(refusal):
+    rows = ", ".join(f"[{k}, {k}.5]" for k in range(10_001))
+    message = refusal(f"ignore_hz = [{rows}]\n{ONE}")
+    assert message.endswith("ignore_hz has 10001 entries, at most 10000 are read: give fewer")

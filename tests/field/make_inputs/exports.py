@@ -37,6 +37,7 @@ def write():
     _lists_and_keys()
     _continuous_forces()
     _widths_and_headings()
+    _absurd_sizes()
 
 
 def _numbers(values, form="13.5E"):
@@ -298,4 +299,27 @@ def _widths_and_headings():
             }
         ],
         {"model.xml": model_text(), "modes.csv": f"frequency/Hz,damping/%\n{rows}"},
+    )
+
+
+def _absurd_sizes():
+    copies = '<replicate count="1e7" offset="0 0 1"><site/></replicate>'
+    field = '<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>'
+    write_case(
+        "exports/absurd_sizes",
+        "a model that replicates a site 1e7 times, and one with a height field of 9e8 points",
+        "exit 3 at once, naming the element",
+        [
+            {
+                "command": ["predict", f"{name}.xml", "--modes"],
+                "exit_code": 3,
+                "says": [f"<{name}", words],
+            }
+            for name, words in (("replicate", "1e+07 elements"), ("hfield", "9e+08 points"))
+        ],
+        {
+            "replicate.xml": model_text().replace("<worldbody>", f"<worldbody>{copies}"),
+            "hfield.xml": model_text().replace("<worldbody>", f"{field}<worldbody>"),
+        },
+        limit_s=20,
     )
