@@ -14,6 +14,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from identification.words import MAX_INPUT_MAGNITUDE, InputError
 from identification.words.file_access import read_text
 
+# A layout of 10,000 sites has 1 MB; Python reads 1 MB of TOML in about two seconds.
+_MAX_CHARACTERS = 4_000_000
+_KEY_LINE = re.compile(r"(?m)^[ \t]*([A-Za-z0-9_\"'.-]+)[ \t]*=")
 _MAX_INTEGER = 2**63 - 1  # TOML 1.0: integers have 64 bits
 TomlModel = TypeVar("TomlModel", bound=BaseModel)
 # Kinds of a value that is a file's name or a table, so that its errors are those of its kind.
@@ -64,6 +67,11 @@ def load_toml(path: Path) -> dict[str, object]:
             nested too deeply, or a number is larger than any of a machine.
     """
     text = read_text(path, "name a TOML file")
+    if len(text) > _MAX_CHARACTERS:
+        raise InputError(
+            f"{path} holds {len(text) / 1e6:.3g} million characters, at most "
+            f"{_MAX_CHARACTERS / 1e6:g} are read: shorten it, most of all {_longest_key(text)}"
+        )
     try:
         content = tomllib.loads(text)
         _refuse_extreme_numbers(path, content, ())
@@ -74,6 +82,14 @@ def load_toml(path: Path) -> dict[str, object]:
     except ValueError as error:  # Python reads integers of at most 4300 digits
         raise InputError(f"{path} holds an integer of thousands of digits: correct it") from error
     return content
+
+
+def _longest_key(text: str) -> str:
+    """Return the key of a TOML text whose value is longest; "its tables" if it has no key."""
+    keys = list(_KEY_LINE.finditer(text))
+    ends = [*(key.start() for key in keys[1:]), len(text)]
+    spans = [(end - key.end(), key[1]) for key, end in zip(keys, ends, strict=True)]
+    return max(spans)[1] if spans else "its tables"
 
 
 def _refuse_extreme_numbers(path: Path, value: object, keys: tuple[str, ...]) -> None:

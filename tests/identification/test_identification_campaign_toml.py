@@ -317,3 +317,10 @@ def test_a_million_ranges_of_lines_are_counted_and_not_quoted(refusal):
     rows = ", ".join(f"[{k}, {k}.5]" for k in range(10_001))
     message = refusal(f"ignore_hz = [{rows}]\n{ONE}")
     assert message.endswith("ignore_hz has 10001 entries, at most 10000 are read: give fewer")
+
+
+def test_a_file_of_millions_of_characters_is_refused_before_it_is_parsed(refusal):
+    rows = "[49.5, 50.5], " * 400_000
+    message = refusal(f"ignore_hz = [{rows}]\n{ONE}")
+    assert "holds 5.6 million characters" in message
+    assert message.endswith("most of all ignore_hz")
