@@ -6,6 +6,7 @@ import numpy as np
 
 from identification.readers.uff_blocks import Block
 from identification.readers.uff_fields import parse_number, parse_numbers
+from identification.words import MAX_INPUT_MAGNITUDE
 
 _NUMBERS_PER_NODE = 7  # number, two coordinate systems, colour, position
 
@@ -32,8 +33,8 @@ def read_node_table(block: Block) -> dict[str, Any]:
     if len(fields) % _NUMBERS_PER_NODE:
         raise ValueError("a node has other than seven numbers")
     coordinates = np.array([[parse_number(field) for field in row[4:]] for row in rows], float)
-    if not np.isfinite(coordinates).all():
-        raise ValueError("a node holds NaN or infinity")
+    if not (np.abs(coordinates) <= MAX_INPUT_MAGNITUDE).all():
+        raise ValueError("a node holds NaN or absurd numbers")
     return {
         "type": block.kind,
         "node_nums": np.array([int(row[0]) for row in rows], np.intp),

@@ -22,7 +22,7 @@ from identification.readers.uff_systems import (
     is_turned,
     resolve_systems,
 )
-from identification.words import InputError, Layout, Real
+from identification.words import MAX_INPUT_MAGNITUDE, InputError, Layout, Real
 
 _MAX_NAMED_NODES = 6  # in a remark
 # Above it a site and a node have other axes: three standard deviations of a sensor's mounting
@@ -71,6 +71,8 @@ def read_nodes(path: Path) -> NodeTable:
     """
     records, _ = read_records(path, (*NODE_DATASETS, *SYSTEMS_DATASETS, UNITS_DATASET))
     lengths = {number: factor for number, (factor, _) in unit_factors(path, records).items()}
+    if min(lengths.values(), default=1.0) < 1 / MAX_INPUT_MAGNITUDE:
+        raise InputError(f"{path}: the unit factor of length is absurdly small: correct it")
     systems = resolve_systems(
         [
             (record, lengths[number])

@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.readers.uff_blocks import Block
 from identification.readers.uff_fields import parse_number, parse_numbers
-from identification.words import Real
+from identification.words import MAX_INPUT_MAGNITUDE, Real
 
 CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2
 KIND_NAMES = {CYLINDRICAL: "cylindrical", SPHERICAL: "spherical"}
@@ -110,7 +110,7 @@ def read_systems_2420(block: Block) -> dict[str, Any]:
         matrix = parse_numbers(lines[start + 2 : start + step])
         labels.append(label)
         kinds.append(kind)
-        matrices.append(matrix.reshape(_LINES_OF_MATRIX, 3))
+        matrices.append(_refuse_extreme(matrix.reshape(_LINES_OF_MATRIX, 3)))
     return {"type": block.kind, "labels": labels, "kinds": kinds, "matrices": matrices}
 
 
@@ -135,8 +135,19 @@ def read_systems_18(block: Block) -> dict[str, Any]:
         record["labels"].append(label)
         record["kinds"].append(kind)
         record["references"].append(reference)
-        record["points"].append(np.array(numbers).reshape(3, 3))
+        record["points"].append(_refuse_extreme(np.array(numbers).reshape(3, 3)))
     return record
+
+
+def _refuse_extreme(numbers: Real) -> Real:
+    """Return numbers that are those of a place or an axis.
+
+    Raises:
+        ValueError: a number is NaN, or larger than any of a machine.
+    """
+    if not (np.abs(numbers) <= MAX_INPUT_MAGNITUDE).all():
+        raise ValueError("a coordinate system holds NaN or absurd numbers")
+    return numbers
 
 
 def resolve_systems(
