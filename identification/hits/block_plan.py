@@ -7,6 +7,7 @@ import numpy as np
 import scipy.fft
 
 from identification.hits.detection import Blow
+from identification.hits.excitation import refuse_continuous
 from identification.hits.settings import HitSettings
 from identification.words import InputError, Records
 
@@ -62,11 +63,7 @@ def plan_blocks(
                 f"at {rate:g} Hz: records of one campaign need one rate; resample one of them"
             )
     for reference, hits in zip(records, blows, strict=True):
-        if not hits:
-            raise InputError(
-                f"{reference.test}: there is no hit in the force along {reference.reference}: "
-                "check which channel is the force"
-            )
+        refuse_continuous(reference, hits)
     all_blows = [blow for hits in blows for blow in hits]
     spans = np.array([blow.span for blow in all_blows])
     span = int(spans[spans >= _MIN_SPAN_SHARE * np.median(spans)].min())

@@ -35,6 +35,7 @@ from identification.readers.frf_table import FrfTable, set_zero_line
 from identification.readers.frf_units import refuse_signals_of_known_gain
 from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.uff_frfs import read_uff
+from identification.readers.uff_nodes import site_axes_remarks
 from identification.readers.units import frequency_factor
 from identification.words import (
     Campaign,
@@ -58,6 +59,7 @@ from identification.words import (
     settle_port,
 )
 
+_MIN_LINES_OF_PHASE = 4  # a static test of one to three lines may well be real
 _TINY_SQUARED_FRF = 1e-300  # avoids a division by zero
 
 
@@ -74,7 +76,11 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     """
     raw, hit_remarks = tests_from_records(path, settings, partial(_name_sites, layout))
     tests: list[Test] = []
-    remarks = [*hit_remarks, *check_lengths(path, layout)]
+    files = dict.fromkeys(path.parent / entry.file for entry in settings.test)
+    remarks = [*layout.remarks, *hit_remarks, *check_lengths(path, layout)]
+    remarks += [
+        remark for file in files if is_universal(file) for remark in site_axes_remarks(file, layout)
+    ]
     for entry in settings.test:
         if entry.file in raw:
             tests += raw[entry.file]
@@ -172,7 +178,20 @@ def _table(path: Path, entry: TestSettings, layout: Layout) -> FrfTable:
     file = path.parent / entry.file
     table = set_zero_line(file.name, _on_sites(file, _read_table(file, entry), layout))
     table = check_coherence(file, table)
+    _refuse_values_without_phase(file, table)
     return replace(table, values=table.values.conj()) if entry.time_sign == "-" else table
+
+
+def _refuse_values_without_phase(file: Path, table: FrfTable) -> None:
+    """Refuse FRFs that are real on every line, such as magnitudes or decibels."""
+    values = table.values[:, table.measured]
+    if len(values) < _MIN_LINES_OF_PHASE or values.imag.any() or not values.real.any():
+        return
+    low, high = float(values.real.min()), float(values.real.max())
+    raise InputError(
+        f"{file}: its FRFs are real on every line ({low:.3g} to {high:.3g}), such as magnitudes or "
+        "decibels, and modes need the phase: export complex FRFs"
+    )
 
 
 def _tests_of_table(

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from identification.readers.ignored_lines import FrequencyRange
+from identification.readers.ignored_lines import FrequencyRanges
 from identification.readers.loop_toml import CampaignLoopTable
 from identification.readers.toml_files import FileName, TomlTable, Turn, load_toml, read_toml
 from identification.words import (
@@ -67,7 +67,7 @@ class TestSettings(TomlTable):
     exponential_tau: float | None = Field(default=None, ge=0)
     estimator: Estimator | None = None
     reject: bool | None = None
-    ignore_hz: list[FrequencyRange] = Field(default_factory=list)
+    ignore_hz: FrequencyRanges = Field(default_factory=list)
 
     @property
     def variant(self) -> str:
@@ -146,7 +146,7 @@ class CampaignSettings(TomlTable):
     sensor: dict[str, SensorSettings] = Field(default_factory=dict)
     hammer: dict[str, HammerSettings] = Field(default_factory=dict)
     loop: dict[str, CampaignLoopTable] = Field(default_factory=dict)
-    ignore_hz: list[FrequencyRange] = Field(default_factory=list)
+    ignore_hz: FrequencyRanges = Field(default_factory=list)
     tolerance: ToleranceSettings = ToleranceSettings()
     tuning: TuningSettings = TuningSettings()
 

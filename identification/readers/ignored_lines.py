@@ -29,6 +29,11 @@ FrequencyRange = Annotated[
     list[float], Field(min_length=2, max_length=2), AfterValidator(_check_range)
 ]
 
+# A hundred harmonics of mains and of ten spindles are a thousand ranges; each is checked against
+# all lines.
+_MAX_RANGES = 10_000
+FrequencyRanges = Annotated[list[FrequencyRange], Field(max_length=_MAX_RANGES)]
+
 
 def leave_out_lines(path: Path, campaign: Campaign, ranges: list[list[float]]) -> Campaign:
     """Return the campaign without the lines of these ranges, with a remark.

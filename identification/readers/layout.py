@@ -1,5 +1,6 @@
 """Layouts without a model: from layout.toml, a table of sites, or nodes of a universal file."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,12 +11,7 @@ from scipy.spatial.transform import Rotation
 from identification.readers.file_kinds import is_universal
 from identification.readers.sites_table import read_sites
 from identification.readers.toml_files import TomlTable, Turn, read_toml
-from identification.readers.uff_datasets import (
-    NODE_DATASETS,
-    UNITS_DATASET,
-    read_nodes,
-    read_records,
-)
+from identification.readers.uff_nodes import read_nodes
 from identification.words import InputError, Layout
 from identification.words.file_access import check_file
 
@@ -50,7 +46,8 @@ def read_layout(path: Path) -> Layout:
 
     A layout.toml has ``[body.<name>]`` with ``centre`` [m] and ``[site.<name>]`` with
     ``position`` [m], ``body`` (if there are several) and ``turn`` [rad]. The nodes of a universal
-    file (datasets 15, 2411) become sites ``acc<node>`` of one body. A .csv file with the columns
+    file (datasets 15, 2411) become sites ``acc<node>`` of one body, with the axes of their
+    displacement systems. A .csv file with the columns
     site,x,y,z,axes gives the sites of one body with world axes.
 
     Raises:
@@ -90,16 +87,18 @@ def _from_toml(path: Path) -> Layout:
 
 def _from_nodes(path: Path) -> Layout:
     """Read the nodes of a universal file as sites of one body."""
-    records, _ = read_records(path, (*NODE_DATASETS, UNITS_DATASET))
-    positions = {node.number: node.position for node in read_nodes(path, records)}
-    if not positions:
+    table = read_nodes(path)
+    nodes = table.nodes.values()
+    if not nodes:
         raise InputError(
             f"{path} holds no nodes (dataset 15 or 2411): export them, or write a layout.toml"
         )
-    names = tuple(f"acc{node}" for node in positions)
-    turns = [np.eye(3)] * len(names)
-    rows = np.array(list(positions.values()))
-    return _layout(path, (_DEFAULT_BODY,), [None], names, np.zeros(len(names), int), rows, turns)
+    names = tuple(f"acc{node.number}" for node in nodes)
+    rows = np.array([node.position for node in nodes])
+    axes = [node.axes for node in nodes]
+    body_of = np.zeros(len(names), int)
+    layout = _layout(path, (_DEFAULT_BODY,), [None], names, body_of, rows, axes)
+    return replace(layout, remarks=table.remarks)
 
 
 def _layout(  # noqa: PLR0917  # one argument for each field of the layout

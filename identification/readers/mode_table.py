@@ -25,6 +25,10 @@ _TABLE_REMEDY = "give a table with the columns frequency, damping, body, directi
 _MIN_TABLE_FREQUENCY_HZ = 1e-6  # a lower one is a motion at rest
 _PER_CENT = "/%"  # end of a column's name
 _SCALED_COLUMNS = ("damping", "damping_sd")  # of which the name may end in /%
+# Bare steel or aluminium has 0.01 to 0.1 %; joints, guides and cables of a machine add more. Thus
+# per cent below 0.1 in all rows are hardly those of a machine, but are usual as ratios (10 %).
+_MIN_MACHINE_DAMPING = 1e-3
+_MAX_RINGING_DAMPING = 0.2  # a mode of 20 % is down to a quarter after one period: it hardly rings
 _WORD_COLUMNS = ("body", "direction")
 _AXES = ("x", "y", "z")  # short for tx, ty, tz
 _MODE_COLUMNS = ("frequency", "frequency_sd", *_SCALED_COLUMNS, *_WORD_COLUMNS)
@@ -93,7 +97,38 @@ def read_mode_table(path: Path) -> ModeTable:
         raise InputError(f"{path} has no mode: add one row for each below the columns' names")
     unused = [name for name in header if name and name not in columns]
     remarks = [f"{path.name}: columns that do not count: {', '.join(unused)}"] if unused else []
+    remarks += _damping_remarks(path, columns, modes)
     return ModeTable(path, tuple(sorted(modes, key=lambda mode: mode.freq_hz)), tuple(remarks))
+
+
+def _damping_remarks(
+    path: Path, columns: dict[str, str], modes: Sequence[TabulatedMode]
+) -> list[str]:
+    """Return a remark if all damping is implausible for a machine, but plausible times 100 or 0.01.
+
+    Args:
+        path: the table, for the message.
+        columns: quantity of each column, by the column's name.
+        modes: rows of the table.
+    """
+    values = [mode.damping for mode in modes if mode.damping is not None]
+    heading = next((name for name, quantity in columns.items() if quantity == "damping"), "")
+    if not values:
+        return []
+    span = f"{100 * min(values):.2g} to {100 * max(values):.2g} %"
+    is_per_cent, least = heading.endswith(_PER_CENT), _MIN_MACHINE_DAMPING
+    if is_per_cent and least / 100 <= min(values) <= max(values) < least:
+        return [
+            f"{path.name}: by its heading {heading} the damping is {span}, below the "
+            f"{100 * least:g} % of bare metal in every row: if the values are ratios, name the "
+            "column damping"
+        ]
+    if not is_per_cent and min(values) > _MAX_RINGING_DAMPING:
+        return [
+            f"{path.name}: by its heading {heading} the damping is {span}, at which no mode rings: "
+            "if the values are per cent, name the column damping/%"
+        ]
+    return []
 
 
 def _columns(where: str, header: Sequence[str]) -> dict[str, str]:

@@ -3,8 +3,10 @@
 import math
 import re
 import tomllib
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, TypeVar
+from types import UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 from unicodedata import category
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
@@ -12,6 +14,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from identification.words import MAX_INPUT_MAGNITUDE, InputError
 from identification.words.file_access import read_text
 
+# A layout of 10,000 sites has 1 MB; Python reads 1 MB of TOML in about two seconds.
+_MAX_CHARACTERS = 4_000_000
+_KEY_LINE = re.compile(r"(?m)^[ \t]*([A-Za-z0-9_\"'.-]+)[ \t]*=")
 _MAX_INTEGER = 2**63 - 1  # TOML 1.0: integers have 64 bits
 TomlModel = TypeVar("TomlModel", bound=BaseModel)
 # Kinds of a value that is a file's name or a table, so that its errors are those of its kind.
@@ -51,7 +56,7 @@ def read_toml(path: Path, model: type[TomlModel]) -> TomlModel:
     try:
         return model.model_validate(load_toml(path))
     except ValidationError as error:
-        raise InputError(f"{path}: {_describe_first_error(error)}") from error
+        raise InputError(f"{path}: {_describe_first_error(error, model)}") from error
 
 
 def load_toml(path: Path) -> dict[str, object]:
@@ -62,6 +67,11 @@ def load_toml(path: Path) -> dict[str, object]:
             nested too deeply, or a number is larger than any of a machine.
     """
     text = read_text(path, "name a TOML file")
+    if len(text) > _MAX_CHARACTERS:
+        raise InputError(
+            f"{path} holds {len(text) / 1e6:.3g} million characters, at most "
+            f"{_MAX_CHARACTERS / 1e6:g} are read: shorten it, most of all {_longest_key(text)}"
+        )
     try:
         content = tomllib.loads(text)
         _refuse_extreme_numbers(path, content, ())
@@ -72,6 +82,14 @@ def load_toml(path: Path) -> dict[str, object]:
     except ValueError as error:  # Python reads integers of at most 4300 digits
         raise InputError(f"{path} holds an integer of thousands of digits: correct it") from error
     return content
+
+
+def _longest_key(text: str) -> str:
+    """Return the key of a TOML text whose value is longest; "its tables" if it has no key."""
+    keys = list(_KEY_LINE.finditer(text))
+    ends = [*(key.start() for key in keys[1:]), len(text)]
+    spans = [(end - key.end(), key[1]) for key, end in zip(keys, ends, strict=True)]
+    return max(spans)[1] if spans else "its tables"
 
 
 def _refuse_extreme_numbers(path: Path, value: object, keys: tuple[str, ...]) -> None:
@@ -91,18 +109,80 @@ def _refuse_extreme_numbers(path: Path, value: object, keys: tuple[str, ...]) ->
         )
 
 
-def _describe_first_error(error: ValidationError) -> str:
-    """Return a sentence on the first error of a TOML file."""
-    fault = error.errors(include_url=False)[0]
-    steps = (str(step + 1) if isinstance(step, int) else step for step in fault["loc"])
-    where = ".".join(step for step in steps if step not in (FILE_TAG, TABLE_TAG))
+def _describe_first_error(error: ValidationError, model: type[BaseModel]) -> str:
+    """Return a sentence on a misspelt key of a TOML file if there is one, else on its first error.
+
+    A misspelt key comes first since the key that it stands for is then missing, too.
+    """
+    faults = error.errors(include_url=False)
+    unknown = [fault for fault in faults if fault["type"] == "extra_forbidden"]
+    for fault in unknown:
+        if near := _nearest_key(model, fault["loc"]):
+            return f"unknown key {_key_path(fault['loc'])}: did you mean {near}?"
+    fault = faults[0]
+    where = _key_path(fault["loc"])
     if fault["type"] == "extra_forbidden":
         return f"unknown key {where}: correct its spelling or remove it"
     if fault["type"] == "missing":
         return f"key {where} is missing: add it"
     if fault["type"] in ("model_type", "dict_type"):  # pydantic names the class there
         return f"{where} = {fault['input']!r}: Input should be a table"
+    if fault["type"] == "too_long" and isinstance(fault["input"], list):
+        limit = fault["ctx"]["max_length"]
+        return f"{where} has {len(fault['input'])} entries, at most {limit} are read: give fewer"
     return f"{where} = {fault['input']!r}: {fault['msg'].removeprefix('Value error, ')}"
+
+
+def _key_path(location: tuple[int | str, ...]) -> str:
+    """Return the path of a key with dots; items of lists count from 1."""
+    steps = (str(step + 1) if isinstance(step, int) else step for step in location)
+    return ".".join(step for step in steps if step not in (FILE_TAG, TABLE_TAG))
+
+
+def _nearest_key(model: type[BaseModel], location: tuple[int | str, ...]) -> str | None:
+    """Return the key of a table that is spelt most like an unknown one; None if none is near.
+
+    Args:
+        model: model of the file.
+        location: location of the unknown key, as pydantic gives it.
+    """
+    *steps, wrong = location
+    kinds: list[object] = [model]
+    for step in steps:
+        kinds = [inner for kind in kinds for inner in _step_into(kind, step)]
+    models = [m for kind in kinds for m in _plain_kinds(kind) if _is_model(m)]
+    keys = {f.alias or name: name for m in models for name, f in m.model_fields.items()}
+    near = get_close_matches(str(wrong).lower().replace("-", "_"), keys, 1)
+    return near[0] if near else None
+
+
+def _step_into(kind: object, step: int | str) -> list[object]:
+    """Return the kinds of value that a step of a location leads to."""
+    if step in (FILE_TAG, TABLE_TAG):
+        return [kind]
+    inner: list[object] = []
+    for plain in _plain_kinds(kind):
+        if _is_model(plain):
+            fields = {f.alias or name: f.annotation for name, f in plain.model_fields.items()}
+            inner += [fields[step]] if step in fields else []
+        elif get_origin(plain) in (dict, list, tuple):
+            inner += get_args(plain)[-1:]
+    return inner
+
+
+def _plain_kinds(kind: object) -> list[Any]:
+    """Return the members of a union, without annotations."""
+    origin = get_origin(kind)
+    if origin is Annotated:
+        return _plain_kinds(get_args(kind)[0])
+    if origin in (Union, UnionType):
+        return [plain for member in get_args(kind) for plain in _plain_kinds(member)]
+    return [kind]
+
+
+def _is_model(kind: object) -> bool:
+    """Return whether a kind of value is a table with known keys."""
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
 
 
 def tag_file_or_table(value: object) -> str:

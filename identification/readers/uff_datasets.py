@@ -5,34 +5,33 @@ left out with a remark, and so are kinds of datasets that no reader uses.
 """
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from identification.readers.uff_blocks import Block, locate_blocks
+from identification.readers.uff_fields import FieldError
 from identification.readers.uff_function import function_type, read_function
-from identification.readers.uff_geometry import (
-    read_coordinate_systems,
-    read_node_table,
-    read_units,
-)
+from identification.readers.uff_geometry import read_node_table, read_units
 from identification.readers.uff_shapes import read_shape_55, read_shape_2414
-from identification.words import MAX_INPUT_MAGNITUDE, InputError, Real
+from identification.readers.uff_systems import read_systems_18, read_systems_2420
+from identification.words import MAX_INPUT_MAGNITUDE, InputError
 
 _IEEE_FORMAT = 2  # floating-point format of binary data
 NODE_DATASETS = (15, 2411)
-UNITS_DATASET, FUNCTION_DATASET, SYSTEMS_DATASET = 164, 58, 2420
+SYSTEMS_DATASETS = (18, 2420)
+UNITS_DATASET, FUNCTION_DATASET = 164, 58
 _HEADER_DATASET = 151
 _READER_OF_KIND: dict[int, Callable[[Block], dict[str, Any]]] = {
     15: read_node_table,
+    18: read_systems_18,
     55: read_shape_55,
     58: read_function,
     164: read_units,
     2411: read_node_table,
     2414: read_shape_2414,
-    2420: read_coordinate_systems,
+    2420: read_systems_2420,
 }
 _MAX_NAMED_RECORDS = 5  # in a remark
 
@@ -61,6 +60,8 @@ def read_records(
     for block in locate_blocks(path):
         is_needed = block.kind in kinds
         if block.kind == FUNCTION_DATASET:
+            if not is_needed:
+                continue  # a file of many functions takes long to parse
             kind = function_type(block)
             is_needed = is_needed and (kind is None or kind in functions)
         if block.kind not in _READER_OF_KIND:
@@ -71,8 +72,9 @@ def read_records(
             record = _READER_OF_KIND[block.kind](block)
         except (ValueError, IndexError, OverflowError) as error:
             if is_needed:
+                fault = str(error) if isinstance(error, FieldError) else "cannot be read"
                 raise InputError(
-                    f"{path}, record {block.number} cannot be read: export it again or delete it"
+                    f"{path}, record {block.number} {fault}: export it again or delete it"
                 ) from error
             malformed.setdefault(block.kind, []).append(block.number)
         else:
@@ -141,42 +143,6 @@ def unit_factors(path: Path, records: list[tuple[int, Record]]) -> dict[int, tup
         current = factors.get(number, current)
         of_records[number] = current
     return of_records
-
-
-@dataclass(frozen=True, eq=False)
-class Node:
-    """Node of a dataset 15 or 2411.
-
-    Args:
-        record: number of the record that holds the node.
-        number: number of the node.
-        system: number of the coordinate system of its displacements.
-        position: position [m]; (3,).
-    """
-
-    record: int
-    number: int
-    system: int
-    position: Real
-
-
-def read_nodes(path: Path, records: list[tuple[int, Record]]) -> list[Node]:
-    """Extract all nodes from the records, in the order of the file.
-
-    If a node number appears twice, the later node counts.
-
-    Raises:
-        InputError: a unit factor is not a positive number.
-    """
-    factors = unit_factors(path, records)
-    return [
-        Node(record, int(number), int(system), position / factors[record][0])
-        for record, content in records
-        if content["type"] in NODE_DATASETS
-        for number, system, position in zip(
-            *(content[key] for key in ("node_nums", "disp_cs", "positions")), strict=True
-        )
-    ]
 
 
 def refuse_malformed(name: str, record: Record) -> None:

@@ -12,6 +12,10 @@ from identification.words import Real
 _BARE_EXPONENT = re.compile(r"(?<=[\d.])(?=[-+]\d{3}\s*$)")
 
 
+class FieldError(ValueError):
+    """Fault of a dataset that a user can name to the exporter; the text is part of a sentence."""
+
+
 def split_fields(line: str, widths: Sequence[int]) -> list[str]:
     """Return the fields of a line, without blanks around them; fields beyond its end are empty."""
     return [line[start:end].strip() for start, end in pairwise(accumulate(widths, initial=0))]

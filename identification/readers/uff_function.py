@@ -7,11 +7,13 @@ import numpy as np
 from identification.readers.uff_binary import read_points
 from identification.readers.uff_blocks import Block
 from identification.readers.uff_fields import (
+    FieldError,
     parse_columns,
     parse_integer,
     parse_number,
     split_fields,
 )
+from identification.words import Real
 
 _HEADER_LINES = 11  # after the line with the number of the dataset
 _DOF_LINE, _FORM_LINE, _AXIS_LINES = 5, 6, {"abscissa": 7, "ordinate": 8, "orddenom": 9}
@@ -19,7 +21,8 @@ _DOF_WIDTHS = (5, 10, 5, 10, 11, 10, 4, 11, 10, 4)
 _FORM_WIDTHS = (10, 10, 10, 13, 13, 13)
 _AXIS_WIDTHS = (10, 5, 5, 5, 21, 21)
 _HEAD_WIDTHS_58B = (7, 6, 6, 12, 12)
-_COMPLEX_FORMS = (5, 6)
+_COMPLEX_FORMS, _DOUBLE_FORMS = (5, 6), (4, 6)
+_OTHER_PRECISION = {2: 4, 4: 2, 5: 6, 6: 5}
 # Columns of ASCII values by ordinate data form and whether the axis is even.
 _SINGLE_COLUMNS, _DOUBLE_COLUMNS = (13,) * 6, (20,) * 4
 _COLUMNS = {
@@ -58,7 +61,7 @@ def read_function(block: Block) -> dict[str, Any]:
     if columns is None:
         return record
     if block.data is None:
-        numbers = parse_columns(lines[_HEADER_LINES:], columns)
+        numbers = _parse_values(lines[_HEADER_LINES:], form, is_even=is_even)
         points = numbers.reshape(-1, 2 - is_even + (form in _COMPLEX_FORMS))
     else:
         points = read_points(block.data, order, form, record["num_pts"], is_even=is_even)
@@ -69,6 +72,28 @@ def read_function(block: Block) -> dict[str, Any]:
     is_complex = form in _COMPLEX_FORMS
     record["data"] = np.ascontiguousarray(points).view(complex if is_complex else float)[:, 0]
     return record
+
+
+def _parse_values(lines: list[str], form: int, *, is_even: bool) -> Real:
+    """Return the values of an ASCII dataset 58 in their order.
+
+    Raises:
+        FieldError: the values have the width of the other precision than the header states.
+        ValueError: a value is malformed.
+    """
+    try:
+        return parse_columns(lines, _COLUMNS[form, is_even])
+    except ValueError as error:
+        actual_form = _OTHER_PRECISION[form]
+        try:
+            parse_columns(lines, _COLUMNS[actual_form, is_even])
+        except ValueError:
+            raise error from None
+        stated, width = ("double", 13) if form in _DOUBLE_FORMS else ("single", 20)
+        raise FieldError(
+            f"states {stated} precision (data type {form}), but its values are {width} characters "
+            f"wide as those of data type {actual_form}"
+        ) from error
 
 
 def _read_header(lines: list[str]) -> dict[str, Any]:

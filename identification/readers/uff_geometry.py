@@ -1,4 +1,4 @@
-"""Datasets of universal files on units and geometry: 164, 15, 2411 and 2420."""
+"""Datasets of universal files on units and nodes: 164, 15 and 2411."""
 
 from typing import Any
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from identification.readers.uff_blocks import Block
 from identification.readers.uff_fields import parse_number, parse_numbers
+from identification.words import MAX_INPUT_MAGNITUDE
 
 _NUMBERS_PER_NODE = 7  # number, two coordinate systems, colour, position
-_LINES_PER_SYSTEM, _NUMBERS_PER_SYSTEM = 6, 3  # of a coordinate system; label, type and colour
 
 
 def read_units(block: Block) -> dict[str, Any]:
@@ -22,7 +22,7 @@ def read_units(block: Block) -> dict[str, Any]:
 
 
 def read_node_table(block: Block) -> dict[str, Any]:
-    """Return numbers, coordinate systems of displacements and positions of a dataset 15 or 2411.
+    """Return numbers, coordinate systems and coordinates of the nodes of a dataset 15 or 2411.
 
     Raises:
         ValueError: a number is malformed or missing.
@@ -32,30 +32,13 @@ def read_node_table(block: Block) -> dict[str, Any]:
     rows = [fields[start : start + _NUMBERS_PER_NODE] for start in starts]
     if len(fields) % _NUMBERS_PER_NODE:
         raise ValueError("a node has other than seven numbers")
-    positions = np.array([[parse_number(field) for field in row[4:]] for row in rows], float)
-    if not np.isfinite(positions).all():
-        raise ValueError("a node holds NaN or infinity")
+    coordinates = np.array([[parse_number(field) for field in row[4:]] for row in rows], float)
+    if not (np.abs(coordinates) <= MAX_INPUT_MAGNITUDE).all():
+        raise ValueError("a node holds NaN or absurd numbers")
     return {
         "type": block.kind,
         "node_nums": np.array([int(row[0]) for row in rows], np.intp),
+        "def_cs": np.array([int(row[1]) for row in rows], np.intp),
         "disp_cs": np.array([int(row[2]) for row in rows], np.intp),
-        "positions": positions.reshape(-1, 3),
+        "coordinates": coordinates.reshape(-1, 3),
     }
-
-
-def read_coordinate_systems(block: Block) -> dict[str, Any]:
-    """Return labels and axes of the coordinate systems of a dataset 2420.
-
-    The axes are rows of a matrix; (3, 3).
-
-    Raises:
-        ValueError: a number is malformed or missing.
-    """
-    lines = [line for line in block.lines()[2:] if line.strip()]
-    labels, axes = [], []
-    for start in range(0, len(lines), _LINES_PER_SYSTEM):
-        label, _, _ = map(int, lines[start].split())
-        labels.append(label)
-        matrix = parse_numbers(lines[start + 2 : start + _LINES_PER_SYSTEM])
-        axes.append(matrix.reshape(4, _NUMBERS_PER_SYSTEM)[:3])
-    return {"type": block.kind, "labels": labels, "axes": axes}

@@ -41,6 +41,7 @@ class NodeShapes(HasPoles):
         nodes: numbers of the nodes; (n_node,).
         positions: positions of the nodes [m], zero if unknown; (n_node, 3).
         values: translations along world axes; (n_node, 3, n_mode).
+        remarks: sentences on what was read, such as axes that a file turns.
 
     Raises:
         ValueError: the shape of an array contradicts this description.
@@ -51,6 +52,7 @@ class NodeShapes(HasPoles):
     nodes: Integers
     positions: Real
     values: Complex
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate and freeze."""

@@ -1,9 +1,8 @@
 """Finite-element shapes from files: any mesh that meshio reads, with one shape per point data.
 
-Frequencies come from a table beside the
-mesh, or from the names of the point data: ``mode 7 (34.51 Hz)``, ``f=34.51``, or ``DEPL[6] -
-34.51``. The last is how MED files name steps by their value; steps of an XDMF series are given such
-names.
+Frequencies come from a table beside the mesh, or from the names of the point data:
+``mode 7 (34.51 Hz)``, ``f=34.51``, or ``DEPL[6] - 34.51``. The last is how MED files name steps by
+their value; steps of an XDMF series are given such names. The number of a mode is that of its name.
 """
 
 import re
@@ -11,18 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.shapes.fe_fields import ShapeField, choose_shapes
 from identification.shapes.fe_mesh import FeMesh, read_fe_mesh
 from identification.shapes.fe_shapes import Shapes
 from identification.words import MAX_INPUT_MAGNITUDE, InputError, Integers, Real
 from identification.words.file_access import read_text
 
-_NUMBER_PATTERN = r"(?<![\d.,])([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
 _HERTZ_PATTERN = re.compile(r"\bHz\b", re.IGNORECASE)
-_FREQUENCY_PATTERNS = (
-    re.compile(_NUMBER_PATTERN + r"\s*Hz\b", re.IGNORECASE),
-    re.compile(r"\bf(?:req(?:uency)?)?\s*[=:]\s*" + _NUMBER_PATTERN, re.IGNORECASE),
-    re.compile(r"\[\d+\]\s*-\s*" + _NUMBER_PATTERN + r"$"),
-)
 Face = tuple[int, ...]
 # Triangles of a face by its number of points; quadratic faces are split at their mid-side points.
 _TRIANGLES_OF_FACE: dict[int, tuple[Face, ...]] = {
@@ -72,8 +66,13 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
             f"{path} has no shapes: each must be point data of three components (it has "
             f"{', '.join(sorted(data)) or 'none'}). Write the displacements of modes as vectors."
         )
+    shapes, remarks = choose_shapes(path.name, {name: data[name] for name in names})
+    fields = sorted(shapes, key=lambda field: names.index(field.name))
+    names = [field.name for field in fields]
     if frequencies is None:
-        values, names = _frequencies_from_names(path, names)
+        fields, unnamed = _with_frequencies(path, fields)
+        remarks += unnamed
+        values = np.array([field.frequency for field in fields], float)
     else:
         values = _read_frequency_table(frequencies)
         if len(values) != len(names):
@@ -81,10 +80,10 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
                 f"{frequencies} has {len(values)} frequencies for the {len(names)} shapes of "
                 f"{path} ({names[0]} .. {names[-1]}). Give one a row, in their order."
             )
-    vectors = np.array([data[name][:, :3] for name in names])
+    vectors = np.array([field.values for field in fields])
     is_number = np.abs(vectors) <= MAX_INPUT_MAGNITUDE  # false for NaN
     if not is_number.all():
-        bad = names[int(np.flatnonzero(~is_number.all(axis=(1, 2)))[0])]
+        bad = fields[int(np.flatnonzero(~is_number.all(axis=(1, 2)))[0])].name
         raise InputError(f"{path}: {bad} holds values that are no numbers. Write the mode again.")
     _check_frequencies(str(frequencies or path), values)
     order = np.argsort(values, kind="stable")
@@ -92,7 +91,17 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
         triangles = _triangles(path, mesh)
     except IndexError as error:
         raise InputError(f"{path}: a cell has too few corners. Write the mesh again.") from error
-    return Shapes(str(path), mesh.points, triangles, values[order], vectors[order], mesh.remarks)
+    numbers = [field.number for field in fields]
+    has_numbers = None not in numbers and len(set(numbers)) == len(numbers)
+    return Shapes(
+        str(path),
+        mesh.points,
+        triangles,
+        values[order],
+        vectors[order],
+        (*mesh.remarks, *remarks),
+        tuple(numbers[k] for k in order) if has_numbers else (),
+    )
 
 
 def _is_shape(values: Real) -> bool:
@@ -106,24 +115,27 @@ def _natural_order(name: str) -> tuple[tuple[int, float, str], ...]:
     return tuple((1, float(part), "") if k % 2 else (0, 0.0, part) for k, part in enumerate(parts))
 
 
-def _frequencies_from_names(path: Path, names: list[str]) -> tuple[Real, list[str]]:
-    """Return the frequencies in names of point data, and the names that hold one."""
-    frequencies = {}
-    for name in names:
-        match = next((m for pattern in _FREQUENCY_PATTERNS if (m := pattern.search(name))), None)
-        if match is not None:
-            frequencies[name] = float(match[1])
-        elif _HERTZ_PATTERN.search(name):
+def _with_frequencies(
+    path: Path, fields: list[ShapeField]
+) -> tuple[list[ShapeField], tuple[str, ...]]:
+    """Return the shapes whose names hold a frequency, and a remark on the others."""
+    named = [field for field in fields if field.frequency is not None]
+    unnamed = [field.name for field in fields if field.frequency is None]
+    for name in unnamed:
+        if _HERTZ_PATTERN.search(name):
             raise InputError(
                 f"{path}: the name {name!r} holds no frequency. Write it as 'mode 1 (34.5 Hz)', "
                 "with a point."
             )
-    if not frequencies:
+    if not named:
         raise InputError(
-            f"{path}: the point data ({', '.join(names[:3])} ..) name no frequencies. Name them "
+            f"{path}: the point data ({', '.join(unnamed[:3])} ..) name no frequencies. Name them "
             "as 'mode 1 (34.5 Hz)', or give a file with --frequencies."
         )
-    return np.array(list(frequencies.values())), list(frequencies)
+    if not unnamed:
+        return named, ()
+    more = f" and {len(unnamed) - 1} more" if len(unnamed) > 1 else ""
+    return named, (f"{path.name}: {unnamed[0]}{more}: without a frequency, left out",)
 
 
 def _read_frequency_table(path: Path) -> Real:

@@ -19,6 +19,7 @@ class Shapes:
         vectors: displacements, in any normalisation that is common to all modes; (n_mode, n_point,
             3).
         remarks: sentences on what was left out of the file.
+        stated_numbers: numbers of the modes in the file; empty if it states none.
     """
 
     source: str
@@ -27,10 +28,16 @@ class Shapes:
     frequencies: Real
     vectors: Real
     remarks: tuple[str, ...] = ()
+    stated_numbers: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of modes."""
         return len(self.frequencies)
+
+    @property
+    def numbers(self) -> Integers:
+        """Numbers of the modes: those in the file, else from 1 in the order of frequencies."""
+        return np.array(self.stated_numbers or np.arange(1, len(self) + 1), np.intp)
 
     @property
     def extent(self) -> float:
@@ -46,4 +53,5 @@ class Shapes:
             self.frequencies[modes],
             self.vectors[modes],
             self.remarks,
+            tuple(self.numbers[modes].tolist()),
         )

@@ -32,6 +32,7 @@ class Layout:
             sensor channel has a flipped column, so the axes need not be right-handed.
         without_sensor: names of points that carry no sensor although they end in a number, such
             as the ends of tendons.
+        remarks: sentences on what was read, such as axes that a file turns.
 
     Raises:
         ValueError: a shape or name contradicts this description.
@@ -44,6 +45,7 @@ class Layout:
     positions: Real
     axes: Real
     without_sensor: frozenset[str] = frozenset()
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate and freeze."""

@@ -24,6 +24,7 @@ class ReferenceModes:
         damping: damping ratios; (n_reference,).
         shapes: mode shapes; (n_out, n_reference).
         has_shape: channels at which the shapes are known; (n_out,).
+        remarks: sentences on the file, such as axes that it turns.
     """
 
     name: str
@@ -31,6 +32,7 @@ class ReferenceModes:
     damping: Real
     shapes: Complex
     has_shape: Mask
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,4 +115,4 @@ def read_reference_modes(path: Path, outputs: tuple[Output, ...], layout: Layout
             f"{path} has shapes at nodes {nodes}.., none of which was measured: give sensors and "
             "nodes the same numbers"
         )
-    return ReferenceModes(path.name, modes.freq_hz, modes.damping, shapes, has_shape)
+    return ReferenceModes(path.name, modes.freq_hz, modes.damping, shapes, has_shape, modes.remarks)

@@ -123,6 +123,7 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
         levels=level_row(checks.levels),
         remarks=[
             *parts.campaign.remarks,
+            *parts.comparison.reference.remarks,
             *unknown_gain_sentences(parts.campaign),
             *(check.sentence for check in checks.setups if check.agrees is False),
         ],

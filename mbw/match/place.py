@@ -106,7 +106,9 @@ def run(
     else:
         layout, dofs = propose_channels(shapes, request)
         _write_table(format_sites_table(layout, dofs), simulated.path, outputs)
-    assessment = _assess(shapes, chosen + 1, layout, dofs)
+    for remark in layout.remarks:
+        SCREEN.say(remark)
+    assessment = _assess(shapes, shapes.numbers, layout, dofs)
     if outputs.json is not None:
         write_json(json.dumps(assessment, indent=1, allow_nan=False), outputs.json)
     _say(assessment)

@@ -63,7 +63,7 @@ def collect_result(
         mass: comparison with a stated mass; None without one.
     """
     spectra = campaign.spectra(_ZERO_PADDING)
-    number = np.flatnonzero(rigid.supported) + 1
+    number = shapes.numbers[rigid.supported]
     circles = [
         fit_mode_circles(spectra, match.measured, mode)
         for mode in range(len(match.measured.frequencies))
@@ -88,7 +88,7 @@ def collect_result(
     places, axes = channel_geometry(campaign.layout, spectra.dofs)
     shown = _shown_modes(summary)
     columns = [int(np.flatnonzero(number == mode)[0]) for mode in shown]
-    vectors = shapes.vectors[np.array(shown, np.intp) - 1]
+    vectors = shapes.vectors[rigid.supported][columns]
     arrays = {
         "freq_hz": spectra.freq_hz,
         "numbers": number,
@@ -126,13 +126,13 @@ def _summary(
     match: ModeMatch,
     rows: list[MatchRow],
 ) -> MatchFile:
-    number = np.flatnonzero(rigid.supported) + 1
+    number = shapes.numbers[rigid.supported]
     names = [str(dof) for dof in spectra.dofs]
     band = (match.simulated_hz >= campaign.band[0]) & (match.simulated_hz <= campaign.band[1])
     unmatched = [int(number[k]) for k in np.flatnonzero(band) if k not in match.pairs.values()]
     at_channels = match.simulated_shapes[band]
     in_band, similarity = number[band], distinguish_modes(at_channels)
-    vectors = shapes.vectors[in_band - 1]
+    vectors = shapes.vectors[rigid.supported][band]
     motion = np.abs(at_channels).max(axis=1, initial=0.0) / np.abs(vectors).max(axis=(1, 2))
     return MatchFile(
         shapes=shapes.source,

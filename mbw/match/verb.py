@@ -89,7 +89,7 @@ def run(
     campaign = campaign if band is None else replace(campaign, band=band)
     with outputs.open("match", campaign.path, "matched", NAMES) as output:
         shapes = read_shapes(simulated.path, simulated.frequencies)
-        for remark in shapes.remarks:
+        for remark in (*campaign.layout.remarks, *shapes.remarks):
             SCREEN.say(remark)
         rigid = rigid_modes(shapes)
         if not rigid.supported.any():

@@ -160,6 +160,11 @@ def test_a_unit_of_another_quantity_is_refused(tmp_path, quantity, unit):
         ("nodes 1..4 7, y", ["1:+ty", "2:+ty", "3:+ty", "4:+ty", "7:+ty"]),
         ("nodes 5,3, zx", ["5:+tz", "5:+tx", "3:+tz", "3:+tx"]),
         ("  nodes 12 xy ", ["12:+tx", "12:+ty"]),
+        (
+            ["nodes 1..2, xz", "gap_a.2", "7:-y"],
+            ["1:+tx", "1:+tz", "2:+tx", "2:+tz", "gap_a.2", "7:-ty"],
+        ),
+        (["nodes 1 3, z", "nodes 5, z"], ["1:+tz", "3:+tz", "5:+tz"]),
         ("nodes 3..3, x", ["3:+tx"]),
         (["1:+x", "acc7:-ry", "2:z"], ["1:+tx", "acc7:-ry", "2:+tz"]),
     ],

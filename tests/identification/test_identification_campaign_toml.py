@@ -202,21 +202,23 @@ def test_text_that_is_not_utf8_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "key"),
+    ("text", "key", "advice"),
     [
-        ('colour = "red"\n' + ONE, "colour"),
-        (ONE + "avarages = 3\n", "test.1.avarages"),
-        (ONE + '[[test]]\nfile = "b.uff"\nwindow = 0.1\n', "test.2.window"),
-        (ONE + "[sensor.acc7]\nflipp = []\n", "sensor.acc7.flipp"),
-        (ONE + "[tolerance]\nmas = 0.1\n", "tolerance.mas"),
-        (ONE + "[band]\nlow = 1\n", "band"),
-        (ONE + "[tuning]\nties = []\n", "tuning.ties"),
+        ('colour = "red"\n' + ONE, "colour", "correct its spelling or remove it"),
+        (ONE + "avarages = 3\n", "test.1.avarages", "did you mean averages?"),
+        (ONE + "Window-Tau = 3\n", "test.1.Window-Tau", "did you mean window_tau?"),
+        (ONE.replace("file =", "fiel ="), "test.1.fiel", "did you mean file?"),
+        (ONE + '[[test]]\nfile = "b.uff"\nwindow = 0.1\n', "test.2.window", "mean window_tau?"),
+        (ONE + "[sensor.acc7]\nflipp = []\n", "sensor.acc7.flipp", "did you mean flip?"),
+        (ONE + "[tolerance]\nmas = 0.1\n", "tolerance.mas", "did you mean mass?"),
+        (ONE + "[band]\nlow = 1\n", "band", "correct its spelling or remove it"),
+        (ONE + "[tuning]\nties = []\n", "tuning.ties", "did you mean tie?"),
     ],
 )
-def test_an_unknown_key_is_named_with_its_place(refusal, text, key):
+def test_an_unknown_key_is_named_with_its_place_and_the_nearest_key(refusal, text, key, advice):
     message = refusal(text)
-    assert f"unknown key {key}:" in message
-    assert "correct its spelling" in message
+    assert f"unknown key {key}: " in message
+    assert message.endswith(advice)
 
 
 @pytest.mark.parametrize(
@@ -309,3 +311,16 @@ def test_a_value_instead_of_a_table_is_refused_without_names_of_classes(refusal)
 
 def test_an_empty_file_is_refused(refusal):
     assert "missing" in refusal("")
+
+
+def test_a_million_ranges_of_lines_are_counted_and_not_quoted(refusal):
+    rows = ", ".join(f"[{k}, {k}.5]" for k in range(10_001))
+    message = refusal(f"ignore_hz = [{rows}]\n{ONE}")
+    assert message.endswith("ignore_hz has 10001 entries, at most 10000 are read: give fewer")
+
+
+def test_a_file_of_millions_of_characters_is_refused_before_it_is_parsed(refusal):
+    rows = "[49.5, 50.5], " * 400_000
+    message = refusal(f"ignore_hz = [{rows}]\n{ONE}")
+    assert "holds 5.6 million characters" in message
+    assert message.endswith("most of all ignore_hz")

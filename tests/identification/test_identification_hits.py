@@ -289,6 +289,28 @@ def test_records_without_a_hit_are_refused(noisy):
         estimate_hit_frf(replace(noisy, force=np.zeros_like(noisy.force)))
 
 
+def test_a_force_that_never_rests_is_no_hit(noisy):
+    random = np.random.default_rng(5).normal(size=noisy.force.shape)
+    with pytest.raises(InputError, match=r"force along 11:\+t. never rests .* give its FRFs"):
+        estimate_hit_frf(replace(noisy, force=random))
+    time = np.arange(noisy.force.shape[1]) / noisy.rate_hz
+    sweep = np.broadcast_to(np.sin(2 * np.pi * (5 + 3 * time) * time), noisy.force.shape)
+    with pytest.raises(InputError, match=r"never rests .*sweep"):
+        estimate_hit_frf(replace(noisy, force=sweep))
+
+
+@pytest.mark.parametrize("offset", [0.0, 12.0])
+def test_bursts_of_random_force_and_chirps_are_no_hits(noisy, offset):
+    n_sample = noisy.force.shape[1]
+    time = np.arange(n_sample) / noisy.rate_hz
+    is_on = time % 4.0 < 1.2
+    random = 30 * np.random.default_rng(6).normal(size=noisy.force.shape) * is_on + offset
+    chirp = np.broadcast_to(np.sin(2 * np.pi * 40 * (time % 4.0) ** 2) * is_on, noisy.force.shape)
+    for force in (random, chirp):
+        with pytest.raises(InputError, match=r"pulls as much as it pushes.*bursts of continuous"):
+            estimate_hit_frf(replace(noisy, force=force))
+
+
 def test_blocks_too_short_are_refused(noisy):
     with pytest.raises(InputError, match="too short: set block_s"):
         estimate_hit_frf(noisy, HitSettings(block_s=0.01))

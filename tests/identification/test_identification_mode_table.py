@@ -86,3 +86,25 @@ def test_a_file_that_is_no_text_is_refused(tmp_path):
     path.write_bytes(b"frequency\n\xff\xfe\n")
     with pytest.raises(InputError, match="line 2 is not UTF-8"):
         read_mode_table(path)
+
+
+@pytest.mark.parametrize(
+    ("heading", "values", "doubt"),
+    [
+        (
+            "damping/%",
+            (0.0186, 0.0178, 0.0421),
+            "values are ratios, name the column damping",
+        ),
+        ("damping/%", (1.86, 0.0178, 4.21), None),
+        ("damping/%", (0.00004, 0.00005, 0.0001), None),  # a tuning fork: no ratio is so small
+        ("damping", (0.0186, 0.0178, 0.0421), None),
+        ("damping", (0.5, 0.8, 0.9), "if the values are per cent, name the column damping/%"),
+        ("damping", (0.5, 0.8, 0.02), None),
+    ],
+)
+def test_a_heading_that_makes_all_damping_implausible_is_doubted(tmp_path, heading, values, doubt):
+    rows = "".join(f"{20 + 10 * k},{value}\n" for k, value in enumerate(values))
+    remarks = read(tmp_path, f"frequency/Hz,{heading}\n{rows}").remarks
+    assert len(remarks) == (doubt is not None)
+    assert doubt is None or remarks[0].endswith(doubt)

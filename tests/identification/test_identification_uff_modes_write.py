@@ -126,17 +126,6 @@ def test_modes_at_different_nodes_are_refused(tmp_path):
         read_uff_modes(path)
 
 
-def test_nodes_in_turned_systems_are_refused(tmp_path):
-    rows = [(0, 1, 0), (-1, 0, 0), (0, 0, 1), (0, 0, 0)]
-    system = [f"{1:10d}", "part", f"{5:10d}{0:10d}{8:10d}", "turned"]
-    system += ["".join(f"{v:25.16E}" for v in row) for row in rows]
-    node = [f"{2:10d}{0:10d}{5:10d}{0:10d}", "".join(f"{v:25.16E}" for v in (1, 2, 3))]
-    path = tmp_path / "turned.unv"
-    path.write_bytes(dataset("  2420", system) + dataset("  2411", node) + normal_mode())
-    with pytest.raises(InputError, match="rotated coordinate system 5"):
-        read_uff_modes(path)
-
-
 def test_points_without_a_number_get_one_and_rotations_are_left_out(layout):
     named = layout.with_copied_point("p0_0", "top").with_copied_point("p0_1", "side9")
     outputs = (Dof("side9", "+tx"), Dof("top", "+ty"), Dof("top", "+rz"))

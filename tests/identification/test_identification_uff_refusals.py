@@ -56,6 +56,23 @@ def test_a_file_that_begins_in_the_middle_is_refused(refusal):
     assert "record" in refusal(ONE.content()[400:], TWO)
 
 
+@pytest.mark.parametrize("even", [True, False])
+@pytest.mark.parametrize(
+    ("single", "stated", "words"),
+    [
+        (True, 6, "states double precision (data type 6), but its values are 13 characters wide"),
+        (False, 5, "states single precision (data type 5), but its values are 20 characters wide"),
+    ],
+)
+def test_values_of_the_other_precision_than_stated_are_named(refusal, even, single, stated, words):
+    content = replace(ONE, single=single, even=even, x=EVEN if even else UNEVEN).content()
+    count = f"{len(ONE.data):10d}"
+    header = f"{5 if single else 6:10d}{count}".encode()
+    assert header in content
+    message = refusal(content.replace(header, f"{stated:10d}{count}".encode()))
+    assert f"record 1 {words}" in message
+
+
 def test_text_behind_the_last_dataset_is_refused(refusal):
     assert "after record 2" in refusal(ONE, TWO, b"appendix\n")
 

@@ -106,6 +106,44 @@ def test_xml_that_grows_or_is_broken_is_refused(tmp_path, text, words):
         load_machine(save(tmp_path, text))
 
 
+@pytest.mark.parametrize(
+    ("element", "words"),
+    [
+        (
+            '<replicate count="1e7" offset="0 0 1"><site/></replicate>',
+            r"<replicate.*1e\+07 el",
+        ),
+        (
+            '<replicate count="300"><replicate count="300"><geom/></replicate></replicate>',
+            r"makes 9\.\d*e\+04 elements",
+        ),
+        ('<composite count="1000 1000 1000"/>', r'<composite count="1000 1000 1000"> makes 1e\+09'),
+    ],
+)
+def test_elements_that_grow_beyond_any_machine_are_refused(tmp_path, element, words):
+    with pytest.raises(InputError, match=words):
+        load_machine(save(tmp_path, GOOD.replace("<worldbody>", f"<worldbody>{element}")))
+
+
+@pytest.mark.parametrize(
+    "element",
+    [
+        '<hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/>',
+        '<texture name="t" type="2d" builtin="flat" width="30000" height="30000"/>',
+    ],
+)
+def test_assets_of_absurd_size_are_refused_before_they_are_allocated(tmp_path, element):
+    text = GOOD.replace("<worldbody>", f"<asset>{element}</asset><worldbody>")
+    with pytest.raises(InputError, match=r"=\"30000\"> makes 9e\+08 points, more than 1e\+07"):
+        load_machine(save(tmp_path, text))
+
+
+def test_a_few_copies_are_no_obstacle(tmp_path):
+    element = '<replicate count="50" offset="0 0 1"><site/></replicate>'
+    text = GOOD.replace("<worldbody>", f"<worldbody>{element}")
+    assert load_machine(save(tmp_path, text)).coordinates == ("a_j",)
+
+
 def including(name, text=GOOD):
     return text.replace("<worldbody>", f'<worldbody><include file="{name}"/>')
 

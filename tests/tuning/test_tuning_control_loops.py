@@ -198,7 +198,7 @@ def test_identify_reads_the_campaign_with_its_loop(closed, tmp_path):
             " period = 2.5, gain = 3",
             r"loop\.servo\.controller\.period = 2\.5: Input",
         ),
-        (" gain = 3", " gan = 3", r"key loop\.servo\.controller\.gain is missing"),
+        (" gain = 3", " gan = 3", r"unknown key loop\.servo\.controller\.gan: did you mean gain"),
         (
             "controller = {",
             "controller = 3.0\n# {",
