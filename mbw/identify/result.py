@@ -124,6 +124,7 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
         remarks=[
             *parts.campaign.remarks,
             *unknown_gain_sentences(parts.campaign),
+            *measured.corrections,
             *(check.sentence for check in checks.setups if check.agrees is False),
         ],
     )

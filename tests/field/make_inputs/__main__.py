@@ -4,7 +4,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-GROUPS = ("units", "modes", "readers", "files", "models", "references", "habits")
+GROUPS = ("units", "modes", "readers", "files", "models", "references", "habits", "disagreement")
 
 
 def main():
