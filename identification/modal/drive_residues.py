@@ -16,6 +16,7 @@ _MIN_PHASE_SHARE = 0.8  # |Im R| over |R|: modes that overlap have residues of a
 # Residue over the largest of the drive point, in amplitude at resonance: smaller ones are those of
 # points near a node, where a small distance between hammer and sensor turns the sign.
 _MIN_RELATIVE_RESIDUE = 0.02
+_MIN_POWER_SHARE = 0.5  # negative power of all modes at a resonance over that of the mode alone
 
 
 def find_negative_residues(
@@ -40,6 +41,12 @@ def find_negative_residues(
     clear &= amplitude > _MIN_RELATIVE_RESIDUE * amplitude[inside].max()
     if not (clear & (residues.imag < 0)).any():
         return ()
+    # Modes that overlap may have a negative residue, but the power of all modes together may not.
+    # Residual terms have no power.
+    s = 1j * np.abs(poles)[:, None]
+    terms = residues / (s - poles) + residues.conj() / (s - poles.conj())
+    power, own = (s * terms).real.sum(axis=1), np.diag(s * terms).real
+    clear &= power < _MIN_POWER_SHARE * own
     return tuple(int(k) for k in np.flatnonzero(clear & (residues.imag > 0)))
 
 

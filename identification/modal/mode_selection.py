@@ -13,7 +13,12 @@ import numpy as np
 from identification.modal.indicators import mpc, mpd
 from identification.modal.lscf_method import Poles, lscf
 from identification.modal.missing_modes import add_missing_modes, is_inside_band
-from identification.modal.pole_clusters import ModeCriteria, PoleCluster, cluster_poles
+from identification.modal.pole_clusters import (
+    ModeCriteria,
+    PoleCluster,
+    cluster_poles,
+    find_growing_modes,
+)
 from identification.modal.shape_fit import ModalFit, WeightedFrfs, shape_deviations
 from identification.modal.user_choices import ModeChoices, apply_choices
 from identification.words import Mask, Real
@@ -92,11 +97,16 @@ def identify_modes(
     rows = values[:, size > 0] / size[size > 0, None]
     highest = min(-(-roots // n_in), len(freq_hz) // 2 - 1)
     orders = lscf(freq_hz, rows, highest)
-    clusters = cluster_poles(orders, (freq_hz[0], freq_hz[-1]), criteria)
+    band = (float(freq_hz[0]), float(freq_hz[-1]))
+    clusters = cluster_poles(orders, band, criteria)
+    growing = find_growing_modes(orders, band, criteria, clusters)
+    clusters = (*clusters, *growing)
     # An exponential window moves the poles that the polynomials see by its own decay.
     poles = np.array([cluster.pole for cluster in clusters]) + data.laplace[0].real
     participation = np.array([cluster.participation for cluster in clusters]).T.reshape(n_in, -1)
-    fitted, matrix = add_missing_modes(data, freq_hz, poles, participation, criteria)
+    fitted, matrix = add_missing_modes(
+        data, freq_hz, poles, participation, criteria, n_growing=len(growing)
+    )
     fixed = np.zeros(len(fitted.poles), bool)
     if choices:
         fitted, matrix, fixed = apply_choices(data, freq_hz, fitted, choices)

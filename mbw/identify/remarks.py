@@ -166,9 +166,17 @@ def _quality_remarks(result: IdentificationResult) -> list[str]:
     for number, row in enumerate(summary.modes, start=1):
         if row.doubtful:
             sentences.append(f"Mode {number} is doubtful: {'; '.join(row.doubtful)}.")
+        if row.damping < 0:
+            sentences.append(
+                f"Mode {number} at {row.frequency:.4g} Hz grows, with a damping ratio of "
+                f"{100 * row.damping:.3g} %: the plant is unstable there, as can be measured in a "
+                "closed loop; a drive point then takes power out of it."
+            )
     spacing = float(np.diff(result.arrays["freq_hz"]).min(initial=np.inf))
     leaky = [
-        row for row in summary.modes if 2 * row.damping * row.frequency < _MAX_LEAKY_LINES * spacing
+        row
+        for row in summary.modes
+        if 2 * abs(row.damping) * row.frequency < _MAX_LEAKY_LINES * spacing
     ]
     if leaky and not summary.hits and not result.arrays["decay"]:
         sentences.append(
@@ -185,7 +193,9 @@ def _quality_remarks(result: IdentificationResult) -> list[str]:
             f"the shape has a standard deviation of up to {largest:.0f} %. Hit another point too "
             "before you rely on its scale."
         )
-    uncertain = [row for row in summary.modes if row.damping_sd > _MAX_DAMPING_SD * row.damping]
+    uncertain = [
+        row for row in summary.modes if row.damping_sd > _MAX_DAMPING_SD * abs(row.damping)
+    ]
     if uncertain:
         sentences.append(
             f"The damping of {_mode_numbers(result, uncertain)} is uncertain by more than "

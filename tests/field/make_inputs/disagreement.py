@@ -10,6 +10,7 @@ def write():
     """Write all cases of this module."""
     _flipped_channel()
     _shifted_run()
+    _growing_mode()
 
 
 def _flipped_channel():
@@ -54,4 +55,26 @@ def _shifted_run():
             )
         ],
         array_files(values.astype(np.complex64), coherence.astype(np.float32)),
+    )
+
+
+def _growing_mode():
+    machine = field_machine(damping=(*DAMPING[:2], -DAMPING[2], DAMPING[3]))
+    freq_hz, damping = machine.modes()
+    values, coherence = measured(machine)
+    write_case(
+        "disagreement/one_mode_grows",
+        "a plant measured in its loop: one mode of four has negative damping",
+        "the four modes, one with its negative damping; it can be forced too",
+        [
+            identify(
+                "--json",
+                "r.json",
+                says=["Mode 2 at 41.09 Hz grows, with a damping ratio of -0.9"],
+                never=["a mode may be missing"],
+                value=modes_are(freq_hz, damping),
+            ),
+            identify("--overwrite", "--force", "41.09,-1", "--json", "r.json"),
+        ],
+        array_files(values, coherence),
     )
