@@ -298,7 +298,7 @@ def _align(
         measured.weight_by_variance(),
         [str(dof) for dof in measured.outputs],
         [str(dof) for dof in measured.inputs],
-        lambda column: identify_modes(column, measured.freq_hz, criteria),
+        lambda column: identify_modes(column, measured.freq_hz, criteria, is_quick=True),
     )
     if alignment is None:
         return measured, identified

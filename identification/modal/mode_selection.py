@@ -19,12 +19,14 @@ from identification.modal.pole_clusters import (
     cluster_poles,
     find_growing_modes,
 )
+from identification.modal.refinement import refine
 from identification.modal.shape_fit import ModalFit, WeightedFrfs, shape_deviations
 from identification.modal.user_choices import ModeChoices, apply_choices
 from identification.words import Mask, Real
 
 # Roots of the highest model order, over all inputs; some ten times the modes of a usual band.
 _N_ROOTS = 120
+_QUICK_STEPS = 10  # steps of a refinement without a search for missed modes
 # Eigenvalue of a normal matrix over its largest below which only rounding is left.
 _EIGENVALUE_FLOOR = 1e-13
 
@@ -64,6 +66,7 @@ def identify_modes(
     choices: ModeChoices | None = None,
     *,
     roots: int = _N_ROOTS,
+    is_quick: bool = False,
 ) -> IdentifiedModes:
     """Identify the modes of a set of FRFs.
 
@@ -76,6 +79,7 @@ def identify_modes(
         criteria: when poles count as one mode, and which modes are accepted.
         choices: modes to add, drop or force.
         roots: number of roots of the highest order.
+        is_quick: whether the stable poles are only refined, without a search for missed modes.
 
     Returns:
         Modes with their standard deviations; those of forced poles are 0.
@@ -86,7 +90,9 @@ def identify_modes(
     criteria = criteria or ModeCriteria()
     values = data.values
     if values.shape[2] > values.shape[1]:
-        transposed = identify_modes(_transpose_data(data), freq_hz, criteria, choices, roots=roots)
+        transposed = identify_modes(
+            _transpose_data(data), freq_hz, criteria, choices, roots=roots, is_quick=is_quick
+        )
         return replace(
             transposed,
             fit=_transpose_fit(transposed.fit),
@@ -104,9 +110,12 @@ def identify_modes(
     # An exponential window moves the poles that the polynomials see by its own decay.
     poles = np.array([cluster.pole for cluster in clusters]) + data.laplace[0].real
     participation = np.array([cluster.participation for cluster in clusters]).T.reshape(n_in, -1)
-    fitted, matrix = add_missing_modes(
-        data, freq_hz, poles, participation, criteria, n_growing=len(growing)
-    )
+    if is_quick:
+        fitted, matrix = refine(data, poles, participation, max_steps=_QUICK_STEPS)
+    else:
+        fitted, matrix = add_missing_modes(
+            data, freq_hz, poles, participation, criteria, n_growing=len(growing)
+        )
     fixed = np.zeros(len(fitted.poles), bool)
     if choices:
         fitted, matrix, fixed = apply_choices(data, freq_hz, fitted, choices)
