@@ -11,11 +11,11 @@ import numpy as np
 
 from identification.words import Complex, Mask, ModalModel, Real
 
-_MIN_DEVIATIONS = 5.0  # standard deviations of a residue whose sign is clear
+_MIN_RESIDUE_DEVIATIONS = 5.0  # standard deviations of a residue whose sign is clear
 _MIN_PHASE_SHARE = 0.8  # |Im R| over |R|: modes that overlap have residues of any phase
 # Residue over the largest of the drive point, in amplitude at resonance: smaller ones are those of
 # points near a node, where a small distance between hammer and sensor turns the sign.
-_MIN_RELATIVE_RESIDUE = 0.02
+_MIN_DRIVE_RESIDUE_SHARE = 0.02
 _MIN_POWER_SHARE = 0.5  # negative power of all modes at a resonance over that of the mode alone
 
 
@@ -36,17 +36,17 @@ def find_negative_residues(
     if not inside.any():
         return ()
     amplitude = size * np.abs(poles) / np.maximum(np.abs(poles.real), np.finfo(float).tiny)
-    clear = inside & (size > _MIN_DEVIATIONS * deviations)
+    clear = inside & (size > _MIN_RESIDUE_DEVIATIONS * deviations)
     clear &= np.abs(residues.imag) > _MIN_PHASE_SHARE * size
-    clear &= amplitude > _MIN_RELATIVE_RESIDUE * amplitude[inside].max()
+    clear &= amplitude > _MIN_DRIVE_RESIDUE_SHARE * amplitude[inside].max()
     if not (clear & (residues.imag < 0)).any():
         return ()
     # Modes that overlap may have a negative residue, but the power of all modes together may not.
     # Residual terms have no power.
     s = 1j * np.abs(poles)[:, None]
     terms = residues / (s - poles) + residues.conj() / (s - poles.conj())
-    power, own = (s * terms).real.sum(axis=1), np.diag(s * terms).real
-    clear &= power < _MIN_POWER_SHARE * own
+    power, alone = (s * terms).real.sum(axis=1), np.diag(s * terms).real
+    clear &= power < _MIN_POWER_SHARE * alone
     return tuple(int(k) for k in np.flatnonzero(clear & (residues.imag > 0)))
 
 
@@ -61,7 +61,7 @@ def negative_drive_points(
         inside: modes of the band; (n_mode,).
     """
     rows = {dof.positive: row for row, dof in enumerate(model.outputs)}
-    found = {}
+    negative = {}
     for column, dof in enumerate(model.inputs):
         row = rows.get(dof.positive)
         if row is None:
@@ -70,8 +70,8 @@ def negative_drive_points(
         residues = sign * model.shapes[row] * model.participation[column]
         modes = find_negative_residues(model.poles, residues, residue_sd[row, column], inside)
         if modes:
-            found[str(dof)] = modes
-    return found
+            negative[str(dof)] = modes
+    return negative
 
 
 def negative_residue_phrase(point: str) -> str:

@@ -23,9 +23,9 @@ from identification.modal.mode_selection import IdentifiedModes
 from identification.modal.shape_fit import WeightedFrfs
 from identification.words import Complex, Integers, Mask, Real
 
-_MAX_MISFIT = 1.5  # squared error over the variance of the noise that noise alone may give
-_MAX_SHIFT = 0.05  # largest relative shift of frequencies between two runs, as between set-ups
-_MIN_DEVIATIONS = 5.0  # standard deviations of a shift or factor that chance does not give
+_MAX_NOISE_MISFIT = 1.5  # squared error over the variance of the noise that noise alone may give
+_MAX_RUN_SHIFT = 0.05  # largest relative shift of frequencies between two runs, as between set-ups
+_MIN_FAULT_DEVIATIONS = 5.0  # standard deviations of a shift or factor that chance does not give
 _MIN_SHIFT = 1e-4  # relative; the files of analysers round frequencies less
 _MIN_GAIN_ERROR = 0.02  # calibrations of accelerometers agree within 1 to 2 %
 _MAX_RATIO_SD = 0.1  # standard deviation of a ratio of residues in a mode that tells a factor
@@ -78,13 +78,13 @@ def needs_alignment(identified: IdentifiedModes) -> bool:
         return False
     poles = fit.poles[identified.inside]
     near = np.abs(poles[:, None] - poles) < np.abs(poles.real)
-    return bool(identified.misfit > _MAX_MISFIT or near.sum() > len(poles))
+    return bool(identified.misfit > _MAX_NOISE_MISFIT or near.sum() > len(poles))
 
 
 def is_better(aligned: IdentifiedModes, identified: IdentifiedModes) -> bool:
     """Return whether corrected references need fewer modes, or leave half the squared error."""
     fewer = int(aligned.inside.sum()) < int(identified.inside.sum())
-    limit = max(_MAX_MISFIT, identified.misfit)
+    limit = max(_MAX_NOISE_MISFIT, identified.misfit)
     return bool(aligned.misfit < identified.misfit / 2 or (fewer and aligned.misfit <= 1.1 * limit))
 
 
@@ -223,13 +223,13 @@ def _match(base: IdentifiedModes, column: IdentifiedModes) -> Integers:
     ratios = (freq_2 / freq_1[:, None]).ravel()
     best = np.zeros((len(first), len(second)), bool)
     score = (0.0, 0.0)
-    for ratio in [1.0, *ratios[np.abs(ratios - 1) < _MAX_SHIFT]]:
+    for ratio in [1.0, *ratios[np.abs(ratios - 1) < _MAX_RUN_SHIFT]]:
         distance = np.abs(freq_2 / ratio / freq_1[:, None] - 1) / width[:, None]
         nearest = distance == distance.min(axis=1, keepdims=True)
         nearest &= (distance == distance.min(axis=0)) & (distance < 1)
-        found = float(nearest.sum()), -float(distance[nearest].sum())
-        if found > score:
-            best, score = nearest, found
+        candidate = float(nearest.sum()), -float(distance[nearest].sum())
+        if candidate > score:
+            best, score = nearest, candidate
     rows, columns = np.nonzero(best)
     return np.stack([first[rows], second[columns]], axis=1)
 
@@ -246,7 +246,7 @@ def _find_shift(base: IdentifiedModes, column: IdentifiedModes, pairs: Integers)
     usual = float(np.median(np.abs(shifts - shift)))
     noise = float(np.median(deviations)) / np.sqrt(len(pairs))
     is_shared = usual < _MAX_FACTOR_SPREAD * abs(shift)
-    is_clear = abs(shift) > max(_MIN_SHIFT, _MIN_DEVIATIONS * noise)
+    is_clear = abs(shift) > max(_MIN_SHIFT, _MIN_FAULT_DEVIATIONS * noise)
     return shift if is_shared and is_clear else 0.0
 
 
@@ -276,7 +276,7 @@ def _find_factor(ratio: Real, deviation: Real, clear: Mask) -> float:
     distance = abs(factor - 1)
     shared = np.abs(ratio - factor) < _MAX_FACTOR_SPREAD * distance
     noise = float(np.median(deviation)) / np.sqrt(len(ratio))
-    is_clear = distance > max(_MIN_GAIN_ERROR, _MIN_DEVIATIONS * noise)
+    is_clear = distance > max(_MIN_GAIN_ERROR, _MIN_FAULT_DEVIATIONS * noise)
     if not is_clear or shared.mean() < _MIN_AGREEING_SHARE or shared.sum() < _MIN_MODES:
         return 1.0
     return -1.0 if abs(factor + 1) < _MIN_GAIN_ERROR else factor

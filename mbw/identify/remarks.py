@@ -80,7 +80,8 @@ def list_remarks(result: IdentificationResult) -> list[str]:
     sentences = [text.rstrip(".") + "." for text in summary.remarks]
     if not summary.modes:
         sentences.insert(0, _no_modes_sentence(summary))
-    if summary.levels is not None and summary.levels.effects and not summary.levels.within_tests:
+    levels = summary.levels
+    if levels is not None and levels.effects != [] and not levels.within_tests:
         sentences.append(
             "The tests of all levels were identified together, but the machine differs from level "
             "to level: some of these modes may stand for the difference, and channels of a body "

@@ -10,6 +10,7 @@ from identification.modal import (
     MeasuredFrfs,
     ScaledModes,
     SynthesisError,
+    find_combination_tones,
     find_doubtful_modes,
     full_matrix_model,
     negative_drive_points,
@@ -128,6 +129,8 @@ def _find_doubts(
     for point, negative in negative_drive_points(scaled.model, residue_sd, inside).items():
         for mode in negative:
             reasons[mode].append(negative_residue_phrase(point))
+    for mode, reason in find_combination_tones(scaled.model, n_inside).items():
+        reasons[mode].append(reason)
     return tuple(map(tuple, reasons))
 
 
