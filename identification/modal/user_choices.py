@@ -8,7 +8,7 @@ import numpy as np
 from identification.modal.missing_modes import start_pole_at
 from identification.modal.refinement import refine
 from identification.modal.shape_fit import ModalFit, WeightedFrfs, fit_shapes, weighted_error
-from identification.words import Complex, Mask, Real, UsageError
+from identification.words import Complex, Mask, Real, UsageError, percent_text
 
 # Relative difference between a frequency that the user gives and that of the mode it selects.
 _MAX_FREQUENCY_MISMATCH = 0.02
@@ -91,8 +91,8 @@ def apply_choices(
         ):
             raise UsageError(
                 f"the data hold no mode at {frequency_hz:g} Hz: the pole went to "
-                f"{fit.freq_hz[-1]:.4g} Hz with {100 * fit.damping[-1]:.3g} % damping; force the "
-                "mode, or do not add it"
+                f"{fit.freq_hz[-1]:.4g} Hz with {percent_text(fit.damping[-1], 3)} damping; "
+                "force the mode, or do not add it"
             )
     fit, matrix = refine(data, fit.poles, fit.participation, fixed=fixed)
     return fit, matrix, fixed

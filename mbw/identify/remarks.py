@@ -4,6 +4,7 @@ import numpy as np
 
 from identification import exchange_phrase
 from identification.modal import UNIT_MASS
+from identification.words import percent_text
 from mbw.identify.result import IdentificationResult
 from mbw.identify.schema import IdentifiedModeRow, IdentifiedModesFile
 
@@ -71,7 +72,7 @@ def _shift(measured: float, reference: float | None) -> float:
 
 
 def _percent(value: float) -> str:
-    return f"{100 * value:.3g} %"
+    return percent_text(value, 3)
 
 
 def list_remarks(result: IdentificationResult) -> list[str]:
@@ -170,8 +171,8 @@ def _quality_remarks(result: IdentificationResult) -> list[str]:
         if row.damping < 0:
             sentences.append(
                 f"Mode {number} at {row.frequency:.4g} Hz grows, with a damping ratio of "
-                f"{100 * row.damping:.3g} %: the plant is unstable there, as can be measured in a "
-                "closed loop; a drive point then takes power out of it."
+                f"{percent_text(row.damping, 3)}: the plant is unstable there, as can be "
+                "measured in a closed loop; a drive point then takes power out of it."
             )
     spacing = float(np.diff(result.arrays["freq_hz"]).min(initial=np.inf))
     leaky = [
