@@ -261,6 +261,12 @@ def identify(
             "of its own: select the tests of one"
         )
     measured = combine_tests(campaign)
+    silent = np.flatnonzero(~measured.measured.any(axis=0))
+    if len(silent) and len(silent) < len(measured.inputs):
+        names = ", ".join(str(measured.inputs[column]) for column in silent)
+        raise InputError(
+            f"{campaign.name}: no channel has a known response to {names}: leave that reference out"
+        )
     if is_roving_hammer(campaign):
         measured = measured.transpose()
     data = measured.weight_by_variance()

@@ -60,7 +60,8 @@ def _lead(summary: ModeTableFile) -> str:
     return (
         f"As drawn, the nominal model is off by up to {percent_text(errors[0])} in frequency; "
         f"tuned, by up to {percent_text(errors[1])}. The table determines "
-        f"{len(summary.determined)} of {len(summary.parameters)} parameters; the others stay near the nominal model."
+        f"{len(summary.determined)} of {len(summary.parameters)} parameters; the "
+        "others stay near the nominal model."
     )
 
 

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from identification.modal import identify, negative_drive_points, scale_shapes
-from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
+from identification.words import (
+    Campaign,
+    Condition,
+    Dof,
+    Frf,
+    FrfEstimate,
+    InputError,
+    Layout,
+    Test,
+)
 
 FREQ = np.arange(1, 201) * 0.5
 OUTPUTS = tuple(Dof(f"acc{k}", "+tz") for k in range(1, 7))
@@ -130,3 +139,10 @@ def test_two_modes_of_nearly_one_frequency_stay_two(apart, monkeypatch):
     _, identified, measured = identify(campaign_of(columns, [0, 3]))
     assert identified.inside.sum() == 4
     assert measured.corrections == ()
+
+
+def test_a_reference_without_any_response_is_refused_by_name():
+    shapes = draw_shapes(8)
+    columns = [accelerance(shapes, 0), np.zeros((len(FREQ), 6))]
+    with pytest.raises(InputError, match=r"no channel has a known response to acc4:\+tz"):
+        identify(campaign_of(columns, [0, 3]))
