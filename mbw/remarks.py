@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from identification.words import TOLERANCE_BOUND_SIGMA
+from identification.words import TOLERANCE_BOUND_SIGMA, percent_text
 from mbw.gain_text import gain_sentence
 from mbw.page.numbers import format_percent
 from tuning import TunedFile
@@ -78,7 +78,7 @@ def calibration_sentence(tolerance: float | None) -> str:
     text = "Absolute stiffness and damping rest on the calibration of the force channel"
     if not tolerance:
         return f"{text}, which the intervals take as exact."
-    return f"{text}; its tolerance of {100 * tolerance:.2g} % is in the intervals."
+    return f"{text}; its tolerance of {percent_text(tolerance)} is in the intervals."
 
 
 def gain_tolerance(summary: TunedFile) -> float | None:

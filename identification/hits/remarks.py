@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from identification.words import HitEstimate
+from identification.words import HitEstimate, percent_text
 
 _MIN_KEPT_SHARE = 0.5  # of the hits: with fewer kept hits the test should be repeated
 _MIN_KEPT_HITS = 2.0
@@ -59,7 +59,7 @@ def _describe_window(group: Sequence[HitEstimate], block_s: str, tau_s: str) -> 
     """Return the sentence on the tests of one window."""
     first = group[0]
     tests = f"{first.test}, hammer at {first.reference}"
-    largest = f"{100 * max(hits.residual_response for hits in group):.2g} %"
+    largest = percent_text(max(hits.residual_response for hits in group))
     if len(group) > 1:
         tests, largest = f"{len(group)} tests, the first of them {tests}", f"up to {largest}"
     if first.tau_s > 0:

@@ -3,14 +3,12 @@
 from identification.level_check.check import LevelCheck, check_hits, check_levels
 from identification.level_check.decay_check import DecayCheck, check_decay
 from identification.level_check.free_decay import DecayTrack, track_decay
-from identification.level_check.laws import LevelLaw
 from identification.level_check.visits import group_visits
 
 __all__ = [
     "DecayCheck",
     "DecayTrack",
     "LevelCheck",
-    "LevelLaw",
     "check_decay",
     "check_hits",
     "check_levels",

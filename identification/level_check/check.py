@@ -12,14 +12,13 @@ import numpy as np
 
 from identification.checks.roving_hammer import is_roving_hammer
 from identification.level_check.hit_scatter import find_trends_within_tests
-from identification.level_check.laws import (
+from identification.level_check.shared_shapes import PoleFit, fit_poles
+from identification.level_check.trends import (
     LEVEL_CHECK_SETTINGS,
-    LevelLaw,
+    NO_CHANGE,
     ModeTrend,
     find_clearest_trend,
-    name_law,
 )
-from identification.level_check.shared_shapes import PoleFit, fit_poles
 from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
 from identification.modal.shape_fit import ModalFit
@@ -36,7 +35,6 @@ class LevelCheck:
     Args:
         level_n: peak forces, the lowest first [N]; (n_level,).
         trends: of each mode that could be followed through all levels, by its frequency.
-        law: that explains how they change.
         changed: for each mode, whether its frequency and its damping change.
         returns: whether tests return to a level, so that drift is known.
         is_within_tests: whether the levels are those of single hits, one standard deviation of
@@ -45,10 +43,14 @@ class LevelCheck:
 
     level_n: Real
     trends: tuple[ModeTrend, ...]
-    law: LevelLaw
     changed: tuple[tuple[bool, bool], ...]
     returns: bool
     is_within_tests: bool = False
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether no mode changes with the level."""
+        return find_clearest_trend(self.trends) is None
 
     @property
     def sentence(self) -> str:
@@ -60,13 +62,11 @@ class LevelCheck:
             span = f"single hits of {span}"
         trend = find_clearest_trend(self.trends)
         if trend is None:
-            return f"Level check, {span}: {self.law.words} beyond its interval."
+            return f"Level check, {span}: {NO_CHANGE}."
         moved = sum(map(any, self.changed))
         text = (
-            f"Level check, {span}: {self.law.words}. {moved} of {len(self.trends)} modes "
-            f"change; that at {trend.freq_hz[0]:.4g} Hz by {100 * trend.frequency_shift[-1]:+.2g} "
-            f"% in frequency, and from {100 * trend.damping[0]:.3g} to "
-            f"{100 * trend.damping[-1]:.3g} % in damping."
+            f"Level check, {span}: {moved} of {len(self.trends)} modes depend on the level. "
+            f"{trend.sentence} For what changes them, run mbw diagnose."
         )
         if self.returns or self.is_within_tests:
             return text
@@ -103,7 +103,6 @@ def check_levels(campaign: Campaign) -> LevelCheck | None:
     return LevelCheck(
         np.array(levels),
         tuple(trends),
-        name_law(trends),
         tuple(trend.changes(chance) for trend in trends),
         len(visits) > len(levels),
     )
@@ -127,7 +126,6 @@ def check_hits(campaign: Campaign, model: ModalModel, inside: Mask) -> LevelChec
     return LevelCheck(
         trends[0].level,
         trends,
-        name_law(trends),
         tuple(trend.changes(chance) for trend in trends),
         returns=False,
         is_within_tests=True,

@@ -1,4 +1,4 @@
-"""Level check of one free decay: all modes that ring long and alone, and the law that they show."""
+"""Level check of one free decay: all modes that ring long and alone, against their amplitude."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import find_peaks
 
 from identification.level_check.free_decay import DecayTrack, track_decay
-from identification.level_check.laws import LevelLaw, find_clearest_trend, name_law
+from identification.level_check.trends import NO_CHANGE, find_clearest_trend
 from identification.words import Real
 
 _MIN_PEAK_RATIO = 8.0  # spectrum over its running median, from which a peak is a mode that rings
@@ -24,11 +24,9 @@ class DecayCheck:
 
     Args:
         tracks: of each mode that could be followed, by its frequency.
-        law: that explains how they change with the amplitude.
     """
 
     tracks: tuple[DecayTrack, ...]
-    law: LevelLaw
 
     @property
     def sentence(self) -> str:
@@ -37,17 +35,15 @@ class DecayCheck:
             return "Level check of the decay: no mode rings long enough, alone."
         trend = find_clearest_trend([track.trend for track in self.tracks])
         if trend is None:
-            return f"Level check of the decay: {self.law.words} beyond its interval."
+            return f"Level check of the decay: {NO_CHANGE}."
         return (
-            f"Level check of the decay: {self.law.words}. The mode at {trend.freq_hz[0]:.4g} Hz "
-            f"changes by {100 * trend.frequency_shift[-1]:+.2g} % in frequency, and from "
-            f"{100 * trend.damping[0]:.3g} to {100 * trend.damping[-1]:.3g} % in damping, between "
-            f"amplitudes of {trend.level[0]:.3g} and {trend.level[-1]:.3g}."
+            f"Level check of the decay: modes depend on the amplitude. {trend.sentence} These "
+            f"are the values at amplitudes of {trend.level[0]:.3g} and {trend.level[-1]:.3g}."
         )
 
 
 def check_decay(motion: Real, rate_hz: float) -> DecayCheck:
-    """Follow all modes of a free decay that ring long and alone, and name the law.
+    """Follow all modes of a free decay that ring long and alone.
 
     Args:
         motion: signals from the first instant without force; (n_channel, n_sample), or (n_sample,)
@@ -61,7 +57,7 @@ def check_decay(motion: Real, rate_hz: float) -> DecayCheck:
         if (track := track_decay(motion, rate_hz, freq, bandwidth)) is not None
     ]
     tracks.sort(key=lambda track: float(track.trend.freq_hz[0]))
-    return DecayCheck(tuple(tracks), name_law([track.trend for track in tracks]))
+    return DecayCheck(tuple(tracks))
 
 
 def _find_ringing_modes(motion: Real, rate_hz: float) -> list[tuple[float, float]]:

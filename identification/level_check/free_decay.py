@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.fft
 
-from identification.level_check.laws import ModeTrend
+from identification.level_check.trends import ModeTrend
 from identification.words import Complex, Real
 
 _SPAN_NATS = 0.2  # fall of the amplitude over one span, as its logarithm

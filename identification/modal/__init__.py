@@ -2,7 +2,9 @@
 
 from identification.modal.campaign_modes import MeasuredFrfs, combine_tests, identify
 from identification.modal.circle_fit_method import Circle, circle_fit
+from identification.modal.combination_tones import find_combination_tones
 from identification.modal.doubtful_modes import find_doubtful_modes
+from identification.modal.drive_residues import negative_drive_points, negative_residue_phrase
 from identification.modal.half_power_method import (
     half_power_damping,
     least_squares_amplitude,
@@ -65,6 +67,7 @@ __all__ = [
     "cmif",
     "comac",
     "combine_tests",
+    "find_combination_tones",
     "find_doubtful_modes",
     "frac",
     "full_matrix_model",
@@ -77,6 +80,8 @@ __all__ = [
     "mmif",
     "mpc",
     "mpd",
+    "negative_drive_points",
+    "negative_residue_phrase",
     "pair_shapes",
     "peak_amplitude",
     "real_shapes",

@@ -8,6 +8,11 @@ from scipy.ndimage import median_filter
 from identification.checks.roving_hammer import is_roving_hammer
 from identification.modal.mode_selection import IdentifiedModes, identify_modes
 from identification.modal.pole_clusters import ModeCriteria
+from identification.modal.reference_agreement import (
+    align_references,
+    is_better,
+    needs_alignment,
+)
 from identification.modal.shape_fit import WeightedFrfs
 from identification.modal.user_choices import ModeChoices
 from identification.words import (
@@ -49,6 +54,7 @@ class MeasuredFrfs:
         inputs: degrees of freedom along positive axes; n_in.
         order: q of the quantity: 0, 1, 2 for receptance, mobility, accelerance.
         decay: 1 / tau of the exponential window that is still in the data [1/s].
+        corrections: sentences on what one run has wrong and was corrected in ``values``.
     """
 
     freq_hz: Real
@@ -59,6 +65,7 @@ class MeasuredFrfs:
     inputs: tuple[Input, ...]
     order: int
     decay: float
+    corrections: tuple[str, ...] = ()
 
     @property
     def laplace(self) -> Complex:
@@ -254,12 +261,20 @@ def identify(
             "of its own: select the tests of one"
         )
     measured = combine_tests(campaign)
+    silent = np.flatnonzero(~measured.measured.any(axis=0))
+    if len(silent) and len(silent) < len(measured.inputs):
+        names = ", ".join(str(measured.inputs[column]) for column in silent)
+        raise InputError(
+            f"{campaign.name}: no channel has a known response to {names}: leave that reference out"
+        )
     if is_roving_hammer(campaign):
         measured = measured.transpose()
     data = measured.weight_by_variance()
     if not data.cells.any():
         raise InputError(f"{campaign.name}: no channel has a known variance: check the export")
     identified = identify_modes(data, measured.freq_hz, criteria, choices)
+    if not is_roving_hammer(campaign):  # its sensors measured each hit at once
+        measured, identified = _align(measured, identified, criteria, choices)
     order = np.argsort(~identified.inside, kind="stable")
     fit = identified.fit
     model = ModalModel(
@@ -274,3 +289,25 @@ def identify(
         damping_sd=identified.damping_sd[order],
     )
     return model, identified, measured
+
+
+def _align(
+    measured: MeasuredFrfs,
+    identified: IdentifiedModes,
+    criteria: ModeCriteria | None,
+    choices: ModeChoices | None,
+) -> tuple[MeasuredFrfs, IdentifiedModes]:
+    """Correct what one run has wrong, if references disagree and the modes then fit better."""
+    if not needs_alignment(identified):
+        return measured, identified
+    alignment = align_references(
+        measured.weight_by_variance(),
+        [str(dof) for dof in measured.outputs],
+        [str(dof) for dof in measured.inputs],
+        lambda column: identify_modes(column, measured.freq_hz, criteria, is_quick=True),
+    )
+    if alignment is None:
+        return measured, identified
+    aligned = replace(measured, values=alignment.values, corrections=alignment.sentences)
+    refit = identify_modes(aligned.weight_by_variance(), measured.freq_hz, criteria, choices)
+    return (aligned, refit) if is_better(refit, identified) else (measured, identified)

@@ -53,6 +53,8 @@ def add_missing_modes(
     poles: Complex,
     participation: Complex,
     criteria: ModeCriteria,
+    *,
+    n_growing: int = 0,
 ) -> tuple[ModalFit, Real]:
     """Refine the fit, add the modes that its residual shows, remove those that noise explains.
 
@@ -62,25 +64,31 @@ def add_missing_modes(
         poles: start values [rad/s]; (n_mode,).
         participation: start values; (n_in, n_mode).
         criteria: which modes are physical.
+        n_growing: number of start values, the last ones, that may have negative damping.
 
     Returns:
         The fit, and its normal matrix as ``refine`` gives it.
     """
+    growing = poles[len(poles) - n_growing :]
     fitted, _ = refine(
         data, poles, participation, cost_tolerance=_rough_cost_drop(data), max_steps=_FIRST_STEPS
     )
     fitted = _add_poles(data, freq_hz, fitted, inside=True)
     fitted = _add_poles(data, freq_hz, fitted, inside=False)
-    while (worst := _find_superfluous(data, freq_hz, fitted, criteria)) is not None:
+    while (worst := _find_superfluous(data, freq_hz, fitted, criteria, growing)) is not None:
         fitted = fit_roughly(data, *_remove_pole(fitted, worst))
     fitted, matrix = refine(data, fitted.poles, fitted.participation)
-    while (worst := _find_superfluous(data, freq_hz, fitted, criteria)) is not None:
+    while (worst := _find_superfluous(data, freq_hz, fitted, criteria, growing)) is not None:
         fitted, matrix = refine(data, *_remove_pole(fitted, worst))
     return fitted, matrix
 
 
 def _find_superfluous(
-    data: WeightedFrfs, freq_hz: Real, fitted: ModalFit, criteria: ModeCriteria
+    data: WeightedFrfs,
+    freq_hz: Real,
+    fitted: ModalFit,
+    criteria: ModeCriteria,
+    growing: Complex,
 ) -> int | None:
     """Return the pole that explains least, if noise explains as much or it is no mode; else None.
 
@@ -93,7 +101,7 @@ def _find_superfluous(
         inside, _MIN_COST_DROP, _MIN_GUARD_COST_DROP
     )
     relative_rise /= _local_chi_squares(data, freq_hz, fitted)
-    relative_rise[inside & ~_is_physical(fitted, criteria)] = 0.0
+    relative_rise[inside & ~_is_physical(fitted, criteria, growing)] = 0.0
     relative_rise[_is_remote(fitted, freq_hz)] = 0.0
     weaker = find_split_modes(fitted) & (relative_rise[:, None] <= relative_rise)
     relative_rise[inside & weaker.any(axis=1)] = 0.0
@@ -273,7 +281,12 @@ def _pole_at(frequency: float, fitted: ModalFit) -> complex:
     return complex(2 * np.pi * frequency * (-damping + 1j * np.sqrt(1 - damping**2)))
 
 
-def _is_physical(fitted: ModalFit, criteria: ModeCriteria) -> Mask:
-    """Return which modes have a damping ratio between zero and the highest allowed; (n_mode,)."""
+def _is_physical(fitted: ModalFit, criteria: ModeCriteria, growing: Complex) -> Mask:
+    """Return which modes have a damping ratio from zero to the highest allowed; (n_mode,).
+
+    Those of ``growing`` poles may be negative, at no more than their half-width from them.
+    """
     physical: Mask = (fitted.damping > 0) & (fitted.damping < criteria.highest_damping)
-    return physical
+    distance = np.abs(fitted.poles[:, None] - growing)
+    is_growing = (distance < np.abs(growing.real)).any(axis=1)
+    return physical | (is_growing & (fitted.damping < 0))

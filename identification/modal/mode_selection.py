@@ -13,13 +13,20 @@ import numpy as np
 from identification.modal.indicators import mpc, mpd
 from identification.modal.lscf_method import Poles, lscf
 from identification.modal.missing_modes import add_missing_modes, is_inside_band
-from identification.modal.pole_clusters import ModeCriteria, PoleCluster, cluster_poles
+from identification.modal.pole_clusters import (
+    ModeCriteria,
+    PoleCluster,
+    cluster_poles,
+    find_growing_modes,
+)
+from identification.modal.refinement import refine
 from identification.modal.shape_fit import ModalFit, WeightedFrfs, shape_deviations
 from identification.modal.user_choices import ModeChoices, apply_choices
 from identification.words import Mask, Real
 
 # Roots of the highest model order, over all inputs; some ten times the modes of a usual band.
 _N_ROOTS = 120
+_QUICK_STEPS = 10  # steps of a refinement without a search for missed modes
 # Eigenvalue of a normal matrix over its largest below which only rounding is left.
 _EIGENVALUE_FLOOR = 1e-13
 
@@ -59,6 +66,7 @@ def identify_modes(
     choices: ModeChoices | None = None,
     *,
     roots: int = _N_ROOTS,
+    is_quick: bool = False,
 ) -> IdentifiedModes:
     """Identify the modes of a set of FRFs.
 
@@ -71,6 +79,7 @@ def identify_modes(
         criteria: when poles count as one mode, and which modes are accepted.
         choices: modes to add, drop or force.
         roots: number of roots of the highest order.
+        is_quick: whether the stable poles are only refined, without a search for missed modes.
 
     Returns:
         Modes with their standard deviations; those of forced poles are 0.
@@ -81,7 +90,9 @@ def identify_modes(
     criteria = criteria or ModeCriteria()
     values = data.values
     if values.shape[2] > values.shape[1]:
-        transposed = identify_modes(_transpose_data(data), freq_hz, criteria, choices, roots=roots)
+        transposed = identify_modes(
+            _transpose_data(data), freq_hz, criteria, choices, roots=roots, is_quick=is_quick
+        )
         return replace(
             transposed,
             fit=_transpose_fit(transposed.fit),
@@ -92,11 +103,19 @@ def identify_modes(
     rows = values[:, size > 0] / size[size > 0, None]
     highest = min(-(-roots // n_in), len(freq_hz) // 2 - 1)
     orders = lscf(freq_hz, rows, highest)
-    clusters = cluster_poles(orders, (freq_hz[0], freq_hz[-1]), criteria)
+    band = (float(freq_hz[0]), float(freq_hz[-1]))
+    clusters = cluster_poles(orders, band, criteria)
+    growing = find_growing_modes(orders, band, criteria, clusters)
+    clusters = (*clusters, *growing)
     # An exponential window moves the poles that the polynomials see by its own decay.
     poles = np.array([cluster.pole for cluster in clusters]) + data.laplace[0].real
     participation = np.array([cluster.participation for cluster in clusters]).T.reshape(n_in, -1)
-    fitted, matrix = add_missing_modes(data, freq_hz, poles, participation, criteria)
+    if is_quick:
+        fitted, matrix = refine(data, poles, participation, max_steps=_QUICK_STEPS)
+    else:
+        fitted, matrix = add_missing_modes(
+            data, freq_hz, poles, participation, criteria, n_growing=len(growing)
+        )
     fixed = np.zeros(len(fitted.poles), bool)
     if choices:
         fitted, matrix, fixed = apply_choices(data, freq_hz, fitted, choices)

@@ -8,6 +8,12 @@ import numpy as np
 from identification.modal.lscf_method import Poles
 from identification.words import Complex
 
+# A growing mode: share of the orders in which it recurs, at least, and standard deviation of its
+# frequency over its half-power half-width, at most. Poles that fit noise grow too, but they move
+# with the order: over 30 to 55 orders of ten machines their share was at most 0.84 and their
+# scatter at least 0.1; those of growing modes had 1.0 and at most 0.06 with 5 % noise.
+_MIN_GROWING_SHARE, _MAX_GROWING_SCATTER = 0.9, 0.1
+
 
 @dataclass(frozen=True)
 class ModeCriteria:
@@ -105,3 +111,57 @@ def cluster_poles(
         is_free[members] = False
         counts -= agrees[:, members].astype(np.float32) @ order_indicator[members]
     return tuple(sorted(clusters, key=lambda cluster: abs(cluster.pole)))
+
+
+def find_growing_modes(
+    orders: Sequence[Poles],
+    band: tuple[float, float],
+    criteria: ModeCriteria,
+    decaying: Sequence[PoleCluster],
+) -> tuple[PoleCluster, ...]:
+    """Find modes with negative damping: growing poles that stay at one place in almost all orders.
+
+    A plant that was measured in its loop may have such a mode. Where a decaying mode has its
+    frequency, the growing pole is the mirror image that two-sided responses have, and no mode.
+
+    Args:
+        orders: poles of every order, rising.
+        band: lowest and highest frequency [Hz].
+        criteria: when poles count as one mode.
+        decaying: clusters of decaying poles.
+
+    Returns:
+        Clusters by rising frequency.
+    """
+    upper_orders = orders[len(orders) // 2 :]
+    last = upper_orders[-1]
+    is_growing = (last.damping < 0) & (last.damping > -criteria.highest_damping)
+    is_growing &= (last.freq_hz >= band[0]) & (last.freq_hz <= band[1])
+    clusters = []
+    for number in np.flatnonzero(is_growing):
+        pole, row = last.poles[number], last.participation[:, number]
+        if any(abs(mode.pole + pole.conjugate()) < abs(pole.real) for mode in decaying):
+            continue
+        members = [near for order in upper_orders if (near := _nearest(order, pole, row, criteria))]
+        freq = np.array([abs(member) for member in members]) / (2 * np.pi)
+        damping = np.array([-member.real / abs(member) for member in members])
+        scatter = float(freq.std()) / (abs(float(np.median(damping))) * float(np.median(freq)))
+        if len(members) < _MIN_GROWING_SHARE * len(upper_orders) or scatter > _MAX_GROWING_SCATTER:
+            continue
+        median = complex(np.median(np.real(members)), np.median(np.imag(members)))
+        clusters.append(
+            PoleCluster(median, row, len(members), float(freq.std()), float(damping.std()))
+        )
+    return tuple(sorted(clusters, key=lambda cluster: abs(cluster.pole)))
+
+
+def _nearest(order: Poles, pole: complex, row: Complex, criteria: ModeCriteria) -> complex | None:
+    """Return the pole of an order that agrees with a pole and its participation; None for none."""
+    damping = -pole.real / abs(pole)
+    agrees = np.abs(np.abs(order.poles) / abs(pole) - 1) <= criteria.frequency
+    agrees &= np.abs(order.damping - damping) <= criteria.damping * abs(damping)
+    agrees &= np.abs(row.conj() @ order.participation) ** 2 >= criteria.participation
+    if not agrees.any():
+        return None
+    distance = np.where(agrees, np.abs(order.poles - pole), np.inf)
+    return complex(order.poles[int(distance.argmin())])

@@ -87,6 +87,10 @@ def scale_shapes(
     )
     if has_scale_factor:
         factor = np.sqrt(modal_a / scale)
+        # A negative residue at the drive point, which no passive machine has, makes no shape
+        # imaginary: ``drive_residues`` names it.
+        is_negative = ((driven * participation).sum(axis=0) * modal_a).real < 0
+        factor = factor * np.where(is_negative, 1j, 1.0)
         factor = factor * np.where((largest * factor).real < 0, -1.0, 1.0)
     else:
         factor = 1.0 / np.where(largest == 0, 1.0, largest)

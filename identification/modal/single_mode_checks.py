@@ -72,7 +72,7 @@ def check_single_modes(measured: MeasuredFrfs, model: ModalModel) -> tuple[Singl
         One entry a mode inside the band, in the order of the model.
     """
     lowest, highest = measured.freq_hz[[0, -1]]
-    inside = (model.freq_hz >= lowest) & (model.freq_hz <= highest) & (model.damping > 0)
+    inside = (model.freq_hz >= lowest) & (model.freq_hz <= highest)
     return tuple(_check_mode(measured, model, int(mode)) for mode in np.flatnonzero(inside))
 
 
@@ -84,7 +84,9 @@ def _check_mode(measured: MeasuredFrfs, model: ModalModel, mode: int) -> SingleM
     lines = np.flatnonzero(np.abs(freq - natural) <= damping * natural)
     channels = np.zeros((0, 2), np.intp)
     reason = ""
-    if len(lines) < _MIN_HALF_POWER_LINES:
+    if damping <= 0:
+        reason = "this mode grows, so that single-mode methods, which need damping, do not apply"
+    elif len(lines) < _MIN_HALF_POWER_LINES:
         reason = (
             f"{len(lines)} frequency lines lie in the half-power band of "
             f"{2 * damping * natural:.3g} Hz, at least {_MIN_HALF_POWER_LINES} are needed: "

@@ -8,7 +8,7 @@ import numpy as np
 from identification.modal.missing_modes import start_pole_at
 from identification.modal.refinement import refine
 from identification.modal.shape_fit import ModalFit, WeightedFrfs, fit_shapes, weighted_error
-from identification.words import Complex, Mask, Real, UsageError
+from identification.words import Complex, Mask, Real, UsageError, percent_text
 
 # Relative difference between a frequency that the user gives and that of the mode it selects.
 _MAX_FREQUENCY_MISMATCH = 0.02
@@ -25,8 +25,8 @@ class ModeChoices:
         add: frequencies [Hz] of modes that the automatic search missed; their poles are fitted with
             all others.
         drop: frequencies [Hz] of identified modes to be left out.
-        force: frequency [Hz] and damping ratio of poles that are kept exactly; each replaces a mode
-            found within half its bandwidth.
+        force: frequency [Hz] and damping ratio, negative for a mode that grows, of poles that are
+            kept exactly; each replaces a mode found within half its bandwidth.
     """
 
     add: tuple[float, ...] = ()
@@ -69,12 +69,13 @@ def apply_choices(
     fit = fit_shapes(data, *_drop_modes(fitted, choices.drop))
     fixed = np.zeros(len(fit.poles), bool)
     for frequency_hz, damping in choices.force:
-        if not 0 < damping < 1:
+        if not 0 < abs(damping) < 1:
             raise UsageError(
-                f"damping ratio {damping:g} of {frequency_hz:g} Hz is not between 0 and 1"
+                f"damping ratio {damping:g} of {frequency_hz:g} Hz is not between 0 and 1, nor "
+                "between -1 and 0 for a mode that grows"
             )
         mismatch = np.abs(fit.freq_hz / frequency_hz - 1)
-        kept = (mismatch > max(damping, _REPLACEMENT_WINDOW)) | fixed
+        kept = (mismatch > max(abs(damping), _REPLACEMENT_WINDOW)) | fixed
         fit = fit_shapes(data, fit.poles[kept], fit.participation[:, kept])
         pole = 2 * np.pi * frequency_hz * (-damping + 1j * np.sqrt(1 - damping**2))
         _, row = start_pole_at(freq_hz, frequency_hz, weighted_error(data, fit), fit)
@@ -90,8 +91,8 @@ def apply_choices(
         ):
             raise UsageError(
                 f"the data hold no mode at {frequency_hz:g} Hz: the pole went to "
-                f"{fit.freq_hz[-1]:.4g} Hz with {100 * fit.damping[-1]:.3g} % damping; force the "
-                "mode, or do not add it"
+                f"{fit.freq_hz[-1]:.4g} Hz with {percent_text(fit.damping[-1], 3)} damping; "
+                "force the mode, or do not add it"
             )
     fit, matrix = refine(data, fit.poles, fit.participation, fixed=fixed)
     return fit, matrix, fixed

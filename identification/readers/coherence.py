@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.frf_table import FrfTable
-from identification.words import InputError, Real
+from identification.words import InputError, Real, percent_text
 
 _MAX_ROUNDING = 1e-4  # beyond 0 or 1 that single precision and printed digits leave
 _MAX_OUTSIDE_SHARE = 0.05  # share of values outside 0..1 that may be slips of an analyser
@@ -90,7 +90,7 @@ def _without_slips(file: Path, table: FrfTable, outside: np.ndarray) -> FrfTable
     share = float(outside.sum() / finite.size)
     if share > _MAX_OUTSIDE_SHARE:
         raise InputError(
-            f"{file}: its coherence lies outside 0 to 1 in {100 * share:.2g} % of its values "
+            f"{file}: its coherence lies outside 0 to 1 in {percent_text(share)} of its values "
             f"({low:.4g} to {high:.4g}; first at {where}): export it again, or leave it out"
         )
     remark = (

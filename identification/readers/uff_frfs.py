@@ -18,7 +18,7 @@ from identification.readers.uff_datasets import (
 from identification.readers.uff_directions import StatedDirections
 from identification.readers.uff_units import UnitConverter
 from identification.readers.units import frequency_factor
-from identification.words import Dof, InputError, Quantity
+from identification.words import Dof, InputError, Quantity, percent_text
 
 FRF_TYPE, _COHERENCE_TYPE = 4, 6  # function types
 _MAX_DUPLICATE_DIFFERENCE = 1e-5  # relative: below it two records are one, written twice
@@ -135,7 +135,7 @@ class _Cell:
         difference = max(float(np.linalg.norm(frf - values)) for _, frf in self.frfs) / size
         numbers = ", ".join(str(record) for record, _ in self.frfs)
         is_duplicate = difference < _MAX_DUPLICATE_DIFFERENCE
-        how = "are identical" if is_duplicate else f"differ by up to {100 * difference:.2g} %"
+        how = "are identical" if is_duplicate else f"differ by up to {percent_text(difference)}"
         better = "its coherence is best" if known else "it is the first"
         why = "they count once" if is_duplicate else better
         return best, [

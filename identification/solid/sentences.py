@@ -5,7 +5,9 @@ from identification.solid.frequency_limit import (
     ResidualSpectrum,
     highest_solid_hz,
 )
-from identification.words import Real
+from identification.words import Real, percent_text
+
+_MIN_STATED_PERCENT = 1e-3  # deviation from a solid body; less is rounding
 
 FAULT_PHRASES = {
     "sensor_gain": "a wrong gain",
@@ -54,9 +56,10 @@ def body_sentence(
         rigidity = (
             f"it moves as a solid up to {limit:.4g} Hz and deviates by {largest:.1f} % above it"
         )
-    elif largest > 0:
+    elif largest > _MIN_STATED_PERCENT:
         rigidity = (
-            f"it moves as a solid within {largest:.2g} % up to {limit:.4g} Hz, the end of the band"
+            f"it moves as a solid within {percent_text(largest / 100)} up to {limit:.4g} Hz, "
+            "the end of the band"
         )
     else:
         rigidity = f"it moves as a solid up to {limit:.4g} Hz, the end of the band"

@@ -41,7 +41,7 @@ from identification.words.hits import (
 )
 from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import ModalModel, drive_point_scale, modal_sum
-from identification.words.names import shorten_names
+from identification.words.names import percent_text, shorten_names
 from identification.words.poles import HasPoles
 from identification.words.records import Records
 from identification.words.signal import (
@@ -109,6 +109,7 @@ __all__ = [
     "modal_sum",
     "node_number",
     "parse_port",
+    "percent_text",
     "poles_in_s",
     "settle_port",
     "shorten_names",

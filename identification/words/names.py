@@ -1,4 +1,4 @@
-"""Lists of names as text."""
+"""Lists of names, and shares in per cent, as text."""
 
 from collections.abc import Sequence
 
@@ -14,3 +14,19 @@ def shorten_names(names: Sequence[object], longest: int = 6) -> str:
     if len(texts) > longest:
         texts = [*texts[: longest - 1], f"... ({len(texts)} in all)"]
     return ", ".join(texts)
+
+
+def percent_text(share: float, digits: int = 2) -> str:
+    """Return a share in per cent with its unit, without an exponent: 0.998 gives ``100 %``.
+
+    Args:
+        share: share, 1 for 100 %.
+        digits: significant digits; a number with more digits before its point keeps them all.
+    """
+    percent = 100 * share
+    text = f"{percent:.{digits}g}"
+    if "e+" in text:
+        text = f"{percent:.0f}"
+    elif "e-" in text:
+        text = f"{percent:.{digits + 4}f}".rstrip("0").rstrip(".")
+    return f"{text} %"

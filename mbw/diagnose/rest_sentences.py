@@ -3,6 +3,7 @@
 from diagnosis.inference.evidence import Evidence
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import RemarkRow, Verdict, Where
+from identification.words import percent_text
 from mbw.diagnose.fitted_sets import FittedRow, fitted_rows
 from mbw.diagnose.sentences import (
     capitalise,
@@ -17,7 +18,7 @@ _MAX_NAMED_PLACES = 2  # places of a local rest that a sentence names
 
 def model_error_words(model_error: float) -> str:
     """Return a relative model error as text, such as ``2.1 % of the motion``."""
-    return f"{100 * model_error:.2g} % of the motion"
+    return f"{percent_text(model_error)} of the motion"
 
 
 def rest_sentence(verdict: Verdict, evidence: Evidence) -> str | None:
@@ -76,7 +77,7 @@ def _best_candidate_words(verdict: Verdict, evidence: Evidence) -> str:
     best = "best" if row.log_odds is None else "most probable"
     return (
         f"no cause is established; the {best} single candidate, {effect_noun(effect)} "
-        f"{place_phrase(location)}, closes {100 * row.closed:.2g} % of the gap, but {why}"
+        f"{place_phrase(location)}, closes {percent_text(row.closed)} of the gap, but {why}"
     )
 
 
@@ -114,7 +115,7 @@ def _share_words(row: RemarkRow) -> str:
     proven = " is proven by the redundant channels"
     if row.closed is None:
         return f"{proven}, but is not established as a cause of the gap"
-    share = f"{100 * max(row.closed, 0.0):.2g} % of the gap"
+    share = f"{percent_text(max(row.closed, 0.0))} of the gap"
     if row.closed < SETTINGS.min_closed:
         return f"{proven}, but it closes only {share}"
     return f"{proven} and would close {share}: correct it first and repeat"

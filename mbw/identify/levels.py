@@ -24,7 +24,7 @@ def level_row(check: LevelCheck | None) -> LevelCheckRow | None:
     ]
     return LevelCheckRow(
         level=check.level_n.tolist(),
-        effects=list(check.law.effects),
+        effects=[] if check.is_constant else None,
         words=check.sentence,
         returns=check.returns,
         within_tests=check.is_within_tests,

@@ -74,7 +74,8 @@ def identify(  # noqa: PLR0913  # one for each option
         list[str] | None,
         typer.Option(
             metavar="HZ,PERCENT",
-            help="Keep a mode of this frequency and damping ratio in per cent; repeatable.",
+            help="Keep a mode of this frequency and damping ratio in per cent, negative if it "
+            "grows; repeatable.",
         ),
     ] = None,
     against: Annotated[

@@ -4,6 +4,7 @@ import numpy as np
 
 from identification import exchange_phrase
 from identification.modal import UNIT_MASS
+from identification.words import percent_text
 from mbw.identify.result import IdentificationResult
 from mbw.identify.schema import IdentifiedModeRow, IdentifiedModesFile
 
@@ -71,7 +72,7 @@ def _shift(measured: float, reference: float | None) -> float:
 
 
 def _percent(value: float) -> str:
-    return f"{100 * value:.3g} %"
+    return percent_text(value, 3)
 
 
 def list_remarks(result: IdentificationResult) -> list[str]:
@@ -80,7 +81,8 @@ def list_remarks(result: IdentificationResult) -> list[str]:
     sentences = [text.rstrip(".") + "." for text in summary.remarks]
     if not summary.modes:
         sentences.insert(0, _no_modes_sentence(summary))
-    if summary.levels is not None and summary.levels.effects and not summary.levels.within_tests:
+    levels = summary.levels
+    if levels is not None and levels.effects != [] and not levels.within_tests:
         sentences.append(
             "The tests of all levels were identified together, but the machine differs from level "
             "to level: some of these modes may stand for the difference, and channels of a body "
@@ -166,9 +168,17 @@ def _quality_remarks(result: IdentificationResult) -> list[str]:
     for number, row in enumerate(summary.modes, start=1):
         if row.doubtful:
             sentences.append(f"Mode {number} is doubtful: {'; '.join(row.doubtful)}.")
+        if row.damping < 0:
+            sentences.append(
+                f"Mode {number} at {row.frequency:.4g} Hz grows, with a damping ratio of "
+                f"{percent_text(row.damping, 3)}: the plant is unstable there, as can be "
+                "measured in a closed loop; a drive point then takes power out of it."
+            )
     spacing = float(np.diff(result.arrays["freq_hz"]).min(initial=np.inf))
     leaky = [
-        row for row in summary.modes if 2 * row.damping * row.frequency < _MAX_LEAKY_LINES * spacing
+        row
+        for row in summary.modes
+        if 2 * abs(row.damping) * row.frequency < _MAX_LEAKY_LINES * spacing
     ]
     if leaky and not summary.hits and not result.arrays["decay"]:
         sentences.append(
@@ -185,7 +195,9 @@ def _quality_remarks(result: IdentificationResult) -> list[str]:
             f"the shape has a standard deviation of up to {largest:.0f} %. Hit another point too "
             "before you rely on its scale."
         )
-    uncertain = [row for row in summary.modes if row.damping_sd > _MAX_DAMPING_SD * row.damping]
+    uncertain = [
+        row for row in summary.modes if row.damping_sd > _MAX_DAMPING_SD * abs(row.damping)
+    ]
     if uncertain:
         sentences.append(
             f"The damping of {_mode_numbers(result, uncertain)} is uncertain by more than "

@@ -125,6 +125,7 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
             *parts.campaign.remarks,
             *parts.comparison.reference.remarks,
             *unknown_gain_sentences(parts.campaign),
+            *measured.corrections,
             *(check.sentence for check in checks.setups if check.agrees is False),
         ],
     )

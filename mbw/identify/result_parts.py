@@ -10,8 +10,11 @@ from identification.modal import (
     MeasuredFrfs,
     ScaledModes,
     SynthesisError,
+    find_combination_tones,
     find_doubtful_modes,
     full_matrix_model,
+    negative_drive_points,
+    negative_residue_phrase,
     real_shapes,
     scale_shapes,
     select_reciprocal_modes,
@@ -112,8 +115,23 @@ def derive_parts(
         real_shapes(shapes),
         compare_shapes(shapes, is_measured, reference),
         is_measured,
-        find_doubtful_modes(scaled.model, n_inside, modes.misfit, scaled.reciprocity),
+        _find_doubts(scaled, modes, n_inside, modes.residue_sd[:, :, order]),
     )
+
+
+def _find_doubts(
+    scaled: ScaledModes, modes: IdentifiedModes, n_inside: int, residue_sd: Real
+) -> tuple[tuple[str, ...], ...]:
+    """Return the reasons to doubt each mode inside the band."""
+    inside = np.arange(len(scaled.model.poles)) < n_inside
+    doubts = find_doubtful_modes(scaled.model, n_inside, modes.misfit, scaled.reciprocity)
+    reasons = [list(of_mode) for of_mode in doubts]
+    for point, negative in negative_drive_points(scaled.model, residue_sd, inside).items():
+        for mode in negative:
+            reasons[mode].append(negative_residue_phrase(point))
+    for mode, reason in find_combination_tones(scaled.model, n_inside).items():
+        reasons[mode].append(reason)
+    return tuple(map(tuple, reasons))
 
 
 def _full_matrix_error(

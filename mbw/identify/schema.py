@@ -217,7 +217,8 @@ class LevelCheckRow(BaseModel):
 
     Args:
         level: peak forces, the lowest first [N].
-        effects: effects that explain the changes and cannot be told apart; empty if none changes.
+        effects: empty if no mode changes; null if any does, since modes alone do not tell which
+            effect it is: ``mbw diagnose`` does.
         words: finding in words.
         returns: whether tests return to a level, so that drift between them is known.
         within_tests: whether the levels are those of single hits: one standard deviation of their
@@ -226,7 +227,7 @@ class LevelCheckRow(BaseModel):
     """
 
     level: list[Finite]
-    effects: list[str]
+    effects: list[str] | None
     words: str
     returns: bool
     within_tests: bool = False

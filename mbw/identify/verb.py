@@ -334,10 +334,10 @@ def parse_forced_modes(texts: list[str]) -> tuple[tuple[float, float], ...]:
                 f"--force {text} does not state a frequency and a damping ratio: write --force "
                 "120.5,2 for 120.5 Hz and 2 per cent"
             ) from error
-        if not (0 < frequency < 1e9 and 0 < percent < 100):
+        if not (0 < frequency < 1e9 and 0 < abs(percent) < 100):
             raise UsageError(
                 f"--force {text}: give a frequency above 0 Hz and a damping ratio between 0 and "
-                "100 per cent"
+                "100 per cent, or between -100 and 0 for a mode that grows"
             )
         modes.append((frequency, percent / 100))
     return tuple(modes)

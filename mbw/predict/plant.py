@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from identification import read_settings
-from identification.words import InputError, Real
+from identification.words import InputError, Real, percent_text
 from mbmodel import (
     AlternativePlants,
     FrfBands,
@@ -251,7 +251,7 @@ def _model_error_phrase(row: BandsRow) -> str:
     """Return what of the bands is no error of the parameters."""
     if not row.discrepancy:
         return "the tuning showed no model error beside the noise"
-    return f"it holds a model error, {100 * row.discrepancy:.2g} % of the machine's forces"
+    return f"it holds a model error, {percent_text(row.discrepancy)} of the machine's forces"
 
 
 def _uncertain_sentence(row: UncertainPlantRow) -> str:

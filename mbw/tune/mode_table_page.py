@@ -2,6 +2,7 @@
 
 from html import escape
 
+from identification.words import percent_text
 from mbw.page.html import badge, fill_template, warning_boxes
 from mbw.page.numbers import format_four_digits
 from mbw.remarks import describe_not_in_mjcf
@@ -57,9 +58,10 @@ def _lead(summary: ModeTableFile) -> str:
     if errors[0] is None or errors[1] is None:
         return "No row of the table has a mode of the model."
     return (
-        f"As drawn, the nominal model is off by up to {100 * errors[0]:.2g} % in frequency; tuned, "
-        f"by up to {100 * errors[1]:.2g} %. The table determines {len(summary.determined)} of "
-        f"{len(summary.parameters)} parameters; the others stay near the nominal model."
+        f"As drawn, the nominal model is off by up to {percent_text(errors[0])} in frequency; "
+        f"tuned, by up to {percent_text(errors[1])}. The table determines "
+        f"{len(summary.determined)} of {len(summary.parameters)} parameters; the "
+        "others stay near the nominal model."
     )
 
 

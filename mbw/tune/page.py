@@ -4,7 +4,7 @@ from html import escape
 
 import numpy as np
 
-from identification.words import Dof
+from identification.words import Dof, percent_text
 from mbw.gain_text import gain_table
 from mbw.gap_text import describe_gap
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
@@ -82,7 +82,7 @@ def _lead(summary: TunedFile) -> str:
     if summary.model_error is None:
         return text + "."
     return text + (
-        f"; beside it, the residuals show a model error of {100 * summary.model_error:.2g} % of "
+        f"; beside it, the residuals show a model error of {percent_text(summary.model_error)} of "
         "each sensor's motion on an ordinary line."
     )
 

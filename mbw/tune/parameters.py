@@ -3,6 +3,7 @@
 import math
 from html import escape
 
+from identification.words import percent_text
 from mbw.page.numbers import format_four_digits
 from mbw.remarks import calibration_sentence, gain_tolerance
 from tuning import TunedFile
@@ -49,7 +50,7 @@ def _interval(row: ParameterRow) -> str:
     if row.low is None or row.high is None:
         return "<td></td><td></td>"
     half = (row.high - row.low) / 2
-    relative = f"±{100 * half / abs(row.tuned):.2g} %" if row.tuned else ""
+    relative = f"±{percent_text(half / abs(row.tuned))}" if row.tuned else ""
     ends = f"{format_four_digits(row.low)} … {format_four_digits(row.high)}"
     return f'<td>{ends}</td><td class="soft">{relative}</td>'
 

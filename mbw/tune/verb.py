@@ -9,7 +9,7 @@ import typer
 from rich.progress import Progress, TaskID
 
 from diagnosis import compute_residual_shares
-from identification.words import UsageError
+from identification.words import UsageError, percent_text
 from mbmodel import refuse_difference
 from mbw.band import check_band
 from mbw.files import write_json
@@ -251,7 +251,7 @@ def _say(summary: TunedFile, folder: Path) -> None:
         SCREEN.say(f"  noise: {number_text(gap.noise)}")
     if summary.model_error is not None:
         SCREEN.say(
-            f"  model error beside the noise: {100 * summary.model_error:.2g} % of the motion at "
+            f"  model error beside the noise: {percent_text(summary.model_error)} of the motion at "
             "each sensor"
         )
     if summary.pairs:
@@ -266,7 +266,7 @@ def _say(summary: TunedFile, folder: Path) -> None:
             where = f"a further sensor beside {gain.place}"
         SCREEN.say(
             f"  {where}: the standard deviation of {gain.parameter} would be "
-            f"{100 * gain.after:.2g} % instead of {100 * gain.before:.2g} %; in the median, "
+            f"{percent_text(gain.after)} instead of {percent_text(gain.before)}; in the median, "
             f"intervals would shrink to {100 * gain.shrink:.0f} %"
         )
     SCREEN.say(f"results in {folder}")

@@ -80,19 +80,15 @@ def recorded_campaign(folder, stiffening, loss=0.0):
 
 
 @pytest.mark.parametrize(
-    ("stiffening", "loss", "effects"),
-    [
-        (0.0, 0.0, ()),
-        (0.02, 0.0, ("backlash", "hardening")),
-        (-0.02, 0.5, ("friction",)),
-    ],
+    ("stiffening", "loss"),
+    [(0.0, 0.0), (0.02, 0.0), (-0.02, 0.5)],
 )
-def test_hits_of_one_test_show_how_modes_change_with_the_level(tmp_path, stiffening, loss, effects):
+def test_hits_of_one_test_show_how_modes_change_with_the_level(tmp_path, stiffening, loss):
     campaign = recorded_campaign(tmp_path, stiffening, loss)
     model, identified, _ = identify(campaign)
     inside = np.arange(len(model.poles)) < int(identified.inside.sum())
     check = check_hits(campaign, model, inside)
-    assert check.law.effects == effects
+    assert check.is_constant == (stiffening == 0.0)
     assert check.is_within_tests
     vertical = min(check.trends, key=lambda trend: abs(trend.freq_hz[0] - 67.9))
     change = np.diff(vertical.freq_hz)[0] / np.diff(np.log(vertical.level))[0]

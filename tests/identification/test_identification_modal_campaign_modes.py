@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from small_machine import virtual_campaign
 
-from identification.modal import combine_tests, identify
+from identification.modal import (
+    ModeChoices,
+    WeightedFrfs,
+    combine_tests,
+    identify,
+    identify_modes,
+)
 from identification.words import InputError
 from mbmodel import model_modes
 
@@ -117,3 +123,34 @@ def test_a_cell_that_is_noisy_in_a_part_of_the_band_weighs_by_that_part(model, t
     others = np.ones(cells.shape, bool)
     others[1, 0] = False
     np.testing.assert_allclose(cells[others], plain[others], rtol=1e-9)
+
+
+@pytest.mark.parametrize("grows", [0, 1, 2, 3])
+@pytest.mark.parametrize("n_in", [1, 2])
+def test_a_growing_mode_among_decaying_ones_has_its_negative_damping(grows, n_in):
+    # A plant in its loop: FRFs by modal superposition with one pole in the right half plane.
+    rng = np.random.default_rng(10 * grows + n_in)
+    freq, damping = np.array([20.0, 35.0, 52.0, 80.0]), np.array([0.01, 0.015, 0.008, 0.02])
+    damping[grows] *= -1
+    poles = 2 * np.pi * freq * (-damping + 1j * np.sqrt(1 - damping**2))
+    shapes = rng.uniform(0.4, 1.2, (6, 4)) * rng.choice([-1.0, 1.0], (6, 4))
+    lines = 0.5 * np.arange(1, 201)
+    s = 2j * np.pi * lines[:, None, None, None]
+    residues = shapes[:, None] * shapes[:n_in] / (2j * poles.imag)
+    terms = residues / (s - poles) + residues.conj() / (s - poles.conj())
+    clean = s[..., 0] ** 2 * terms.sum(axis=-1)
+    sd = 0.01 * np.sqrt((np.abs(clean) ** 2).mean(axis=0))
+    noise = rng.normal(size=(2, *clean.shape)) / np.sqrt(2)
+    values = clean + sd * (noise[0] + 1j * noise[1])
+    data = WeightedFrfs(s[:, 0, 0, 0], 2, values, np.ones((200, 1, 1)), 1 / sd**2)
+    found = identify_modes(data, lines)
+    np.testing.assert_allclose(found.fit.freq_hz[found.inside], freq, rtol=1e-3)
+    np.testing.assert_allclose(found.fit.damping[found.inside], damping, rtol=0.1)
+    assert found.misfit == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_mode_can_be_forced_to_grow(model, true_theta):
+    campaign = virtual_campaign(model, true_theta)
+    found, how, _ = identify(campaign, choices=ModeChoices(force=((40.0, -0.02),)))
+    own = found.poles[: how.inside.sum()]
+    assert np.abs(own - 2 * np.pi * 40 * (0.02 + 1j * np.sqrt(1 - 0.02**2))).min() < 1e-9

@@ -1,5 +1,7 @@
 """Level check on the page of ``mbw identify``: its rows, and its plot in a browser."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from browser import CHROMIUM, GL, browse, data_of
@@ -60,10 +62,13 @@ def text(result, check):
 def test_a_row_holds_the_modes_at_each_level(check):
     row = level_row(check)
     assert row.level == list(LEVELS_N)
-    assert row.effects == ["hardening"]
+    assert row.effects is None
     assert [mode.frequency_changes for mode in row.modes] == [False, False, True]
     assert row.modes[-1].frequency == check.trends[-1].freq_hz.tolist()
     assert level_row(None) is None
+    assert (
+        level_row(replace(check, trends=check.trends[:2], changed=check.changed[:2])).effects == []
+    )
 
 
 def test_modes_of_levels_that_differ_are_said_to_be_of_all_levels(result, check):

@@ -11,7 +11,7 @@ and the mean square over time is the sum over all k. The budget holds k = 0.
 
 import numpy as np
 
-from identification.words import Real
+from identification.words import Real, percent_text
 from mbmodel import Evaluator, FrfRequest
 from tuning.control_loops.sampling import sampling_period
 from tuning.error_budget.budget import ErrorBudget
@@ -62,7 +62,7 @@ def image_sentences(budget: ErrorBudget) -> list[str]:
     errors = budget.definition.errors
     return [
         f"Sampling moves {error.name} at other frequencies too: images of the sampling rate add "
-        f"{100 * share:.3g} % to its mean square, which the rms leaves out."
+        f"{percent_text(share, 3)} to its mean square, which the rms leaves out."
         for error, share in zip(errors, image_shares(budget), strict=True)
         if share >= _MIN_STATED_SHARE
     ]

@@ -1,23 +1,7 @@
-r"""Laws that explain how modes change with the level of motion.
+"""Modes at rising levels: whether they change beyond chance, and which changes most clearly.
 
-A joint whose force is g(q) has, at the amplitude A of its motion, the stiffness k(A) and the loss
-h(A) of its describing function (Gelb and Vander Velde 1968). A mode then shifts by
-
-    df / f = (k(A) - k(0)) / (2 K),    dz = h(A) / (2 K),
-
-K a stiffness of the mode alone, so that dz / (df / f) = h / (k - k(0)) tells the law:
-
-| law | k with A | h over the drop of k |
-|---|---|---|
-| hardening | rises | 0 |
-| centred gap | rises from nothing, then settles | 0 |
-| softening, gap with a preload | falls | 0 |
-| Jenkins element, for A = 1.2, 2, 4, 10 times the slip | falls | 1.3, 0.64, 0.30, 0.12 |
-| dry friction that slides | stays | falls as 1 / A |
-
-Under hits, a motion that decays sweeps over frequency. Its FRFs seem to have more damping then: by
-up to 0.14 of the shift, for cubic springs and gaps. Iwan, LuGre and Bouc-Wen models of friction are
-sets of Jenkins elements or nearly so; modes cannot tell them apart.
+Which effect changes them is not decided here: play, friction and springs that harden move modes
+alike under hits. ``mbw diagnose`` compares them with the FRFs themselves.
 """
 
 from collections.abc import Sequence
@@ -37,51 +21,15 @@ class LevelCheckSettings:
         max_chance: probability that any quantity of a linear machine seems to change.
         min_frequency_change: relative; smaller changes do not matter.
         min_damping_change: relative to the damping ratio.
-        min_friction_loss: rise of the damping ratio over the relative drop of the frequency from
-            which friction alone explains both.
-        min_pure_loss: rise of the damping ratio over the relative rise of the frequency beyond
-            which the damping is the finding, and the frequency drifts.
     """
 
     max_chance: float = 1e-3
     min_frequency_change: float = 5e-4
     min_damping_change: float = 0.02
-    min_friction_loss: float = 0.22
-    min_pure_loss: float = 0.6
 
 
 LEVEL_CHECK_SETTINGS = LevelCheckSettings()
-
-
-@dataclass(frozen=True)
-class LevelLaw:
-    """Laws that explain a change with the level.
-
-    Args:
-        effects: names of effects that the data cannot tell apart, most likely first; none where the
-            modes do not change.
-        words: what the modes do, and which laws do that.
-    """
-
-    effects: tuple[str, ...]
-    words: str
-
-
-LINEAR = LevelLaw((), "no mode changes with the level")
-_FRICTION = LevelLaw(
-    ("friction",),
-    "friction-like: a Jenkins, Iwan, LuGre or Bouc-Wen element, which modes cannot tell apart",
-)
-_SLIDING = LevelLaw(("friction",), "damping falls with the level: dry friction that slides")
-_HARDENING = LevelLaw(("hardening",), "stiffness rises with the level: hardening")
-_STIFFENING = LevelLaw(
-    ("backlash", "hardening"),
-    "stiffness rises with the level: a centred gap or hardening",
-)
-_SOFTENING = LevelLaw(
-    ("backlash", "hardening"),
-    "stiffness falls with the level and damping hardly rises: a gap with a preload, or softening",
-)
+NO_CHANGE = "no mode changes beyond its interval"
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +53,15 @@ class ModeTrend:
         """Relative shift of the frequency from the lowest level; (n_level,)."""
         shift: Real = self.freq_hz / self.freq_hz[0] - 1
         return shift
+
+    @property
+    def sentence(self) -> str:
+        """Change of the mode from the lowest level to the highest, in one sentence."""
+        return (
+            f"The mode at {self.freq_hz[0]:.4g} Hz changes by {100 * self.frequency_shift[-1]:+.2g}"
+            f" % in frequency, and from {100 * self.damping[0]:.3g} to "
+            f"{100 * self.damping[-1]:.3g} % in damping."
+        )
 
     def changes(self, chance: float) -> tuple[bool, bool]:
         """Return whether frequency and damping change with the level.
@@ -135,32 +92,6 @@ def compute_chance_of_constancy(values: Real, deviations: Real) -> float:
     weights = 1 / np.maximum(deviations, 1e-12 * np.abs(values).max()) ** 2
     mean = (weights * values).sum() / weights.sum()
     return float(chi2.sf((weights * (values - mean) ** 2).sum(), len(values) - 1))
-
-
-def name_law(trends: Sequence[ModeTrend]) -> LevelLaw:
-    """Return the law that explains how modes change with the level.
-
-    The shifts of all modes that change are averaged, each weighted by its precision: one joint
-    moves several modes, each by the same law but by another share.
-
-    Args:
-        trends: modes at two levels or more.
-    """
-    settings = LEVEL_CHECK_SETTINGS
-    changes = _list_changes(trends)
-    if not changes:
-        return LINEAR
-    weight = np.array([change.weight for change in changes])
-    shift = float(weight @ [change.shift for change in changes])
-    loss = float(weight @ [change.loss for change in changes])
-    if loss > settings.min_pure_loss * abs(shift):
-        return _FRICTION
-    if shift > 0:
-        trend = max(changes, key=lambda change: change.weight * change.shift).trend
-        return _HARDENING if _is_convex(trend.level, trend.frequency_shift) else _STIFFENING
-    if shift == 0 or -loss > settings.min_pure_loss * abs(shift):
-        return _SLIDING
-    return _FRICTION if loss > -settings.min_friction_loss * shift else _SOFTENING
 
 
 def find_clearest_trend(trends: Sequence[ModeTrend]) -> ModeTrend | None:
@@ -202,7 +133,7 @@ class _ModeChange:
 def _measure_change(trend: ModeTrend, chance: float) -> _ModeChange | None:
     """Return the change of a mode; None if it does not change.
 
-    Every law moves the frequency one way as the level rises. Where it turns back, the mode was
+    A joint moves the frequency one way as the level rises. Where it turns back, the mode was
     followed badly, or is none: that counts as a deviation.
 
     Args:
@@ -235,14 +166,3 @@ def _measure_reversal(values: Real) -> float:
     drop = np.maximum.accumulate(values) - values
     rise = values - np.minimum.accumulate(values)
     return float(min(drop.max(), rise.max()))
-
-
-def _is_convex(level: Real, shift: Real) -> bool:
-    """Return whether a shift grows faster than the level, as that of a cubic spring.
-
-    A cubic spring is linear at small levels; a centred gap changes most there.
-    """
-    if len(level) < 3:
-        return False
-    rates = np.diff(shift) / np.diff(level)
-    return bool(rates[-1] > rates[0])
