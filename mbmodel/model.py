@@ -227,7 +227,7 @@ class Model:
         """
         return model_edits(self, theta)
 
-    def stated(self, theta: Real) -> Real:
+    def without_small_sizes(self, theta: Real) -> Real:
         """Return the parameters without sizes of added Parts that count as nothing.
 
         Args:
@@ -235,12 +235,12 @@ class Model:
         """
         values = zip(self.parts, self.split_parameters(theta), strict=True)
         stated = [
-            part.stated(value) if isinstance(part, AddedPart) and part.stated else value
+            part.leave_out(value) if isinstance(part, AddedPart) and part.leave_out else value
             for part, value in values
         ]
         return np.concatenate([*stated, np.zeros(0)])
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return the parameters that the MJCF holds once theta is written; (n_parameter,).
 
         Args:

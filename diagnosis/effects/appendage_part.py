@@ -124,7 +124,7 @@ class AppendagePart:
             self.compute_slopes,
             written=self.write,
             weighs=self.weigh,
-            stated=self.leave_out_small_masses,
+            leave_out=self.leave_out_small_masses,
         )
 
     def find_resonance(self, theta: Real) -> tuple[float, float]:

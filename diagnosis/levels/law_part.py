@@ -65,7 +65,7 @@ class LawPart:
         count = len(self.table.family.parameters)
         return self.table.family.write(self.spring, theta[:count])
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return theta: the MJCF holds the law."""
         return theta
 

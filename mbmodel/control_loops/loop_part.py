@@ -91,7 +91,7 @@ class LoopPart:
         del theta
         return (NotInMjcf(self.location, "an MJCF has no element for its controller"),)
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return theta: there are no parameters."""
         return theta
 

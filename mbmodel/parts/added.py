@@ -28,7 +28,7 @@ class AddedPart:
         written: returns what to add to an MJCF at theta; None if no MJCF can hold it.
         weighs: returns the spatial inertia that it adds to its body at theta, (6, 6); None if it
             adds no mass.
-        stated: returns theta without sizes that a statement of the change leaves out, since they
+        leave_out: returns theta without sizes that a statement of the change leaves out, since they
             count as nothing; None if there are none.
     """
 
@@ -39,7 +39,7 @@ class AddedPart:
     when: Callable[[Condition], float] | None = None
     written: Callable[[Real], tuple[Addition | NotInMjcf, ...]] | None = None
     weighs: Callable[[Real], Real] | None = None
-    stated: Callable[[Real], Real] | None = None
+    leave_out: Callable[[Real], Real] | None = None
 
     @classmethod
     def linear(
@@ -103,7 +103,7 @@ class AddedPart:
             return ()
         return tuple(NotInMjcf(name, self._reason(theta)) for name in changed)
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return theta if the MJCF holds all of it, else the nominal values."""
         is_whole = not any(isinstance(change, NotInMjcf) for change in self.write(theta))
         return theta if is_whole else drawn_values(self, theta)

@@ -140,7 +140,7 @@ class BodyPart:
             return (edit,)
         return (edit, NotInMjcf(f"{self.body}.inertia", _NEAREST_INERTIA_REASON))
 
-    def held(self, theta: Real, added_inertia: Real | None = None) -> Real:
+    def select_held(self, theta: Real, added_inertia: Real | None = None) -> Real:
         """Return theta with the moments of inertia that are written.
 
         Args:

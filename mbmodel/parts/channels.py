@@ -72,7 +72,7 @@ class ChannelPart:
             if value != parameter.drawn
         )
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return the nominal values."""
         return drawn_values(self, theta)
 

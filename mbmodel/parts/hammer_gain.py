@@ -73,7 +73,7 @@ class HammerGainPart:
             if value != parameter.drawn
         )
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return the nominal values."""
         return drawn_values(self, theta)
 

@@ -118,7 +118,7 @@ class JointPart:
             for joint in self.drawn_joints
         )
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return theta: an MJCF holds places and axes of joints."""
         return theta
 

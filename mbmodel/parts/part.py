@@ -135,7 +135,7 @@ class Part(Protocol):
     def write(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
         """Return what to write into the MJCF at theta, and what the MJCF cannot hold."""
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return the values that the MJCF holds once theta is written."""
 
 

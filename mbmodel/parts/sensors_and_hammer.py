@@ -197,7 +197,9 @@ class SensorPart:
                 if parameter.unit == "s"
                 else "an MJCF site has no gain",
             )
-            for parameter, value, held in zip(self.parameters, theta, self.held(theta), strict=True)
+            for parameter, value, held in zip(
+                self.parameters, theta, self.select_held(theta), strict=True
+            )
             if value != held
         )
         _, rotation, offset, _, _ = self._separate(theta)
@@ -205,7 +207,7 @@ class SensorPart:
             return electric
         return (_site_edit(self.drawn_site, offset, rotation_matrix(rotation)), *electric)
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return theta with the nominal gains, cross-talk and delays: a site has a pose alone."""
         is_pose = [p.known in ("sensor_angle", "sensor_position") for p in self.parameters]
         return np.where(is_pose, theta, drawn_values(self, theta))
@@ -284,7 +286,7 @@ class HammerPart:
             NotInMjcf(name, "an MJCF site has one pose, but each hammer direction needs its own"),
         )
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return the nominal place and direction."""
         return drawn_values(self, theta)
 

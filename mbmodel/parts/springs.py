@@ -142,7 +142,7 @@ class SpringPart:
             values.setdefault(element, {})[attribute] = float(value)
         return tuple(Edit("spring", name, coefficients) for name, coefficients in values.items())
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return theta: an MJCF holds springs and dampers."""
         return theta
 

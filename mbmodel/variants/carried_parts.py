@@ -51,7 +51,7 @@ class CarriedPart:
         del theta
         return ()
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return theta, which the Part of the nominal machine writes."""
         return theta
 
@@ -120,6 +120,6 @@ class TurnedJointPart:
         del theta
         return ()
 
-    def held(self, theta: Real) -> Real:
+    def select_held(self, theta: Real) -> Real:
         """Return theta, which the Part of the nominal machine writes."""
         return theta

@@ -37,11 +37,11 @@ def compare_compiled(
         for attribute, value in values.items():
             if (change.name, attribute) in expected or isinstance(change, Addition):
                 expected[change.name, attribute] = _numbers(value)
-    found = _read_values(after)
+    read_values = _read_values(after)
     for (name, attribute), wanted in expected.items():
-        if (prefix + name, attribute) not in found:
+        if (prefix + name, attribute) not in read_values:
             continue
-        read = found[prefix + name, attribute][: len(wanted)]
+        read = read_values[prefix + name, attribute][: len(wanted)]
         scale = float(np.abs(wanted).max(initial=0.0)) or 1.0
         relative = float(np.abs(read - wanted).max(initial=0.0)) / scale
         if relative > MAX_RELATIVE_DIFFERENCE:

@@ -70,9 +70,9 @@ def held_parameters(model: "Model", theta: Real) -> Real:
     values_of_parts = _values_of_parts(model, theta)
     added = _added_inertias(values_of_parts)
     held = [
-        part.held(values, added.get(part.location))
+        part.select_held(values, added.get(part.location))
         if isinstance(part, BodyPart)
-        else part.held(values)
+        else part.select_held(values)
         for part, values in values_of_parts
     ]
     return np.concatenate([*held, np.zeros(0)])

@@ -1,22 +1,24 @@
 """Comparison of a written MJCF, as it is read back, with the machine in memory.
 
-Both are compared in the joint coordinates of the machine in memory. Coordinates that only the file
-has, such as those of a mass on a spring, are eliminated at a few s = w (1/2 + i):
+Both are compared in the joint coordinates that they share. Coordinates that only the file has, such
+as those of a mass on a spring, are eliminated at a few s = w (1/2 + i):
 
-    Z_red(s) = Z_mm - Z_mf Z_ff^-1 Z_fm,   Z(s) = s^2 M + s C + K + sum f_i(s) l_i r_i'.
+    Z_red(s) = Z_ss - Z_sf Z_ff^-1 Z_fs,   Z(s) = s^2 M + s C + K + sum f_i(s) l_i r_i'.
 
-Coordinates that only memory has are directions that it holds by a stiff spring: they are rigid in
+Coordinates that only memory has are directions that it locks by a stiff spring: they are rigid in
 the file. Without either, M, C and K themselves are compared. So are the rows of all points and the
 columns of all motors.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from identification.words import DIRECTIONS, Dof, Real
+from identification.words import DIRECTIONS, Complex, Dof, Real
 from mbmodel.assembly import Assembly
 from mbmodel.frf.ports import direction_selection
 from mbmodel.machine import Machine
@@ -24,11 +26,60 @@ from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.model import Model, as_drawn
 from mbmodel.writing.difference import MAX_RELATIVE_DIFFERENCE, Difference
 
+T = TypeVar("T", bound=np.generic)
+
 # Frequencies at which coordinates are eliminated, over the machine's typical one.
 _FREQUENCY_RATIOS = (0.3, 1.0, 3.0)
 _OFF_AXIS = 0.5 + 1j  # s over its frequency: no resonance lies there
 # Masses that MuJoCo and our compilation give: it keeps the vertices of meshes in single precision.
 _MAX_MASS_DIFFERENCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """The equation of one machine, and the numbers of the shared coordinates in it."""
+
+    assembly: Assembly
+    shared: list[int]
+
+    @property
+    def machine(self) -> Machine:
+        """The machine."""
+        return self.assembly.machine
+
+    def has_only_shared(self) -> bool:
+        """Return whether there are no further coordinates, and no term that is no polynomial."""
+        is_alike = len(self.shared) == len(self.machine.coordinates)
+        return is_alike and not self.assembly.frequency_dependent
+
+    def select(self, matrix: NDArray[T]) -> NDArray[T]:
+        """Return a matrix of joint coordinates for the shared ones."""
+        return matrix[np.ix_(self.shared, self.shared)]
+
+    def dynamic_stiffness(self, laplace: complex) -> Complex:
+        """Return Z(s) of all coordinates, with the terms that are no polynomial; (nv, nv)."""
+        total: Complex = self.assembly.matrices.dynamic_stiffness(laplace)
+        for term in self.assembly.frequency_dependent:
+            total = total + term.left @ term.at(np.array([laplace]))[0] @ term.right.T
+        return total
+
+    def point_rows(self, point: str) -> Real:
+        """Return the motion of a point's six directions per shared coordinate; (6, n)."""
+        labels = [Dof(point, f"+{direction}") for direction in DIRECTIONS]
+        rows = self.machine.layout.rows(labels)
+        for change in self.assembly.point_changes:
+            if change.slot == "sensor" and change.point == point:
+                added = change.left @ change.core[0] @ change.right.T
+                rows = rows + direction_selection(labels, point) @ added
+        motion: Real = (rows @ self.assembly.jacobian)[:, self.shared]
+        return motion
+
+    def motor_columns(self) -> dict[str, Real]:
+        """Return the generalised force per control of each motor, by name; (n, 1) each."""
+        return {
+            name: (gain.joint + self.assembly.jacobian.T @ gain.body)[self.shared, None]
+            for name, gain in self.machine.motors.items()
+        }
 
 
 def compare_machines(model: Model, theta: Real, written: Machine) -> Difference | None:
@@ -39,119 +90,83 @@ def compare_machines(model: Model, theta: Real, written: Machine) -> Difference 
         theta: parameters that the file holds; (n_parameter,).
         written: machine that the file describes.
     """
-    memory = replace(model, machine=replace(model.machine, loops=()))
-    assembly = memory.assemble(theta)
-    drawn = as_drawn(written)
-    read = drawn.assemble(drawn.drawn)
+    nominal = as_drawn(written)
     names = [model.machine.written_name(name) for name in model.machine.coordinates]
     shared = [name for name in names if name in written.coordinates]
-    ours = [names.index(name) for name in shared]
-    theirs = [written.coordinates.index(name) for name in shared]
-    if missing := [name for name in _drawn_coordinates(model.machine) if name not in shared]:
-        return Difference("coordinate", missing[0], 1.0)
-    found = [
-        *_compare_motion(assembly, read, ours, theirs, shared),
-        *_compare_points(assembly, read, ours, theirs),
-        *_compare_motors(assembly, read, ours, theirs),
+    without_loops = replace(model, machine=replace(model.machine, loops=()))
+    memory = _Side(without_loops.assemble(theta), [names.index(name) for name in shared])
+    file = _Side(
+        nominal.assemble(nominal.drawn), [written.coordinates.index(name) for name in shared]
+    )
+    lacking = [
+        *(name for name in _drawn_coordinates(model.machine) if name not in shared),
+        *(name for name in model.machine.layout.points if name not in written.layout.points),
+        *(name for name in model.machine.motors if name not in written.motors),
     ]
-    worst = max(found, key=lambda difference: difference.relative, default=None)
-    return None if worst is None or worst.relative <= MAX_RELATIVE_DIFFERENCE else worst
+    if lacking:
+        return Difference("element", lacking[0], 1.0)
+    differences = [
+        *_compare_motion(memory, file, shared),
+        *(
+            _difference("point", [point] * 6, memory.point_rows(point), file.point_rows(point))
+            for point in model.machine.layout.points
+        ),
+        *(
+            _difference("motor", [name] * len(shared), column, file.motor_columns()[name])
+            for name, column in memory.motor_columns().items()
+        ),
+    ]
+    worst = max(differences, key=lambda difference: difference.relative)
+    return None if worst.relative <= MAX_RELATIVE_DIFFERENCE else worst
 
 
 def _drawn_coordinates(machine: Machine) -> tuple[str, ...]:
     """Return the coordinates of the joints of the nominal MJCF."""
+    joints = machine.drawing.joints
     return tuple(
-        name
-        for name in machine.coordinates
-        if name in machine.drawing.joints or name.rpartition(".")[0] in machine.drawing.joints
+        name for name in machine.coordinates if name in joints or name.rpartition(".")[0] in joints
     )
 
 
-def _compare_motion(
-    memory: Assembly, read: Assembly, ours: list[int], theirs: list[int], names: list[str]
-) -> list[Difference]:
-    """Return the differences of M, C and K, or of Z(s) where one side has further coordinates."""
-    alike = len(theirs) == len(read.machine.coordinates)
-    if alike and not memory.frequency_dependent:
+def _compare_motion(memory: _Side, file: _Side, names: list[str]) -> list[Difference]:
+    """Return the differences of M, C and K, or of Z(s) where one side has more than these."""
+    pairs = zip(_matrices(memory), _matrices(file), strict=True)
+    if len(memory.shared) and file.has_only_shared() and not memory.assembly.frequency_dependent:
+        whats = "mass", "damping", "stiffness"
         return [
-            _difference(what, names, first[np.ix_(ours, ours)], second[np.ix_(theirs, theirs)])
-            for what, first, second in (
-                ("mass", memory.matrices.mass, read.matrices.mass),
-                ("damping", memory.matrices.damping, read.matrices.damping),
-                ("stiffness", memory.matrices.stiffness, read.matrices.stiffness),
-            )
+            _difference(what, names, memory.select(first), file.select(second))
+            for what, (first, second) in zip(whats, pairs, strict=True)
         ]
-    mass, stiffness = (
-        matrix[np.ix_(ours, ours)] for matrix in (memory.matrices.mass, memory.matrices.stiffness)
-    )
-    typical = np.sqrt(np.abs(np.diag(stiffness)).max() / np.abs(np.diag(mass)).max()) or 1.0
-    differences = []
-    for ratio in _FREQUENCY_RATIOS:
-        laplace = ratio * typical * _OFF_AXIS
-        first = _dynamic_stiffness(memory, laplace)[np.ix_(ours, ours)]
-        second = _reduce(_dynamic_stiffness(read, laplace), theirs)
-        differences.append(_difference("dynamic stiffness", names, first, second))
-    return differences
+    mass, _, stiffness = (np.abs(np.diag(memory.select(matrix))) for matrix in _matrices(memory))
+    typical = float(np.sqrt(stiffness.max() / mass.max())) or 1.0
+    return [
+        _difference(
+            "dynamic stiffness",
+            names,
+            memory.select(memory.dynamic_stiffness(laplace)),
+            _reduce(file.dynamic_stiffness(laplace), file.shared),
+        )
+        for laplace in (ratio * typical * _OFF_AXIS for ratio in _FREQUENCY_RATIOS)
+    ]
 
 
-def _dynamic_stiffness(assembly: Assembly, laplace: complex) -> np.ndarray[tuple[int, int]]:
-    """Return Z(s) with the terms that are no polynomial in s; (nv, nv)."""
-    total = assembly.matrices.dynamic_stiffness(laplace)
-    for term in assembly.frequency_dependent:
-        total = total + term.left @ term.at(np.array([laplace]))[0] @ term.right.T
-    return total
+def _matrices(side: _Side) -> tuple[Real, Real, Real]:
+    """Return M, C and K."""
+    matrices = side.assembly.matrices
+    return matrices.mass, matrices.damping, matrices.stiffness
 
 
-def _reduce(matrix: np.ndarray, kept: list[int]) -> np.ndarray:
+def _reduce(matrix: Complex, kept: list[int]) -> Complex:
     """Return a dynamic stiffness without the other coordinates, on which no force acts."""
     rest = [k for k in range(len(matrix)) if k not in kept]
-    if not rest:
-        return matrix[np.ix_(kept, kept)]
     coupled = np.linalg.solve(matrix[np.ix_(rest, rest)], matrix[np.ix_(rest, kept)])
-    reduced: np.ndarray = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, rest)] @ coupled
+    reduced: Complex = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, rest)] @ coupled
     return reduced
 
 
-def _compare_points(
-    memory: Assembly, read: Assembly, ours: list[int], theirs: list[int]
-) -> list[Difference]:
-    """Return the differences of the motion of all points per joint coordinate."""
-    layouts = memory.machine.layout, read.machine.layout
-    differences = []
-    for point in layouts[0].points:
-        if point not in layouts[1].points:
-            differences.append(Difference("point", point, 1.0))
-            continue
-        labels = [Dof(point, f"+{direction}") for direction in DIRECTIONS]
-        first = layouts[0].rows(labels)
-        for change in memory.point_changes:
-            if change.slot == "sensor" and change.point == point:
-                first = first + direction_selection(labels, point) @ (
-                    change.left @ change.core[0] @ change.right.T
-                )
-        rows = (first @ memory.jacobian)[:, ours], (layouts[1].rows(labels) @ read.jacobian)
-        differences.append(_difference("point", [point] * 6, rows[0], rows[1][:, theirs]))
-    return differences
-
-
-def _compare_motors(
-    memory: Assembly, read: Assembly, ours: list[int], theirs: list[int]
-) -> list[Difference]:
-    """Return the differences of the generalised forces of all motors."""
-    differences = []
-    for name, gain in memory.machine.motors.items():
-        if (other := read.machine.motors.get(name)) is None:
-            differences.append(Difference("motor", name, 1.0))
-            continue
-        first = gain.joint + memory.jacobian.T @ gain.body
-        second = other.joint + read.jacobian.T @ other.body
-        differences.append(
-            _difference("motor", [name] * len(ours), first[ours, None], second[theirs, None])
-        )
-    return differences
-
-
-def _difference(what: str, names: list[str], first: np.ndarray, second: np.ndarray) -> Difference:
+def _difference(
+    what: str, names: list[str], first: Real | Complex, second: Real | Complex
+) -> Difference:
     """Return the largest difference of two matrices, with the name of its row."""
     if not first.size:
         return Difference(what, "", 0.0)
@@ -169,16 +184,16 @@ def compare_masses(path: Path) -> Difference | None:
     Raises:
         InputError: the file cannot be read.
     """
-    ours, _ = compile_with_remarks(path, without_friction=True)
+    read, _ = compile_with_remarks(path, without_friction=True)
     try:
-        theirs = mujoco.MjModel.from_xml_path(str(path))
+        alone = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         return Difference(f"file ({' '.join(str(error).split())})", path.name, 1.0)
-    if ours.nbody != theirs.nbody:
+    if read.nbody != alone.nbody:
         return Difference("number of bodies", path.name, 1.0)
-    for number in range(1, ours.nbody):
-        values = [np.append(m.body_inertia[number], m.body_mass[number]) for m in (ours, theirs)]
+    for number in range(1, read.nbody):
+        values = [np.append(m.body_inertia[number], m.body_mass[number]) for m in (read, alone)]
         relative = float(np.abs(values[0] - values[1]).max() / (values[0].max() or 1.0))
         if relative > _MAX_MASS_DIFFERENCE:
-            return Difference("mass that MuJoCo reads", ours.body(number).name, relative)
+            return Difference("mass that MuJoCo reads", read.body(number).name, relative)
     return None

@@ -33,7 +33,7 @@ def write_model(
     """
     not_held = tuple(edit for edit in model.edits(theta) if isinstance(edit, NotInMjcf))
     changes, laws = split_edits(model, theta)
-    nominal, held = _following(model), model.held(theta)
+    nominal, held = _following(model), model.select_held(theta)
 
     def compare(path: Path) -> Difference | None:
         written = load_machine(path, key=model.machine.keyframe)

@@ -59,7 +59,7 @@ def write_augmented(diagnosis: Diagnosis, target: Path) -> WrittenAugmented:
     theta = diagnosis.parameters.theta if diagnosis.parameters else held_out_gap.theta
     session = held_out_gap.refit.session
     model = session.model
-    stated = model.stated(theta)
+    stated = model.without_small_sizes(theta)
     write_loops(model.machine.loops, target.with_name(LOOPS_JSON))
     written = write_model(model, stated, target, final_folder(target.parent))
     error = not_held_error(model, stated, session.campaign) if written.not_held else None

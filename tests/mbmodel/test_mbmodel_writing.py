@@ -209,7 +209,7 @@ def test_what_the_file_holds_is_what_is_not_listed(tmp_path):
     names, theta = [p.name for p in model.parameters], model.drawn.copy()
     theta[names.index("acc1.gain_x")], theta[names.index("acc1.delay_y")] = 1.1, 1e-4
     theta[names.index("acc1.position_x")] = 0.01
-    held = model.held(theta)
+    held = model.select_held(theta)
     assert [n for n, a, b in zip(names, theta, held, strict=True) if a != b] == [
         "acc1.gain_x", "acc1.delay_y",
     ]  # fmt: skip

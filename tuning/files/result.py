@@ -255,7 +255,7 @@ def not_held_error(model: Model, theta: Real, campaign: Campaign) -> float | Non
         theta: parameters in SI; (n_parameter,).
         campaign: its tests.
     """
-    held = predict(model, model.held(theta), campaign)
+    held = predict(model, model.select_held(theta), campaign)
     return relative_change(held, predict(model, theta, campaign))
 
 
