@@ -6,18 +6,21 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from identification.words import InputError
+from identification.words import InputError, Real
 from mbmodel.meshes.files import is_ascii_stl, is_gmsh, read_mesh
 from mbmodel.meshes.mass_properties import (
     mesh_mass_properties,
     surface_mass_properties,
     surface_triangles,
 )
+from mbmodel.meshes.surface import find_overlap, merge_points, point_text
+from mbmodel.mjcf.source_files import read_source_files
 
 _MESH_INERTIA = mujoco.mjtMeshInertia
 _INERTIA_FROM_GEOM = mujoco.mjtInertiaFromGeom
 # Settings of a mesh whose mass is that of its volume.
 _VOLUME_INERTIAS = (_MESH_INERTIA.mjMESH_INERTIA_LEGACY, _MESH_INERTIA.mjMESH_INERTIA_EXACT)
+_MAX_MASS_DIFFERENCE = 1e-3  # of a body: less needs no remark
 # Files that ``read_mesh`` reads.
 _READABLE_SUFFIXES = (".stl", ".obj", ".msh", ".vtu")
 
@@ -25,19 +28,25 @@ _READABLE_SUFFIXES = (".stl", ".obj", ".msh", ".vtu")
 SpecChange = Callable[[mujoco.MjSpec], None]  # adds elements to a specification, in place
 
 
-def compile_with_meshes(path: Path, change: SpecChange | None = None) -> mujoco.MjModel:
+def compile_with_meshes(
+    path: Path, change: SpecChange | None = None
+) -> tuple[mujoco.MjModel, tuple[str, ...]]:
     """Compile an MJCF so that its meshes have the mass of the volume that they enclose.
 
     MuJoCo's default overestimates the volume of shapes that are not convex. Its exact sum accepts
     an open surface without a message, and it reads neither VTU nor gmsh nor ASCII STL. So meshes
     that give mass to a moving body are checked here and summed exactly, and files that MuJoCo
-    cannot read are passed on as triangles. ``inertia="convex"`` or ``"shell"`` in the MJCF is
-    respected. Meshes for display only are not checked. MuJoCo keeps vertices in single precision,
-    so masses are accurate to some 1e-7.
+    cannot read are passed on as triangles. An ``inertia`` that the MJCF states is respected.
+    Meshes for display only are not checked. MuJoCo keeps vertices in single precision, so masses
+    are accurate to some 1e-7.
 
     Args:
         path: the MJCF.
         change: adds elements before the specification is compiled; None for none.
+
+    Returns:
+        The model, and remarks on bodies whose mass is another one in MuJoCo, and on shells that
+        overlap.
 
     Raises:
         InputError: a mesh that gives mass encloses no definite volume, or cannot be read.
@@ -49,13 +58,24 @@ def compile_with_meshes(path: Path, change: SpecChange | None = None) -> mujoco.
     with_mass = {geom.meshname for geom in users if _gives_mass(spec, geom)}
     as_primitive = {geom.meshname for geom in users if geom.type != mujoco.mjtGeom.mjGEOM_MESH}
     unchecked = []
+    remarks: list[str] = []
+    stated = _meshes_with_inertia(path)
+    is_changed = False
     for mesh in spec.meshes:
         solid = mesh.name in with_mass and mesh.inertia in _VOLUME_INERTIAS
+        if mesh.name in stated and mesh.inertia == _MESH_INERTIA.mjMESH_INERTIA_LEGACY:
+            continue
         try:
-            checked = _prepare_mesh(mesh, _file_of(spec, mesh, path), solid=solid)
+            checked, overlap = _prepare_mesh(mesh, _file_of(spec, mesh, path), solid=solid)
         except InputError as error:
             raise InputError(f"{path}: mesh {mesh.name!r}: {error}") from error
+        if overlap is not None:
+            remarks.append(
+                f"mesh {mesh.name!r}: two of its parts overlap near {point_text(overlap)}, and "
+                "what they share counts twice in its mass: unite them"
+            )
         if solid:
+            is_changed |= mesh.inertia != _MESH_INERTIA.mjMESH_INERTIA_EXACT
             mesh.inertia = _MESH_INERTIA.mjMESH_INERTIA_EXACT
             unchecked += [] if checked else [mesh.name]
         elif (
@@ -68,7 +88,35 @@ def compile_with_meshes(path: Path, change: SpecChange | None = None) -> mujoco.
         change(spec)
     model = spec.compile()
     _check_compiled(path, model, unchecked)
-    return model
+    if is_changed and change is None:
+        remarks += _other_masses(path, model)
+    return model, tuple(remarks)
+
+
+def _meshes_with_inertia(path: Path) -> set[str]:
+    """Return the names of the meshes whose <mesh> element states how its inertia is computed."""
+    elements = [e for file in read_source_files(path) for e in file.root.iter("mesh")]
+    return {
+        element.get("name") or Path(element.get("file", "")).stem
+        for element in elements
+        if element.get("inertia")
+    }
+
+
+def _other_masses(path: Path, model: mujoco.MjModel) -> list[str]:
+    """Return a remark for each body to which MuJoCo alone gives another mass than its mesh has."""
+    try:
+        alone = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError:
+        return []  # it cannot read these files at all
+    return [
+        f"body {model.body(number).name!r} has {model.body_mass[number]:.4g} kg, the exact volume "
+        f"of its meshes; MuJoCo's default gives {alone.body_mass[number]:.4g} kg: state "
+        'inertia="exact" in its <mesh>, or <inertial> in the body'
+        for number in range(min(model.nbody, alone.nbody))
+        if abs(alone.body_mass[number] - model.body_mass[number])
+        > _MAX_MASS_DIFFERENCE * model.body_mass[number]
+    ]
 
 
 def _gives_mass(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
@@ -108,7 +156,9 @@ def _file_of(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, path: Path) -> Path | No
     return None if file.suffix.lower() == ".msh" and not is_gmsh(file) else file
 
 
-def _prepare_mesh(mesh: mujoco.MjsMesh, file: Path | None, *, solid: bool) -> bool:
+def _prepare_mesh(
+    mesh: mujoco.MjsMesh, file: Path | None, *, solid: bool
+) -> tuple[bool, Real | None]:
     """Check a mesh that gives mass, and pass on to MuJoCo a mesh that it cannot read.
 
     Args:
@@ -117,27 +167,31 @@ def _prepare_mesh(mesh: mujoco.MjsMesh, file: Path | None, *, solid: bool) -> bo
         solid: whether the mesh gives the mass of its volume.
 
     Returns:
-        Whether the mesh was checked.
+        Whether the mesh was checked, and a point at which two of its parts overlap, if any.
     """
     if file is None:
         if not (solid and len(mesh.userface)):
-            return False
+            return False, None
         corners = np.array(mesh.userface, np.intp).reshape(-1, 3)
-        surface_mass_properties(np.array(mesh.uservert, float).reshape(-1, 3), corners, 1.0)
-        return True
+        points = np.array(mesh.uservert, float).reshape(-1, 3)
+        surface_mass_properties(points, corners, 1.0)
+        return True, find_overlap(*merge_points(points, corners))
+    overlap = None
     suffix = file.suffix.lower()
     is_foreign = suffix in (".msh", ".vtu") or (suffix == ".stl" and is_ascii_stl(file))
     if solid or is_foreign:
         content = read_mesh(file)
         if solid:
             mesh_mass_properties(content, 1.0)
+            if not len(content.tetrahedra):
+                overlap = find_overlap(*merge_points(content.points, content.triangles))
         if is_foreign:
             triangles = surface_triangles(content)
             used, corners = np.unique(triangles, return_inverse=True)
             mesh.uservert = content.points[used].ravel()
             mesh.userface = corners.ravel()
             mesh.file = ""
-    return solid
+    return solid, overlap
 
 
 def _check_compiled(path: Path, model: mujoco.MjModel, names: list[str]) -> None:

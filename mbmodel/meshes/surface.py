@@ -10,6 +10,14 @@ from identification.words import InputError, Integers, Mask, Real
 # Two units in the last place of single precision (in which STL files hold their numbers), relative
 # to the largest coordinate.
 _SAME_POINT_DISTANCE = 2.5e-7
+# Depth of the points that are tried for an overlap, over the smallest extent that shells share:
+# surfaces that only touch do not count.
+_PROBE_DEPTH = 1e-3
+_MAX_PROBES = 2000  # for each pair of shells: an overlap of a percent of the surface is found
+# Barycentric coordinates of a grid in a triangle.
+_TRIANGLE_GRID = (
+    np.array([(a, b, 8 - a - b) for a in range(1, 7) for b in range(1, 8 - a)], dtype=float) / 8
+)
 
 
 def merge_points(points: Real, triangles: Integers) -> tuple[Real, Integers]:
@@ -77,8 +85,8 @@ def check_shells(points: Real, triangles: Integers) -> None:
 
     A shell of negative volume is a cavity if the other shells wind about it; a shell of positive
     volume must not lie inside the others. Both are decided by the winding number (van Oosterom and
-    Strackee 1983, eq. 8) at the shell's six outermost points. Shells that overlap in part are not
-    detected, and their common volume counts twice.
+    Strackee 1983, eq. 8) at the shell's six outermost points. ``find_overlap`` finds shells that
+    overlap in part.
 
     Args:
         points: [m]; (n, 3).
@@ -106,6 +114,49 @@ def check_shells(points: Real, triangles: Integers) -> None:
                 f"the part near {place} lies inside another and would count twice: remove it, or "
                 "reverse its faces to make it a cavity"
             )
+
+
+def find_overlap(points: Real, triangles: Integers) -> Real | None:
+    """Return a point at which two solid shells overlap in part, or None.
+
+    Points just below the surface of one shell, on a grid of each triangle within the extent that
+    both have, are inside the other where the winding number about them is one.
+
+    Args:
+        points: [m]; (n, 3).
+        triangles: corners of a closed surface; (m, 3).
+    """
+    shell_of = _shells(triangles)
+    for first in range(shell_of.max() + 1):
+        for second in range(shell_of.max() + 1):
+            faces, others = (points[triangles[shell_of == k]] for k in (first, second))
+            if first != second and (place := _find_inside(faces, others)) is not None:
+                return place
+    return None
+
+
+def _find_inside(faces: Real, others: Real) -> Real | None:
+    """Return a point just below some faces that is inside other faces, or None.
+
+    Args:
+        faces: corners [m]; (n, 3, 3).
+        others: corners of the faces of another shell [m]; (m, 3, 3).
+    """
+    lowest = np.maximum(faces.min(axis=(0, 1)), others.min(axis=(0, 1)))
+    highest = np.minimum(faces.max(axis=(0, 1)), others.max(axis=(0, 1)))
+    if (lowest >= highest).any():
+        return None
+    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    depth = _PROBE_DEPTH * float((highest - lowest).min())
+    probes = np.einsum("gc,ncd->ngd", _TRIANGLE_GRID, faces) - depth * normal[:, None]
+    probes = probes.reshape(-1, 3)
+    probes = probes[((probes > lowest) & (probes < highest)).all(axis=1)]
+    for probe in probes[:: max(1, len(probes) // _MAX_PROBES)]:
+        if winding_number(others - probe) > 0.75:
+            inside: Real = probe
+            return inside
+    return None
 
 
 def _shells(triangles: Integers) -> Integers:

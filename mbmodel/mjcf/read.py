@@ -47,7 +47,7 @@ def compile_with_remarks(
         change: adds elements before the file is compiled; None for none.
 
     Returns:
-        The compiled model, and MuJoCo's own warnings as remarks.
+        The compiled model, remarks on its meshes, and MuJoCo's own warnings as remarks.
 
     Raises:
         InputError: missing file, XML or MJCF that MuJoCo refuses, a body without mass, negative
@@ -58,7 +58,7 @@ def compile_with_remarks(
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            model = compile_with_meshes(path, change)
+            model, mesh_remarks = compile_with_meshes(path, change)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(_explain(path, str(error))) from error
     model.opt.enableflags &= ~int(_STEPPING_OPTIONS)
@@ -69,7 +69,8 @@ def compile_with_remarks(
     refuse_unlinearisable(path, model)
     sentences = dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)
     sentences = {text: None for text in sentences if _MUJOCO_PREFIX_WARNING not in text}
-    return model, tuple(f"MuJoCo warns: {sentence}" for sentence in sentences)
+    warned = tuple(f"MuJoCo warns: {sentence}" for sentence in sentences)
+    return model, (*mesh_remarks, *warned)
 
 
 def mjcf_files(path: Path) -> tuple[Path, ...]:

@@ -98,6 +98,23 @@ def test_mujocos_default_would_have_been_wrong(tmp_path):
     path.write_text(machine_text(), encoding="utf-8")
     mass = mujoco.MjModel.from_xml_path(str(path)).body_mass[1]
     assert mass > 1.01 * l_solid(DENSITY)[0]
+    (remark,) = load_machine(path).remarks
+    assert "kg, the exact volume of its meshes" in remark
+    assert f"default gives {mass:.4g} kg" in remark
+    assert load(tmp_path, mesh='file="shape.stl" inertia="exact"').remarks == ()
+
+
+def test_the_authors_word_legacy_stays(tmp_path):
+    l_file(tmp_path, "stl")
+    machine = load(tmp_path, mesh='file="shape.stl" inertia="legacy"')
+    alone = mujoco.MjModel.from_xml_path(str(tmp_path / "machine.xml"))
+    assert machine.body_mass[0, 0] == pytest.approx(alone.body_mass[1], rel=SINGLE)
+
+
+def test_parts_that_overlap_are_doubted(tmp_path):
+    write_stl(tmp_path / "shape.stl", *together(box((1, 1, 1)), box((1, 1, 1), (0.6, 0, 0))))
+    remarks = load(tmp_path).remarks
+    assert any("two of its parts overlap near" in remark for remark in remarks)
 
 
 def test_the_tetrahedra_of_a_volume_mesh_give_mass_and_their_surface_is_seen(tmp_path):

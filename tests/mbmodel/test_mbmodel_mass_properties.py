@@ -26,6 +26,7 @@ from mbmodel.meshes.mass_properties import (
     surface_mass_properties,
     volume_mass_properties,
 )
+from mbmodel.meshes.surface import find_overlap, merge_points
 
 DENSITY = 2800.0
 SIZE, CENTRE = (0.3, 0.5, 0.7), (1.0, -2.0, 3.0)
@@ -251,3 +252,30 @@ def test_the_boxes_of_these_tests_are_turned_outward():
     corners = CUBOID[0][BOX_FACES] - np.array(CENTRE)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert (np.einsum("ni,ni->n", normals, corners[:, 0]) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("shapes", "overlap"),
+    [
+        ((box((1, 1, 1)), box((1, 1, 1), (0.6, 0, 0))), True),  # faces in common planes
+        ((box((4, 0.3, 0.3)), box((0.3, 4, 0.25), (0.1, 0.2, 0.01))), True),  # no corner inside
+        ((box((1, 1, 1)), box((1, 1, 1), (1.0, 0, 0))), False),  # they touch
+        ((box((1, 1, 1)), box((1, 1, 1), (1.4, 0.2, 0.1))), False),
+        ((box((1, 1, 1)),), False),
+    ],
+    ids=["in common planes", "crossing bars", "touching", "apart", "single"],
+)
+def test_shells_that_overlap_in_part_are_found(shapes, overlap):
+    place = find_overlap(*merge_points(*together(*shapes)))
+    assert (place is not None) == overlap
+    if overlap:
+        assert all(
+            (np.abs(place - points.mean(axis=0)) < np.ptp(points, axis=0) / 2).all()
+            for points, _ in shapes
+        )
+
+
+def test_a_cavity_is_no_overlap():
+    points, faces = box((0.5, 0.5, 0.5))
+    hollow = together(box((1, 1, 1)), (points, faces[:, ::-1]))
+    assert find_overlap(*hollow) is None
