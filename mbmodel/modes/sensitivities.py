@@ -38,6 +38,7 @@ from mbmodel.modes.nonlinear_eigenproblem import LawProblem
 from mbmodel.parts import Change
 
 _MIN_POLE_DISTANCE = 1e-7  # relative: closer poles coincide, and their shapes have no derivative
+_ASYMMETRY = 1e-9  # of the largest entry: what rounding leaves of symmetric matrices
 _SINGULAR_VALUE_CUT = 1e-5  # relative: smaller singular values of their equation are left out
 
 
@@ -106,6 +107,53 @@ class LinearisedModes:
         )
         cotangent = by_shapes.T.reshape(len(chosen), count, 1)
         return gradient(solution, self._slopes, cotangent)
+
+    def pole_slopes(self, chosen: Integers) -> Complex:
+        """Return the derivatives of poles by every parameter; (n_parameter, n_chosen).
+
+        With symmetric M, C and K, left and right eigenvectors are one, and
+
+            ds / dp = -phi' (dZ/dp)(s) phi / (phi' Z'(s) phi)
+
+        (Fox and Kapoor 1968, for the quadratic eigenvalue problem), without a solution of an
+        equation. Otherwise, and where joints move, each pole is differentiated by ``gradient``.
+
+        Args:
+            chosen: numbers of the modes, none at rest; (n_chosen,).
+        """
+        matrices, laws = self.assembly.matrices, self.assembly.frequency_dependent
+        stacked = np.array([matrices.mass, matrices.damping, matrices.stiffness])
+        skew = np.abs(stacked - stacked.swapaxes(1, 2)).max(axis=(1, 2))
+        is_symmetric = (skew <= _ASYMMETRY * np.abs(stacked).max(axis=(1, 2))).all()
+        moves_joints = any(c.slot == "path" for changes in self._slopes for c in changes)
+        if laws or moves_joints or not is_symmetric:
+            return np.stack([self._pole_slope(number) for number in chosen.tolist()], axis=1)
+        poles, shapes = self.modes.poles[chosen], self.modes.shapes[:, chosen]
+        at_bodies = self.assembly.jacobian @ shapes
+        powers = poles ** np.arange(3)[:, None]
+        slope = 2 * poles * (matrices.mass @ shapes) + matrices.damping @ shapes
+        below = np.einsum("im,im->m", shapes, slope)
+        rows = []
+        for part, changes in zip(self.model.parts, self._slopes, strict=True):
+            total = np.zeros((len(part.parameters), len(chosen)), complex)
+            for change in changes:
+                if change.slot not in ("joint", "body"):
+                    continue
+                motion = shapes if change.slot == "joint" else at_bodies
+                left, right = change.left.T @ motion, change.right.T @ motion
+                total += np.einsum(
+                    "rm,pkrt,tm,km->pm", left, change.core, right, powers, optimize=True
+                )
+            rows.append(-total / below)
+        return np.concatenate([*rows, np.zeros((0, len(chosen)), complex)])
+
+    def _pole_slope(self, number: int) -> Complex:
+        """Return the derivative of one pole by every parameter; (n_parameter,)."""
+        no_shapes = np.zeros((len(self.outputs), 1), complex)
+        real, imaginary = (
+            self.gradient(np.array([number]), np.array([unit]), no_shapes) for unit in (1.0, 1j)
+        )
+        return np.asarray(real + 1j * imaginary, np.complex128)
 
     @cached_property
     def _slopes(self) -> list[tuple[Change, ...]]:

@@ -18,8 +18,11 @@ from mbw.remarks import describe_not_in_mjcf
 from mbw.tune.mode_table_page import MODE_TABLE_PAGE, render
 from mbw.tune.mode_table_text import mode_lines
 from tuning.files.mode_table_result import (
+    MISSED_SD,
     MODE_TABLE_CSV,
     MODE_TABLE_JSON,
+    REACHED_SD,
+    missed_rows,
     write_mode_table_result,
 )
 from tuning.files.mode_table_schema import ModeTableFile
@@ -38,7 +41,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     priors: Sequence[str],
     complete_below: float | None,
     misplaced: Sequence[str],
-    starts: int,
+    starts: int | None,
     seed: int,
     out: Path | None,
     json: Path | None,
@@ -76,7 +79,7 @@ def run(  # one for each option
     *,
     priors: Sequence[tuple[str, float]] = (),
     complete_below_hz: float | None = None,
-    starts: int = 1,
+    starts: int | None = None,
     seed: int = 0,
 ) -> Path:
     """Tune the model, write the result, print the table beside the modes of the model.
@@ -87,7 +90,8 @@ def run(  # one for each option
         outputs: where the result is written.
         priors: patterns of parameters' names with the standard deviations of their priors.
         complete_below_hz: frequency below which the table has all modes; None if it may lack some.
-        starts: number of starts: the nominal model, then random ones.
+        starts: number of starts: the nominal model, then random ones; None for as many as it
+            takes to reach every row.
         seed: seed of the random starts.
 
     Returns:
@@ -122,6 +126,8 @@ def run(  # one for each option
     if not summary.fit.converged:
         SCREEN.error(f"not converged, {summary.fit.outcome}: {summary.fit.advice}")
         raise typer.Exit(NOT_CONVERGED)
+    if missed_rows(summary.modes, MISSED_SD):
+        raise typer.Exit(NOT_CONVERGED)
     return output.path
 
 
@@ -144,6 +150,7 @@ def _say(summary: ModeTableFile, folder: Path, outputs: ResultOptions) -> None:
     agreement = (
         "" if fit.starts == 1 else f"; {fit.agreeing_starts} of {fit.starts} starts agree on it"
     )
+    SCREEN.say(_describe_rows(summary))
     SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations{agreement}")
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
         typer.echo("\n".join(mode_lines(summary)))
@@ -155,6 +162,17 @@ def _say(summary: ModeTableFile, folder: Path, outputs: ResultOptions) -> None:
     SCREEN.say(f"results in {folder}")
     if outputs.pictures:
         SCREEN.say(f"pictures in {(folder / MODE_TABLE_PAGE).absolute().as_uri()}")
+
+
+def _describe_rows(summary: ModeTableFile) -> str:
+    """Return how many rows the tuned model reaches, with the frequencies of the others."""
+    missed = missed_rows(summary.modes, REACHED_SD)
+    reached = len(summary.modes) - len(missed)
+    text = f"{reached} of {len(summary.modes)} rows are reached within their standard deviation"
+    if not missed:
+        return text
+    listed = ", ".join(f"{row.frequency:.5g}" for row in missed)
+    return f"{text}; not those of {listed} Hz: search on with --starts, or widen a prior"
 
 
 def _describe_determined(summary: ModeTableFile) -> str:

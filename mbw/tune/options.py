@@ -41,8 +41,13 @@ def tune(  # noqa: PLR0913  # one for each option
     json: Json = None,
     band: Band = None,
     starts: Annotated[
-        int, typer.Option(min=1, help="Number of starts: the nominal model, then random ones.")
-    ] = 1,
+        int | None,
+        typer.Option(
+            min=1,
+            help="Number of starts: the nominal model, then random ones. Default: 1; with --modes "
+            "as many as it takes to reach every row, at most 12.",
+        ),
+    ] = None,
     seed: Seed = 0,
     jobs: Jobs = 1,
     residual: Annotated[
@@ -140,7 +145,7 @@ def tune(  # noqa: PLR0913  # one for each option
         out=out,
         json=json,
         band=band,
-        starts=starts,
+        starts=starts or 1,
         seed=seed,
         jobs=jobs,
         residual=residual,

@@ -46,6 +46,7 @@ from tests.bench import (
     survival,
     truth,
     tune,
+    written_models,
 )
 from tests.bench.kept import only_kept
 
@@ -83,6 +84,7 @@ BENCHES = {
     "survival": survival.run,
     "truth": truth.run,
     "tune": tune.run,
+    "written_models": written_models.run,
 }
 RESULTS = Path(__file__).parent / "results"
 

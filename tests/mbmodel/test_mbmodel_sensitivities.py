@@ -188,3 +188,13 @@ def test_modes_are_those_of_the_model(station_model, away):
     np.testing.assert_array_equal(
         now.modes.poles, modes_of_matrices(station_model.matrices(away)).poles
     )
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_slopes_of_all_poles_at_once_are_those_one_by_one(machine, family):
+    model = Model(machine, (*spring_parts(machine), *FAMILIES[family](machine)))
+    linearised = ModeEvaluator(model, some_dofs(machine, 3, 1)).at(model.drawn)
+    chosen = np.flatnonzero(linearised.modes.poles.imag > 0)[:6]
+    by_mode = np.stack([linearised._pole_slope(number) for number in chosen.tolist()], axis=1)
+    found = linearised.pole_slopes(chosen)
+    np.testing.assert_allclose(found, by_mode, atol=1e-9 * np.abs(by_mode).max())

@@ -161,3 +161,20 @@ def test_files_that_are_missing_are_named(machine, tmp_path):
 def test_priors_need_a_table(machine):
     run = mbw("tune", machine[0].parent, "--prior", "*.stiffness=1")
     assert (run.exit_code, "--prior works with --modes only" in run.stderr) == (2, True)
+
+
+def test_the_first_line_counts_the_rows_that_are_reached(result):
+    _, run = result
+    assert run.stderr.splitlines()[0].startswith("3 of 3 rows are reached")
+
+
+def test_a_row_that_cannot_be_reached_is_named_first_and_ends_with_4(tmp_path):
+    (tmp_path / "pair.xml").write_text(MJCF, encoding="utf-8")
+    (tmp_path / "modes.csv").write_text("frequency\n60\n61\n100\n", encoding="utf-8")
+    model, table = tmp_path / "pair.xml", tmp_path / "modes.csv"
+    fixed = ("--prior", "*=0.02")
+    run = mbw("tune", "--modes", table, model, *fixed, "--no-pictures")
+    assert run.exit_code == 4
+    first = run.stderr.splitlines()[0]
+    assert "of 3 rows are reached within their standard deviation; not those of" in first
+    assert (tmp_path / "pair-tuned" / "tuned.xml").is_file()

@@ -30,7 +30,7 @@ from tuning.mode_table.mode_table_tuning import (
 )
 
 MODE_TABLE_JSON, MODE_TABLE_CSV = "mode_table.json", "mode_table.csv"
-_MAX_RESIDUAL_SIGMA = 3.0  # of a row: a larger one is told
+REACHED_SD, MISSED_SD = 1.0, 3.0  # of a row: reached within the first, missed beyond the second
 
 
 def summarise_mode_table(
@@ -157,23 +157,7 @@ def _remarks(rows: Sequence[TabulatedModeRow], without_row: Sequence[ModelModeRo
                 f"factor of {MAX_FREQUENCY_RATIO:g} in frequency."
             )
             continue
-        misses = []
-        if abs(row.tuned.frequency - row.frequency) > _MAX_RESIDUAL_SIGMA * row.frequency_sd:
-            misses.append(
-                f"the tuned mode lies at {row.tuned.frequency:.5g} Hz, "
-                f"{100 * row.tuned.frequency_error:+.2g} %"
-            )
-        if (
-            row.damping is not None
-            and row.damping_sd is not None
-            and abs(row.tuned.damping - row.damping) > _MAX_RESIDUAL_SIGMA * row.damping_sd
-        ):
-            misses.append(
-                f"its damping is {100 * row.tuned.damping:.3g} % instead of "
-                f"{100 * row.damping:.3g} %"
-            )
-        if row.tuned.moves_most is False:
-            misses.append(f"{row.motion} is not its largest motion")
+        misses = describe_misses(row, MISSED_SD)
         if misses:
             sentences.append(
                 f"{name} is not reached: {', and '.join(misses)}; search from more starts with "
@@ -185,6 +169,39 @@ def _remarks(rows: Sequence[TabulatedModeRow], without_row: Sequence[ModelModeRo
             f"Modes of the tuned model between the rows that no row names: {listed} Hz."
         )
     return sentences
+
+
+def describe_misses(row: TabulatedModeRow, deviations: float) -> list[str]:
+    """Return how the tuned mode of a row misses it; empty where the row is reached.
+
+    Args:
+        row: with its tuned mode.
+        deviations: standard deviations of the row within which it is reached.
+    """
+    if row.tuned is None:
+        return ["the model has no mode for it"]
+    misses = []
+    if abs(row.tuned.frequency - row.frequency) > deviations * row.frequency_sd:
+        misses.append(
+            f"the tuned mode lies at {row.tuned.frequency:.5g} Hz, "
+            f"{100 * row.tuned.frequency_error:+.2g} %"
+        )
+    if (
+        row.damping is not None
+        and row.damping_sd is not None
+        and abs(row.tuned.damping - row.damping) > deviations * row.damping_sd
+    ):
+        misses.append(
+            f"its damping is {100 * row.tuned.damping:.3g} % instead of {100 * row.damping:.3g} %"
+        )
+    if row.tuned.moves_most is False:
+        misses.append(f"{row.motion} is not its largest motion")
+    return misses
+
+
+def missed_rows(rows: Sequence[TabulatedModeRow], deviations: float) -> list[TabulatedModeRow]:
+    """Return the rows that the tuned model does not reach within some standard deviations."""
+    return [row for row in rows if describe_misses(row, deviations)]
 
 
 def _input_rows(tuned: ModeTableTuning) -> list[InputRow]:

@@ -28,7 +28,7 @@ import numpy as np
 import scipy.optimize
 
 from identification.readers.mode_table import TabulatedMode
-from identification.words import Complex, Integers, Mask, Real
+from identification.words import Integers, Mask, Real
 from mbmodel import LinearisedModes, ModeEvaluator, Model
 from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
 from tuning.mode_table.largest_motion import NamedMotion, kinetic_energies, name_motion
@@ -158,30 +158,48 @@ class ModeTableMisfit:
         rows, columns = self._match(compared)
         modes = compared.oscillating[columns]
         poles = compared.linearised.modes.poles[modes]
-        by_pole = np.array([1 / poles, 1 / poles.real - 1 / poles]).conj()
+        # ln |s| and ln damping = ln(-Re s) - ln |s| by a parameter, from the slope of s.
+        by_pole = compared.linearised.pole_slopes(modes)
+        by_size = (by_pole / poles).real
+        by_kind = by_size, by_pole.real / poles.real - by_size
         values, slopes = [], []
         for k, row in enumerate(rows):
             residuals = compared.residuals[:, row, columns[k]]
             for kind in np.flatnonzero((residuals != 0) | (np.arange(3) == 0)):
-                gradient = self._slope(compared.linearised, modes[k], row, by_pole[:, k], int(kind))
-                values.append(residuals[kind])
-                slopes.append(self._weights[kind, row] * gradient)
-        for pole in np.setdiff1d(np.flatnonzero(compared.surplus), modes):
-            number = np.array([pole])
-            by_limit = -1 / compared.linearised.modes.poles[number].conj()
-            values.append(compared.surplus[pole])
-            slopes.append(
-                self._limit_weight
-                * compared.linearised.gradient(
-                    number, by_limit, np.zeros((len(self._labels), 1), complex)
+                slope = (
+                    by_kind[kind][:, k]
+                    if kind < 2
+                    else self._shape_slope(compared.linearised, modes[k], row)
                 )
-            )
+                values.append(residuals[kind])
+                slopes.append(self._weights[kind, row] * slope)
+        surplus = np.setdiff1d(np.flatnonzero(compared.surplus), modes)
+        if len(surplus):
+            by_limit = (
+                compared.linearised.pole_slopes(surplus) / compared.linearised.modes.poles[surplus]
+            ).real
+            values += compared.surplus[surplus].tolist()
+            slopes += list(-self._limit_weight * by_limit.T)
         stacked = np.array(slopes).reshape(-1, len(compared.linearised.theta))
         by_x = np.array(
             [self._parametrisation.gradient_by_coordinates(slope, x) for slope in stacked]
         ).reshape(-1, len(x))
         value = self._sum(x, compared, rows, columns)
         return value, np.array(values), by_x
+
+    def reaches_all_rows(self, x: Real, deviations: float) -> bool:
+        """Return whether every row that counts has its mode within some standard deviations.
+
+        Args:
+            x: coordinates of the parameters.
+            deviations: of frequency and damping; a named motion is the largest.
+        """
+        compared = self._compare(x)
+        rows, columns = self._match(compared)
+        residuals = compared.residuals[:, rows, columns]
+        is_named = residuals[2] > _LARGEST_MOTION_MARGIN * self._weights[2, rows]
+        is_far = (np.abs(residuals[:2]) > deviations).any(axis=0) | is_named
+        return len(rows) == int(self._counted.sum()) and not is_far.any()
 
     def pair_modes(self, x: Real) -> TableMatch:
         """Return the modes of the model at x that are matched with the rows that count."""
@@ -264,17 +282,13 @@ class ModeTableMisfit:
         squares = (compared.residuals[:, rows, columns] ** 2).sum() + surplus @ surplus + x @ x
         return 0.5 * float(squares) + float(self._unmatched_cost[unmatched].sum())
 
-    def _slope(
-        self, linearised: LinearisedModes, mode: int, row: int, by_pole: Complex, kind: int
-    ) -> Real:
-        """Return the derivative of an unweighted residual by every parameter [1/SI]."""
-        chosen = np.array([mode])
-        shapes = np.zeros((len(self._labels), 1), complex)
+    def _shape_slope(self, linearised: LinearisedModes, mode: int, row: int) -> Real:
+        """Return the derivative of a row's excess of another motion by every parameter [1/SI]."""
         motion = self._motions[row]
-        if kind < 2 or motion is None:
-            return linearised.gradient(chosen, by_pole[[min(kind, 1)]], shapes)
-        shapes[:, 0] = motion.slope(linearised.shapes[:, mode], self._body_mass)
-        return linearised.gradient(chosen, np.zeros(1, complex), shapes)
+        if motion is None:
+            return np.zeros(len(linearised.theta))
+        shapes = motion.slope(linearised.shapes[:, mode], self._body_mass)[:, None]
+        return linearised.gradient(np.array([mode]), np.zeros(1, complex), shapes)
 
 
 def relative_deviations(mode: TabulatedMode) -> tuple[float, float]:

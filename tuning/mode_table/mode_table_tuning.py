@@ -45,6 +45,8 @@ _MAX_STEP_SIGMA = (
 _MIN_GAIN_NATS = 1e-14  # of the last stage: rounding ends it, at the same digits on any computer
 _ROUGH_GAIN_NATS = 1e-3  # of the stages before
 _MAX_STEPS = 200
+DEFAULT_MAX_STARTS = 12  # where some row stays beyond its deviation; the station needs ten
+_REACHED_SD = 1.0  # of a row's frequency and damping: it is reached within
 _HOP_SDS = (0.2, 0.4)  # of a coordinate: random steps away from the best end so far
 _HOP_SCHEDULES = ((0.0,), (0.03, 0.0))
 AGREEMENT_FACTOR = 1.02  # of the best cost: starts that end below agree
@@ -96,7 +98,7 @@ def tune_to_modes(
     priors: Sequence[tuple[str, float]] = (),
     *,
     complete_below_hz: float | None = None,
-    starts: int = 1,
+    starts: int | None = None,
     seed: int = 0,
     begin: Mapping[str, float] | None = None,
 ) -> ModeTableTuning:
@@ -109,7 +111,9 @@ def tune_to_modes(
             logarithm for sizes, else in SI; 0 fixes; later ones override earlier ones.
         complete_below_hz: frequency below which the table has all modes of the machine; None if
             it may lack some.
-        starts: number of starts: the nominal model, then random steps from the best end so far.
+        starts: number of starts: the nominal model, then random steps from the best end so far;
+            None for as many as it takes until every row is reached, at most
+            ``DEFAULT_MAX_STARTS``.
         seed: seed of the random starts.
         begin: values of parameters near a minimum, by name, at which the first start begins instead
             of the nominal model.
@@ -164,7 +168,7 @@ def tune_to_modes(
 def _search_from_starts(
     misfits: Mapping[float, ModeTableMisfit],
     parametrisation: Parametrisation,
-    starts: int,
+    starts: int | None,
     seed: int,
     first: Real | None,
 ) -> tuple[Minimum, tuple[float, ...]]:
@@ -177,7 +181,7 @@ def _search_from_starts(
     Args:
         misfits: misfit by tolerated error.
         parametrisation: coordinates x.
-        starts: number of starts: the nominal model, then random steps from the best end so far.
+        starts: number of starts; None for as many as it takes to reach every row.
         seed: seed of the random starts.
         first: x of the first start, near a minimum; None for the nominal model.
     """
@@ -189,7 +193,10 @@ def _search_from_starts(
     start = np.zeros(parametrisation.size) if first is None else first
     schedules = _SCHEDULES if first is None else _SCHEDULES[-1:]
     ends: list[Minimum] = []
-    for number in range(starts):
+    for number in range(starts or DEFAULT_MAX_STARTS):
+        enough = starts is None and ends
+        if enough and misfits[0.0].reaches_all_rows(_lowest(ends).x, _REACHED_SD):
+            break
         if not number:
             by_schedule = [search(start, floors) for floors in schedules]
             tried = sum(end.evaluations for end in by_schedule)
