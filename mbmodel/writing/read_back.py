@@ -31,6 +31,8 @@ T = TypeVar("T", bound=np.generic)
 # Frequencies at which coordinates are eliminated, over the machine's typical one.
 _FREQUENCY_RATIOS = (0.3, 1.0, 3.0)
 _OFF_AXIS = 0.5 + 1j  # s over its frequency: no resonance lies there
+# Of points and motors of a hung or preloaded machine: both sides search for its rest, to 1e-8 rad.
+_MAX_DIFFERENCE_AT_REST = 1e-7
 # Masses that MuJoCo and our compilation give: it keeps the vertices of meshes in single precision.
 _MAX_MASS_DIFFERENCE = 1e-6
 
@@ -116,8 +118,18 @@ def compare_machines(model: Model, theta: Real, written: Machine) -> Difference 
             for name, column in memory.motor_columns().items()
         ),
     ]
-    worst = max(differences, key=lambda difference: difference.relative)
-    return None if worst.relative <= MAX_RELATIVE_DIFFERENCE else worst
+    is_found_anew = memory.machine.pose is not None
+    excesses = [
+        difference.relative
+        / (
+            _MAX_DIFFERENCE_AT_REST
+            if is_found_anew and difference.what in ("point", "motor")
+            else MAX_RELATIVE_DIFFERENCE
+        )
+        for difference in differences
+    ]
+    worst = int(np.argmax(excesses))
+    return None if excesses[worst] <= 1.0 else differences[worst]
 
 
 def _drawn_coordinates(machine: Machine) -> tuple[str, ...]:

@@ -49,7 +49,7 @@ def _compare(name: str, path: Path, seed: int) -> dict[str, object]:
         seconds = time.process_time() - start
         statics = load_machine(path, follow=True).statics
         following = replace(model, machine=replace(model.machine, statics=statics))
-        difference = compare_with_mujoco(following, theta, target)
+        difference = compare_with_mujoco(following, model.select_held(theta), target)
     return {
         "machine": name,
         "difference": difference,
