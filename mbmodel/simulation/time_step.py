@@ -20,6 +20,7 @@ _MAX_STEPS_PER_SAMPLE = 320
 # |lambda| h up to which RK4 is stable is 2.78 on the real axis and 2.83 on the imaginary one.
 _MAX_RK4_POLE_TIMES_STEP = 2.0
 _MAX_ERROR = 3e-3  # of each channel's rms: accelerometers are calibrated to 1e-2
+_MAX_USEFUL_ERROR = 0.1  # of a channel's rms: a larger one is no simulation of this machine
 _MIN_SPAN_SAMPLES = 96  # of the recorder, over which the error is estimated
 # Of the largest channel's rms: smaller channels, such as those of rigid directions, do not count.
 _MIN_CHANNEL_SHARE = 1e-3
@@ -146,6 +147,13 @@ def choose_time_step(
                 or "the machine is unstable, the inputs are out of scale, or a motion is too fast "
                 f"(up to {pole / (2 * np.pi):.3g} Hz), which is better left rigid"
             )
+        )
+    if best.error > _MAX_USEFUL_ERROR:
+        raise ConvergenceError(
+            f"{model.machine.source}: even a step of {best.step_s:.2g} s leaves an estimated error "
+            f"of {best.error:.2g} of the motion, since a motion of {pole / (2 * np.pi):.3g} Hz is "
+            f"too fast for {rate_hz:g} samples per second: raise --rate, or leave that direction "
+            "rigid"
         )
     return best
 

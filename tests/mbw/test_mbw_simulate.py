@@ -292,7 +292,7 @@ def test_the_default_rate_holds_all_modes_and_the_record_the_slow_ones(tmp_path,
     (tmp_path / "scaled.xml").write_text(scaled, encoding="utf-8")
     machine = load_machine(tmp_path / "scaled.xml")
     modes = model_modes(as_drawn(machine), as_drawn(machine).drawn)
-    natural = modes.freq_hz[modes.oscillates]
+    natural = modes.freq_hz[modes.oscillates & (modes.damping < 0.2)]
     rate = hammer_plan._default_rate(machine)
     assert rate == max(512.0, np.ceil(1.2 * 2.56 * max(natural, default=0.0)))
     block = hammer_plan._default_block(machine, rate)
@@ -300,6 +300,15 @@ def test_the_default_rate_holds_all_modes_and_the_record_the_slow_ones(tmp_path,
     assert 2048 <= round(block * rate) <= 16384
     if rate == 512.0:
         assert block == 4.0
+
+
+def test_the_default_band_ends_where_modes_overlap():
+    sparse, crowded = np.array([10.0, 20.0, 45.0, 90.0]), np.array([300.0, 310.0, 330.0, 350.0])
+    freq_hz = np.concatenate([sparse, crowded])
+    # Half-power bandwidths of 0.15 f fill the octave about 330 Hz, but not that about 90 Hz.
+    assert hammer_plan.highest_separate_mode(freq_hz, np.full(8, 0.15)) == 90.0
+    assert hammer_plan.highest_separate_mode(freq_hz, np.full(8, 0.01)) == 350.0
+    assert hammer_plan.highest_separate_mode(freq_hz, np.full(8, 0.5)) == 0.0
 
 
 def test_files_of_one_name_in_several_folders_stay_apart():
