@@ -71,6 +71,8 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         exponential_tau = 0.75
         estimator = "Hv"
         reject = false
+        coherence = "multiple"
+        input_spectra = "Sff"
         ignore_hz = [[49.5, 50.5]]
         [[test]]
         file = "c.npz"

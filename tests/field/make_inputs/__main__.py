@@ -4,7 +4,17 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-GROUPS = ("units", "modes", "readers", "files", "models", "references", "habits", "exports")
+GROUPS = (
+    "units",
+    "modes",
+    "readers",
+    "files",
+    "models",
+    "references",
+    "habits",
+    "exports",
+    "advice",
+)
 
 
 def main():

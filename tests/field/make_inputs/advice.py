@@ -1,0 +1,68 @@
+"""Cases on tests with one thing wrong, and on advice that only holds where rivals are excluded."""
+
+import numpy as np
+
+from tests.field.make_inputs.folder import (
+    CHANNELS,
+    REFERENCES,
+    array_files,
+    identify,
+    modes_are,
+    npz,
+    write_case,
+)
+from tests.field.virtual_machine import FREQ_HZ, NOISE, field_machine
+
+AVERAGES = 20
+
+
+def write():
+    """Write all cases of this module."""
+    _several_inputs()
+
+
+def _complex_normal(rng, *shape):
+    return rng.normal(size=(*shape, 2)) @ [1, 1j] / np.sqrt(2)
+
+
+def _shaken_at_once():
+    """Return H1 of two correlated random forces, multiple coherence of each output, and S_xx."""
+    rng = np.random.default_rng(11)
+    exact = field_machine().accelerance()
+    forces = np.array([[1.0, 0.0], [1.2, 0.6]]) @ _complex_normal(rng, len(FREQ_HZ), 2, AVERAGES)
+    motion = exact @ forces
+    deviation = 10 * NOISE * np.median(np.abs(motion), axis=(0, 2))[:, None]
+    motion += deviation * _complex_normal(rng, *motion.shape)
+    adjoint = forces.conj().swapaxes(1, 2)
+    s_xx, s_yx = forces @ adjoint / AVERAGES, motion @ adjoint / AVERAGES
+    values = s_yx @ np.linalg.inv(s_xx)
+    explained = np.einsum("foi,foi->fo", values, s_yx.conj()).real
+    multiple = explained / (np.abs(motion) ** 2).mean(axis=2)
+    coherence = np.repeat(multiple[:, :, None], 2, axis=2)
+    return values.astype(np.complex64), coherence.astype(np.float32), s_xx.astype(np.complex64)
+
+
+def _several_inputs():
+    values, coherence, s_xx = _shaken_at_once()
+    test = (
+        f'file = "t.npz"\naverages = {AVERAGES}\n{CHANNELS}\n{REFERENCES}\nquantity = "accelerance"'
+    )
+    solid = "it moves as a solid up to 110 hz"
+    values_right = modes_are(field_machine().modes()[0])
+    run = identify("--json", "r.json", says=[solid], never=["may be missing"], value=values_right)
+    write_case(
+        "advice/multiple_coherence",
+        "two shakers at once, with the multiple coherence and no word about it",
+        "the body is solid, the noise comes from neighbouring lines, and the key is named",
+        [{**run, "says": [solid, 'coherence = "multiple"', "input_spectra"]}],
+        array_files(values, coherence, test),
+    )
+    files = array_files(values, coherence, test + '\ncoherence = "multiple"')
+    arrays = {"frf": values, "coherence": coherence, "freq_hz": FREQ_HZ, "input_spectra": s_xx}
+    write_case(
+        "advice/input_spectra",
+        "two shakers at once, with the multiple coherence and the spectra of both forces",
+        "the body is solid, and each cell has its noise",
+        [{**run, "never": ["may be missing", "third differences"]}],
+        {**files, "t.npz": npz(**arrays)},
+    )
