@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.checks.channels import channel_remarks
+from identification.checks.dead_in_tests import leave_out_dead_channels
 from identification.checks.lengths import check_lengths
 from identification.checks.outlying_lines import outlying_line_remarks
 from identification.checks.repeated_tests import refuse_repeated_tests
@@ -114,6 +115,8 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     ]
     campaign = leave_out_lines(path, campaign, ranges)
     remarks += campaign.remarks
+    campaign, dead_remarks = leave_out_dead_channels(campaign)
+    remarks += dead_remarks
     stated = {entry.file: entry.unit for entry in settings.test if entry.unit is not None}
     refuse_signals_of_known_gain(path, campaign, stated)
     comparable = leave_out_unknown_gains(campaign)

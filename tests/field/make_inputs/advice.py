@@ -7,6 +7,7 @@ from tests.field.make_inputs.folder import (
     REFERENCES,
     array_files,
     identify,
+    measured,
     modes_are,
     npz,
     write_case,
@@ -19,6 +20,7 @@ AVERAGES = 20
 def write():
     """Write all cases of this module."""
     _several_inputs()
+    _dead_in_one_test()
 
 
 def _complex_normal(rng, *shape):
@@ -65,4 +67,26 @@ def _several_inputs():
         "the body is solid, and each cell has its noise",
         [{**run, "never": ["may be missing", "third differences"]}],
         {**files, "t.npz": npz(**arrays)},
+    )
+
+
+def _dead_in_one_test():
+    values, coherence = measured()
+    rng = np.random.default_rng(12)
+    values[:, 3, 1] = 1e-3 * np.median(np.abs(values[:, 3, 0])) * _complex_normal(rng, len(FREQ_HZ))
+    coherence[:, 3, 1] = rng.beta(1, 9, len(FREQ_HZ))  # of noise from ten hits
+    write_case(
+        "advice/dead_in_one_test",
+        "the cable of a sensor is off in one of two tests",
+        "the channel is named and left out there, and the body is solid",
+        [
+            identify(
+                "--json",
+                "r.json",
+                says=["acc4:+tz read noise alone if hit at acc3:+tz", "left out there", "solid up"],
+                never=["flexible", "a wrong gain"],
+                value=modes_are(field_machine().modes()[0]),
+            )
+        ],
+        array_files(values, coherence),
     )
