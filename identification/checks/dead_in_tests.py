@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.checks.channels import noise_only_channels, noise_only_rows
+from identification.checks.channels import noise_only_rows
 from identification.solid.sensor_errors import Sensors
 from identification.words import Campaign, Dof, Output, Real, Test, shorten_names
 
@@ -29,7 +29,12 @@ def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
     Args:
         campaign: tests of one machine.
     """
-    everywhere = set(noise_only_channels(campaign))
+    alive = {
+        output.positive
+        for test in campaign.tests
+        for row, output in enumerate(test.estimate.frf.outputs)
+        if row not in noise_only_rows(test.estimate, _WEAK_MARGIN)
+    }
     tests: list[Test] = []
     dead: dict[tuple[Output, ...], list[str]] = {}
     silent: dict[tuple[Output, ...], list[str]] = {}
@@ -39,7 +44,7 @@ def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
             [
                 row
                 for row in noise_only_rows(test.estimate, margin)
-                if outputs[row].positive not in everywhere
+                if outputs[row].positive in alive
             ]
             for margin in (_WEAK_MARGIN, 1.0)
         )
