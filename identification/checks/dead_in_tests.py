@@ -29,33 +29,29 @@ def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
     Args:
         campaign: tests of one machine.
     """
+    weak_rows = [noise_only_rows(test.estimate, _WEAK_MARGIN) for test in campaign.tests]
     alive = {
         output.positive
-        for test in campaign.tests
+        for test, weak in zip(campaign.tests, weak_rows, strict=True)
         for row, output in enumerate(test.estimate.frf.outputs)
-        if row not in noise_only_rows(test.estimate, _WEAK_MARGIN)
+        if row not in weak
     }
     tests: list[Test] = []
     dead: dict[tuple[Output, ...], list[str]] = {}
     silent: dict[tuple[Output, ...], list[str]] = {}
-    for test in campaign.tests:
+    for test, weak in zip(campaign.tests, weak_rows, strict=True):
         outputs = test.estimate.frf.outputs
-        weak, noise_only = (
-            [
-                row
-                for row in noise_only_rows(test.estimate, margin)
-                if outputs[row].positive in alive
-            ]
-            for margin in (_WEAK_MARGIN, 1.0)
-        )
-        moving = {row: _moves_by_its_body(campaign, test, row, weak) for row in weak}
-        left_out = [
-            row
+        noise_only = noise_only_rows(test.estimate)
+        moving = {
+            row: _moves_by_its_body(campaign, test, row, weak)
             for row in weak
-            if moving[row]
-            or (moving[row] is None and _whole_sensor_is_in(outputs, row, noise_only))
-        ]
-        for group, chosen in ((dead, left_out), (silent, sorted(set(noise_only) - set(left_out)))):
+            if outputs[row].positive in alive
+        }
+        unknown = [row for row in noise_only if row in moving and moving[row] is None]
+        left_out = [row for row, moves in moving.items() if moves]
+        left_out += [row for row in unknown if _whole_sensor_is_in(outputs, row, noise_only)]
+        undecided = [row for row in unknown if row not in left_out]
+        for group, chosen in ((dead, sorted(left_out)), (silent, undecided)):
             if chosen:
                 channels = tuple(outputs[row].positive for row in chosen)
                 group.setdefault(channels, []).append(str(test.condition.reference))

@@ -73,8 +73,14 @@ def test_a_channel_dead_in_one_test_is_left_out_there(dead):
 
 def test_channels_along_which_nothing_moves_stay():
     # Without motion along y and about x and z the y channels of all sensors read noise.
-    changed, (remark,) = leave_out_dead_channels(campaign(still=[1, 3, 5]))
+    changed, remarks = leave_out_dead_channels(campaign(still=[1, 3, 5]))
     assert channels(changed) == [12, 12, 12]
+    assert remarks == ()
+
+
+def test_a_channel_whose_motion_is_unknown_stays_with_a_remark():
+    changed, (remark,) = leave_out_dead_channels(campaign(dead=[4], n_channel=6))
+    assert channels(changed) == [6, 6, 6]
     assert "or nothing moves there" in remark
 
 
