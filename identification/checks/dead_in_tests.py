@@ -51,6 +51,8 @@ def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
         left_out = [row for row, moves in moving.items() if moves]
         left_out += [row for row in unknown if _whole_sensor_is_in(outputs, row, noise_only)]
         undecided = [row for row in unknown if row not in left_out]
+        if len({outputs[row].point for row in undecided}) > 1:
+            undecided = []  # several sensors that are silent together stand still
         for group, chosen in ((dead, sorted(left_out)), (silent, undecided)):
             if chosen:
                 channels = tuple(outputs[row].positive for row in chosen)
