@@ -1,18 +1,22 @@
 """Cases on tests with one thing wrong, and on advice that only holds where rivals are excluded."""
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.linalg import eigh
 
 from tests.field.make_inputs.folder import (
     CHANNELS,
     REFERENCES,
     array_files,
+    campaign,
     identify,
     measured,
     modes_are,
     npz,
     write_case,
 )
-from tests.field.virtual_machine import FREQ_HZ, NOISE, field_machine
+from tests.field.virtual_machine import FREQ_HZ, NOISE, field_machine, layout_text
 
 AVERAGES = 20
 
@@ -21,6 +25,7 @@ def write():
     """Write all cases of this module."""
     _several_inputs()
     _dead_in_one_test()
+    _hits_in_order()
 
 
 def _complex_normal(rng, *shape):
@@ -89,4 +94,70 @@ def _dead_in_one_test():
             )
         ],
         array_files(values, coherence),
+    )
+
+
+def _eight_hits():
+    """Return the records of eight hits on sensor 1 of the field machine."""
+    # The helpers are on the path only while inputs are written.
+    from hammer_records import Hammer, System, strike  # noqa: PLC0415
+
+    machine = field_machine()
+    omega_squared, vectors = eigh(machine.K, machine.M)
+    shapes = machine.S @ vectors
+    damping = np.diag(vectors.T @ machine.C @ vectors) / (2 * np.sqrt(omega_squared))
+    system = System(np.sqrt(omega_squared) / (2 * np.pi), damping, shapes, shapes[0])
+    hammer = Hammer(
+        rate_hz=400.0,
+        duration_s=2.5,
+        pulse_s=0.008,
+        times_s=tuple((0.1 + 0.0003 * k,) for k in range(8)),
+        noise=2e-3,
+        outputs=tuple(f"{n}:+z" for n in range(1, 6)),
+        reference="1:+z",
+    )
+    return strike(system, hammer)
+
+
+def _hits_in_order():
+    records = _eight_hits()
+    dead = records.motion.copy()
+    rng = np.random.default_rng(13)
+    dead[3:, 3] = 2e-3 * rng.normal(size=dead[3:, 3].shape)
+    growing = records.motion * (1 + 5e-3 * np.arange(8))[:, None, None]
+    for name, situation, expected, motion, says in (
+        (
+            "cable_breaks",
+            "the cable of a sensor breaks after the third of eight hits",
+            "the channel is named and left out, and no law of a joint is",
+            dead,
+            "acc4:+tz is dead in most of the hits",
+        ),
+        (
+            "gain_drifts",
+            "a charge amplifier drifts by half a per cent from hit to hit",
+            "a drift with the number of the hit, and no law of a joint",
+            growing,
+            "from hit to hit",
+        ),
+    ):
+        _write_records(f"advice/{name}", situation, expected, replace(records, motion=motion), says)
+
+
+def _write_records(name, situation, expected, records, says):
+    arrays = {
+        "force": records.force.astype(np.float32),
+        "response": records.motion.astype(np.float32),
+        "rate_hz": records.rate_hz,
+    }
+    test = f'file = "t.npz"\n{CHANNELS}\nreferences = ["1:+z"]\nquantity = "accelerance"'
+    run = identify(
+        "--json", "r.json", says=[says], never=["friction", "Jenkins", "backlash", "gap"]
+    )
+    write_case(
+        name,
+        situation,
+        expected,
+        [{**run, "value": modes_are(field_machine().modes()[0])}],
+        {"campaign.toml": campaign(test), "layout.toml": layout_text(), "t.npz": npz(**arrays)},
     )
