@@ -16,7 +16,7 @@ from tests.field.make_inputs.folder import (
     npz,
     write_case,
 )
-from tests.field.virtual_machine import FREQ_HZ, NOISE, field_machine, layout_text
+from tests.field.virtual_machine import FREQ_HZ, NOISE, field_machine, layout_text, model_text
 
 AVERAGES = 20
 
@@ -26,6 +26,7 @@ def write():
     _several_inputs()
     _dead_in_one_test()
     _hits_in_order()
+    _wrong_models()
 
 
 def _complex_normal(rng, *shape):
@@ -161,3 +162,30 @@ def _write_records(name, situation, expected, records, says):
         [{**run, "value": modes_are(field_machine().modes()[0])}],
         {"campaign.toml": campaign(test), "layout.toml": layout_text(), "t.npz": npz(**arrays)},
     )
+
+
+def _wrong_models():
+    values, coherence = measured()
+    tune = ["tune", ".", "--out", "out"]
+    grams = model_text()
+    for number in ("60", "25"):
+        grams = grams.replace(f'mass="{number}"', f'mass="{number}000"')
+    for inertia in ("2 2 3", "0.9 1.3 1.9"):
+        thousand = " ".join(f"{1000 * float(number):g}" for number in inertia.split())
+        grams = grams.replace(f'diaginertia="{inertia}"', f'diaginertia="{thousand}"')
+    write_case(
+        "advice/masses_in_grams",
+        "the masses of the model are in grams",
+        "refused before the fit, with the masses among the reasons",
+        [{"command": tune, "exit_code": 3, "says": ["masses and inertias of the model by 1000"]}],
+        {**array_files(values, coherence, model=True), "model.xml": grams},
+    )
+    decibels = 20 * np.log10(np.abs(values)) * np.exp(1j * np.angle(values))
+    write_case(
+        "advice/decibels_with_phase",
+        "magnitudes in decibels with a phase",
+        "refused before the fit as decibels, not as a unit",
+        [{"command": tune, "exit_code": 3, "says": ["decibels", "export linear"],
+          "never": ["lbf"]}],
+        array_files(decibels.astype(np.complex64), coherence, model=True),
+    )  # fmt: skip
