@@ -180,10 +180,10 @@ def _wrong_models():
         [{"command": tune, "exit_code": 3, "says": ["masses and inertias of the model by 1000"]}],
         {**array_files(values, coherence, model=True), "model.xml": grams},
     )
-    decibels = 20 * np.log10(np.abs(values)) * np.exp(1j * np.angle(values))
+    decibels = 20 * np.log10(np.abs(values) / 1e-6) * np.exp(1j * np.angle(values))
     write_case(
         "advice/decibels_with_phase",
-        "magnitudes in decibels with a phase",
+        "magnitudes in decibels (re 1e-6 m/s^2/N) with a phase",
         "refused before the fit as decibels, not as a unit",
         [{"command": tune, "exit_code": 3, "says": ["decibels", "export linear"],
           "never": ["lbf"]}],
