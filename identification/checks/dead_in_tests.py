@@ -101,7 +101,7 @@ def _moves_by_its_body(campaign: Campaign, test: Test, row: int, silent: list[in
         return None
     body = layout.body_name(outputs[row].point)
     dead = set(silent)
-    others = [
+    companions = [
         k
         for k, dof in enumerate(outputs)
         if k not in dead
@@ -109,9 +109,9 @@ def _moves_by_its_body(campaign: Campaign, test: Test, row: int, silent: list[in
         and estimate.measured[k, 0]
         and layout.body_name(dof.point) == body
     ]
-    if not others:
+    if not companions:
         return None
-    channels = tuple(outputs[k].positive for k in (*others, row))
+    channels = tuple(outputs[k].positive for k in (*companions, row))
     sensors = Sensors.of(layout, tuple(d for d in channels if isinstance(d, Dof)))
     rows = sensors.rows(np.zeros(sensors.count))
     arm = np.abs(rows[:, 3:]).max(initial=0.0) or 1.0
@@ -120,14 +120,14 @@ def _moves_by_its_body(campaign: Campaign, test: Test, row: int, silent: list[in
     residual = rows[-1] - weights @ rows[:-1]
     if np.linalg.norm(residual) > _MAX_RELATIVE_RESIDUAL * np.linalg.norm(rows[-1]):
         return None
-    return _stands_out(test, others, row, weights)
+    return _stands_out(test, companions, row, weights)
 
 
-def _stands_out(test: Test, others: list[int], row: int, weights: Real) -> bool:
+def _stands_out(test: Test, companions: list[int], row: int, weights: Real) -> bool:
     """Return whether the predicted motion of a channel stands above all noise on enough lines."""
     estimate = test.estimate
-    signs = np.array([estimate.frf.outputs[k].sign for k in others])
-    predicted = estimate.frf.values[:, others, 0] @ (signs * weights)
-    noise = estimate.variance[:, others, 0] @ weights**2 + estimate.variance[:, row, 0]
+    signs = np.array([estimate.frf.outputs[k].sign for k in companions])
+    predicted = estimate.frf.values[:, companions, 0] @ (signs * weights)
+    noise = estimate.variance[:, companions, 0] @ weights**2 + estimate.variance[:, row, 0]
     count = int((np.abs(predicted) ** 2 > _MIN_MOTION_TO_VARIANCE * noise).sum())
     return count >= _MIN_MOVING_LINES

@@ -24,7 +24,7 @@ _N_RESOLUTIONS = (
 _MIN_EARLY_SHARE = 0.9  # share of the energy before the largest, beyond which time runs backwards
 # Energy outside the largest peak; below it the response is too short to have a direction.
 _MIN_RINGING_SHARE = 0.05
-_MIN_MEDIAN_DECIBELS = 5.0  # smaller values are FRFs near 1, not decibels
+_MIN_DECIBELS = 5.0  # smaller values are FRFs near 1, not decibels
 _MIN_SHARE_DIFFERENCE = 0.05  # of early energy, by which decibels explain more than the time sign
 _TINY_IMPULSE_ENERGY = 1e-300  # avoids a division by zero
 
@@ -86,7 +86,7 @@ def _holds_decibels(campaign: Campaign, direction: TimeDirection) -> bool:
     """
     tests = [test for test in campaign.tests if test.condition.test == direction.file]
     sizes = [np.median(np.abs(test.estimate.frf.values)) for test in tests]
-    if np.median(sizes) < _MIN_MEDIAN_DECIBELS:
+    if np.median(sizes) < _MIN_DECIBELS:
         return False
     shares = [_early_share([_from_decibels(test, sign) for test in tests]) for sign in (1.0, -1.0)]
     known = [share for share in shares if share is not None]

@@ -13,6 +13,7 @@ peak, is a drift (temperature, a stud that loosens), and no law of a joint.
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import stdtr
 
 from identification.hits.outliers import excited_lines
 from identification.words import Complex, Output, Real
@@ -22,7 +23,7 @@ _MAX_DRIFT_CHANCE = 1e-3  # that hits without a drift seem to have one, for all 
 _MIN_TOTAL_DRIFT = 2e-3  # over the test, relative: a smaller one matters to no other result
 _MIN_COMMON_SHARE = 0.5  # of the channels that drift alike: else single sensors are named
 _MIN_SLOPE_TO_VARIANCE = 25.0  # |f dH/df|^2 over its noise, which would hide a shift otherwise
-_TINY_POWER = 1e-300  # avoids a division by zero
+_TINY_CHANGE_VARIANCE = 1e-300  # avoids a division by zero
 
 
 def describe_drift(
@@ -40,7 +41,7 @@ def describe_drift(
     if len(peak) < _MIN_DRIFT_HITS:
         return None
     changes, variance = _changes_of_hits(force, motion, freq_hz)
-    weights = 1 / np.maximum(variance, _TINY_POWER)
+    weights = 1 / np.maximum(variance, _TINY_CHANGE_VARIANCE)
     common = (changes * weights).sum(axis=1) / weights.sum(axis=0)
     rows = [_slope_by_number(common[:, kind], peak) for kind in (0, 1)]
     kind = int(rows[1][1] < rows[0][1])  # gain, or frequency if it follows the number more closely
@@ -64,7 +65,7 @@ def _changes_of_hits(force: Complex, motion: Complex, freq_hz: Real) -> tuple[Re
     freq = freq_hz[lines]
     mean = ratio.mean(axis=0)
     off = ratio - mean
-    noise = np.maximum((np.abs(off) ** 2).sum(axis=0) / (len(ratio) - 1), _TINY_POWER)
+    noise = np.maximum((np.abs(off) ** 2).sum(axis=0) / (len(ratio) - 1), _TINY_CHANGE_VARIANCE)
     slope = _frequency_slope(mean, noise / len(ratio), freq)
     basis = np.stack([mean, slope], axis=2) / np.sqrt(noise)[:, :, None]  # (n_freq, n_out, 2)
     normal = np.einsum("foi,foj->oij", basis.conj(), basis).real
@@ -94,9 +95,6 @@ def _slope_by_number(values: Real, peak: Real) -> tuple[float, float]:
 
     The chance is that of a larger |t| without a drift (Student's t-test).
     """
-    # scipy.stats takes nearly a second to import.
-    from scipy.special import stdtr  # noqa: PLC0415
-
     count = len(values)
     number, level = np.arange(count, dtype=float), np.log(np.abs(peak))
     design = np.stack([np.ones(count), number - number.mean(), level - level.mean()], axis=1)

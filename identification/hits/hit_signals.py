@@ -9,7 +9,7 @@ from identification.hits.blocks import Blocks
 from identification.hits.detection import Blow
 from identification.words import Mask, Output, Real, Records
 
-_MAX_DEAD_GAIN = 0.1  # of the channel's largest motion per force: less is no scatter of the aim
+_MAX_BROKEN_GAIN = 0.1  # of the channel's largest motion per force: less is no scatter of the aim
 _MIN_ALIVE_GAIN = 0.5  # median over the other channels, which shows that the hit was good
 _MIN_QUIET_SAMPLES = 16  # before a hit, for the noise of the motion
 _MAX_LOST_HITS = 0.5  # of the hits: with more of them dead, the channel is left out instead
@@ -18,7 +18,7 @@ _MIN_HUM_SHARE = 0.5  # of the power of the force beside the hits
 _RIVAL_FREQUENCIES = (0.7, 0.85, 1.18, 1.43)  # of mains: slow drift and noise explain these as well
 _MIN_HUM_PERIODS = 3.0
 _MIN_HUM_MOMENTUM = 0.01  # of that of the hit, within the force window: an error of 1 % of an FRF
-_RINGING_WIDTHS = 8  # pulse widths after a hit in which hammer and filters ring
+_HUM_FREE_WIDTHS = 8  # pulse widths after a hit in which hammer and filters ring
 # Steps of a converter of 8 bits, and some more for offsets; fewer steps of a better converter whose
 # range is set too wide act alike.
 _MAX_COARSE_STEPS = 300
@@ -42,10 +42,10 @@ def find_dead_channels(blocks: Blocks) -> tuple[Mask, Mask]:
     n_out = relative.shape[1]
     dead = np.zeros(relative.shape, bool)
     for channel in range(n_out):
-        others = np.delete(relative, channel, axis=1)
-        if others.size and largest[channel] > 0:
-            alive = np.median(others, axis=1) > _MIN_ALIVE_GAIN
-            dead[:, channel] = (relative[:, channel] < _MAX_DEAD_GAIN) & alive
+        companions = np.delete(relative, channel, axis=1)
+        if companions.size and largest[channel] > 0:
+            alive = np.median(companions, axis=1) > _MIN_ALIVE_GAIN
+            dead[:, channel] = (relative[:, channel] < _MAX_BROKEN_GAIN) & alive
     is_lost = np.asarray(dead.sum(axis=0) > _MAX_LOST_HITS * len(dead))
     return np.asarray(dead[:, ~is_lost].any(axis=1)), is_lost
 
@@ -116,7 +116,7 @@ def _rest_of_force(records: Records, blows: Sequence[Blow]) -> list[Real]:
         for blow in blows:
             if blow.main.record == number:
                 starts.append(blow.onset - blow.main.width)
-                ends.append(blow.end + _RINGING_WIDTHS * blow.main.width)
+                ends.append(blow.end + _HUM_FREE_WIDTHS * blow.main.width)
         parts = [
             force[start:stop]
             for start, stop in zip(ends, [*starts, len(force)], strict=True)
