@@ -58,7 +58,7 @@ def list_limits(summary: TunedFile) -> list[str]:
     if any(test.variance_from == "differences" for test in summary.tests):
         sentences.append(
             "The noise was estimated from third differences along frequency: the files hold no "
-            "coherence, or they state no number of averages above one."
+            "coherence of single inputs, or they state no number of averages above one."
         )
     return sentences
 

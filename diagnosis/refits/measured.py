@@ -10,9 +10,12 @@ def count_measured_frfs(campaign: Campaign) -> int:
 
 
 def find_variance_source(campaign: Campaign) -> VarianceSource:
-    """Return where the noise's variance comes from; the worse source if there are two."""
+    """Return where the noise's variance comes from; the worse source if there are two.
+
+    A variance that the files state counts as one from coherences.
+    """
     sources = {test.estimate.variance_source for test in campaign.tests}
-    return "coherence" if sources == {"coherence"} else "differences"
+    return "differences" if "differences" in sources else "coherence"
 
 
 def choose_stride(lines: int, stride: int, settings: DiagnosisSettings) -> int:

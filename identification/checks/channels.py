@@ -61,6 +61,22 @@ def noise_only_channels(campaign: Campaign) -> dict[Output, str]:
     }
 
 
+def noise_only_rows(estimate: FrfEstimate, margin: float = 1.0) -> list[int]:
+    """Return the channels of a good test that read noise alone in it, but not zero.
+
+    Args:
+        estimate: FRFs of one test.
+        margin: factor on the largest measure of noise, above 1 where other evidence must follow.
+    """
+    return [
+        row
+        for row, level in enumerate(_signal_levels(estimate))
+        if level.value <= margin * level.max_noise
+        and level.is_good_test
+        and not estimate.reads_zero[row, 0]
+    ]
+
+
 @dataclass(frozen=True)
 class _SignalLevel:
     """Measure of the signal of a channel in one test, and its median over channels.
@@ -98,7 +114,7 @@ class _SignalLevel:
 def _signal_levels(estimate: FrfEstimate) -> list[_SignalLevel]:
     """Return the signal level of every channel."""
     coherence = estimate.coherence
-    if coherence is not None:
+    if coherence is not None and estimate.variance_source != "differences":
         values = np.median(coherence[:, :, 0], axis=0)
         limits = (_coherence_of_noise(estimate.averages), _MIN_GOOD_COHERENCE, "a coherence")
     else:

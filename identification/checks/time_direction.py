@@ -9,7 +9,7 @@ quantity of a channel does not matter (Bendat and Piersol 2010, ch. 2, on causal
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,8 @@ _N_RESOLUTIONS = (
 _MIN_EARLY_SHARE = 0.9  # share of the energy before the largest, beyond which time runs backwards
 # Energy outside the largest peak; below it the response is too short to have a direction.
 _MIN_RINGING_SHARE = 0.05
+_MIN_DECIBELS = 5.0  # smaller values are FRFs near 1, not decibels
+_MIN_SHARE_DIFFERENCE = 0.05  # of early energy, by which decibels explain more than the time sign
 _TINY_IMPULSE_ENERGY = 1e-300  # avoids a division by zero
 
 
@@ -65,11 +67,39 @@ def refuse_reversed_time(path: Path, campaign: Campaign, signs: Mapping[str, str
             )
     for direction in time_directions(campaign):
         if direction.is_reversed:
+            if _holds_decibels(campaign, direction):
+                raise InputError(
+                    f"{path}: {direction.file}: its magnitudes are in decibels, and taken as such "
+                    "its responses follow the force: export linear complex FRFs"
+                )
             right = "+" if signs[direction.file] == "-" else "-"
             raise InputError(
                 f"{path}: {direction.file}: responses precede the force, so that its FRFs follow "
                 f'exp({right}i w t): set time_sign = "{right}" in its [[test]]'
             )
+
+
+def _holds_decibels(campaign: Campaign, direction: TimeDirection) -> bool:
+    """Return whether values taken as decibels follow the force more clearly than conjugated ones.
+
+    Below 0 dB the stated phase is turned by half a turn.
+    """
+    tests = [test for test in campaign.tests if test.condition.test == direction.file]
+    sizes = [np.median(np.abs(test.estimate.frf.values)) for test in tests]
+    if np.median(sizes) < _MIN_DECIBELS:
+        return False
+    shares = [_early_share([_from_decibels(test, sign) for test in tests]) for sign in (1.0, -1.0)]
+    known = [share for share in shares if share is not None]
+    return min(known, default=1.0) < 1 - direction.early_share - _MIN_SHARE_DIFFERENCE
+
+
+def _from_decibels(test: Test, sign: float) -> Test:
+    """Return a test whose values were decibels of a sign with a phase."""
+    frf = test.estimate.frf
+    size = np.abs(frf.values)
+    phase = sign * frf.values / np.where(size > 0, size, 1.0)
+    values = np.power(10.0, np.clip(sign * size / 20, -12.0, 12.0)) * phase
+    return replace(test, estimate=replace(test.estimate, frf=replace(frf, values=values)))
 
 
 def _is_magnitude(test: Test) -> bool:

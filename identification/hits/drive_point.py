@@ -189,4 +189,5 @@ def _mobility(test: Test, row: int) -> DrivePointMobility:
     factor = laplace ** (1 - DERIVATIVE_ORDER[quantity])
     mobility = np.asarray(values[good] * factor, np.complex128)
     deviation = np.sqrt(variance[good] / 2) * np.abs(factor)  # variance: real plus imaginary part
-    return DrivePointMobility(freq[good], laplace, mobility, quantity, deviation)
+    channels = np.asarray(estimate.frf.values[good][:, :, 0] * factor[:, None], np.complex128)
+    return DrivePointMobility(freq[good], laplace, mobility, quantity, deviation, channels)

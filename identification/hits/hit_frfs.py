@@ -11,6 +11,13 @@ from identification.hits.blocks import Blocks, cut_blocks
 from identification.hits.densities import hit_densities, noise_densities, noise_powers
 from identification.hits.detection import Blow, find_blows
 from identification.hits.estimators import AveragedSpectra, average_spectra, estimate_frf
+from identification.hits.hit_drift import describe_drift
+from identification.hits.hit_signals import (
+    describe_coarse_channels,
+    find_coarse_channels,
+    find_hum,
+    leave_out_dying_channels,
+)
 from identification.hits.peak_slope import estimate_peak_slope
 from identification.hits.recorded_window import combine_windows, detect_recorded_window
 from identification.hits.rejection import reject_hits
@@ -98,6 +105,7 @@ class _UsableHits:
         noise: spectral densities before the hits, or None.
         recorded_tau: time constant of the exponential window that the records seem to carry
             [s]; None for none.
+        faults: clauses on the signals of the hits, with what follows.
     """
 
     blocks: Blocks
@@ -106,6 +114,7 @@ class _UsableHits:
     residual_response: float
     noise: SpectralDensities | None
     recorded_tau: float | None
+    faults: tuple[str, ...]
 
 
 def _select_hits(
@@ -113,6 +122,7 @@ def _select_hits(
 ) -> _UsableHits:
     """Cut the blocks of one reference, reject bad hits and window the force."""
     blocks, left_out = cut_blocks(records, blows, plan)
+    blocks, faults = leave_out_dying_channels(blocks)
     if settings.reject and blocks.blows:
         blocks, rejected = reject_hits(
             blocks, lambda chosen: _spectra(chosen, settings.force_window_s)
@@ -127,8 +137,28 @@ def _select_hits(
     window = force_windows(blocks, settings.force_window_s)
     recorded_tau = detect_recorded_window(blocks)
     blocks = replace(blocks, force=blocks.force * window)
-    noise = noise_densities(records, blows, plan.block)
-    return _UsableHits(blocks, window, left_out, residual_response(blocks), noise, recorded_tau)
+    noise = noise_densities(blocks.records, blows, plan.block)
+    window_s = float((window > 0).sum(axis=1).max()) / records.rate_hz
+    return _UsableHits(
+        blocks,
+        window,
+        left_out,
+        residual_response(blocks),
+        noise,
+        recorded_tau,
+        (*faults, *_describe_signals(blocks, blows, window_s)),
+    )
+
+
+def _describe_signals(blocks: Blocks, blows: Sequence[Blow], window_s: float) -> list[str]:
+    """Return clauses on hum and coarse converters, with what follows from them."""
+    hum = find_hum(blocks.records, blows, window_s)
+    coarse = describe_coarse_channels(find_coarse_channels(blocks), blocks.records.reference)
+    effects = (
+        (hum, "FRFs are wrong there; ground the hammer, or leave the lines out by ignore_hz"),
+        (coarse, "motion below a step is lost; record with a smaller range"),
+    )
+    return [f"{clause}: {effect}" for clause, effect in effects if clause is not None]
 
 
 def _spectra(blocks: Blocks, force_window_s: float | None) -> tuple[Complex, Complex]:
@@ -155,6 +185,14 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
     freq = np.arange(plan.block // 2 + 1) * records.rate_hz / plan.block
     momenta = blocks.force.sum(axis=1) / records.rate_hz
     values = estimate_frf(averages, settings.estimator, noise_powers(hits.noise, freq))
+    peaks = np.array([blow.main.height for blow in blocks.blows])
+    drift = describe_drift(force, motion, peaks, records.outputs, freq)
+    faults = list(hits.faults)
+    if drift is not None:
+        faults.append(
+            f"{drift}: a drift with time, such as temperature or a stud that loosens, not with the "
+            "level; let the machine settle, or spread the hits of each point over the test"
+        )
     estimate = HitEstimate(
         test=records.test,
         reference=records.reference,
@@ -181,13 +219,14 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
         first_block=first_block,
         densities=hit_densities(blocks),
         noise=hits.noise,
-        peak_slope=estimate_peak_slope(
-            force, motion, np.array([blow.main.height for blow in blocks.blows])
-        ),
+        # What the signals or their order explain is no change with the level.
+        peak_slope=None if faults else estimate_peak_slope(force, motion, peaks),
         tau_s=tau,
     )
     recorded_tau = None if settings.window_tau else hits.recorded_tau
-    return replace(estimate, remarks=hit_remarks(estimate, recorded_tau))
+    place = f"{records.test}, hammer at {records.reference}"
+    of_signals = [f"{place}: {fault}" for fault in faults]
+    return replace(estimate, remarks=(*of_signals, *hit_remarks(estimate, recorded_tau)))
 
 
 def _with_variance(

@@ -8,6 +8,10 @@ them apart: away from resonances, where Y is nearly imaginary, d ln|Y| / d ln w 
 the point is a spring (Im Y > 0) and at most -1 where it is a mass (Im Y < 0). For Y times w^2 or
 w^-2 this fails on one side of each resonance. It tells conjugated FRFs too, which read as -Y* if
 they are accelerances or receptances: their power is negative, but their reactance is right.
+
+A hammer beside its point makes some modes take power, which a delay by half their periods feigns.
+But a delay turns the phases of all channels, while a hammer at another place leaves them at 0 or
+180 degrees at resonances: the squares of all mobilities, which know no sign, tell both apart.
 """
 
 from dataclasses import dataclass
@@ -18,6 +22,9 @@ from identification.words import DERIVATIVE_ORDER, Complex, Quantity, Real
 
 _MIN_EXPLAINED_SHARE = 0.95  # power share of a drive point with its fault removed
 _MIN_SHARE_GAIN = 0.1  # by which a delay or quantity must explain more than a reversed direction
+_PEAK_LOG_WIDTH = 0.05  # of ln f: a resonance is the largest power within 5 % to either side
+# Gain of the score of phases from which a delay is one: 0.5 ms at modes around 50 Hz give 0.05.
+_MIN_PHASE_GAIN = 0.05
 _MAX_DELAY_S = 0.05  # delays that are searched
 _DELAYS_PER_PERIOD = 10  # steps of delay in one period of the highest frequency
 _MAX_DELAY_STEPS = 4000  # in all, which bounds the work for high frequencies
@@ -37,6 +44,7 @@ class DrivePointMobility:
         values: mobility according to the stated quantity, along the hammer; (n_line,).
         quantity: stated quantity.
         deviation: standard deviation of the real part; (n_line,).
+        channels: mobilities of all channels of the test; (n_line, n_channel).
     """
 
     freq_hz: Real
@@ -44,6 +52,7 @@ class DrivePointMobility:
     values: Complex
     quantity: Quantity
     deviation: Real
+    channels: Complex
 
     def as_if(self, quantity: Quantity) -> Complex:
         """Return the mobility if the file held another quantity; (n_line,)."""
@@ -85,11 +94,38 @@ def explain_negative_power(point: DrivePointMobility, place: str) -> str | None:
     delay_s, delayed_share = _find_delay(point)
     if delayed_share < max(_MIN_EXPLAINED_SHARE, abs(share) + _MIN_SHARE_GAIN):
         return None
+    if _peak_phase_score(point, delay_s) < _peak_phase_score(point, 0.0) + _MIN_PHASE_GAIN:
+        return (
+            f"{place} takes power from the hammer at some resonances, and no delay: the phases of "
+            "the other channels are right; check the places of hammer and sensor"
+        )
     late = "lags" if delay_s > 0 else "leads"
     return (
         f"at {place} the motion {late} the force by {1e3 * abs(delay_s):.2g} ms: a delay between "
         "their channels, not an opposite sign; remove it in the export"
     )
+
+
+def _peak_phase_score(point: DrivePointMobility, delay_s: float) -> float:
+    """Return how close the phases of all channels at resonances are to 0 or 180 degrees.
+
+    The score is the mean over resonances of sum Re(Y^2 exp(2 i w delay)) / sum |Y|^2, summed over
+    channels: 1 for real mode shapes, and the cosine of 2 w times an error of the delay.
+    """
+    power = (np.abs(point.channels) ** 2).sum(axis=1)
+    log_freq = np.log(point.freq_hz)
+    first = np.searchsorted(log_freq, log_freq - _PEAK_LOG_WIDTH)
+    last = np.searchsorted(log_freq, log_freq + _PEAK_LOG_WIDTH, side="right")
+    peaks = [
+        line
+        for line, (start, stop) in enumerate(zip(first, last, strict=True))
+        if start < line < stop - 1 and power[line] >= power[start:stop].max() > 0
+    ]
+    if not peaks:
+        return 0.0
+    turn = np.exp(4j * np.pi * point.freq_hz[peaks] * delay_s)
+    squares = (point.channels[peaks] ** 2).sum(axis=1) * turn
+    return float((squares.real / power[peaks]).mean())
 
 
 def _is_conjugated(point: DrivePointMobility, share: float, quantity: Quantity | None) -> bool:

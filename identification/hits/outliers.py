@@ -99,14 +99,14 @@ def outlier_distances(force: Complex, motion: Complex) -> tuple[Real, Real]:
 
 def _expected_motion(force: Complex, motion: Complex) -> tuple[Complex, Complex, Complex]:
     """Return F, X and the predicted motion M F on the lines that the hits excite."""
-    excited = _excited_lines(force)
+    excited = excited_lines(force)
     force, motion = force[:, excited], motion[:, excited]
     ratios = motion / force[:, :, None]
     middle = np.median(ratios.real, axis=0) + 1j * np.median(ratios.imag, axis=0)
     return force, motion, np.asarray(middle * force[:, :, None], np.complex128)
 
 
-def _excited_lines(force: Complex) -> Mask:
+def excited_lines(force: Complex) -> Mask:
     """Return the lines above 0 Hz and below 0.8 of Nyquist that all hits excite; (n_freq,)."""
     size = np.abs(force).min(axis=0)
     excited: Mask = size > _MIN_EXCITATION * size[1:].max()

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from identification.hits.blocks import Blocks, rejection
+from identification.hits.hit_signals import find_dead_channels
 from identification.hits.outliers import Reasons, find_mirrored_hits, find_outlying_hits
 from identification.words import Complex, HitRejection, Mask, Real
 
@@ -22,7 +23,7 @@ _TINY_BLOCK_ENERGY = 1e-300  # avoids a division by zero
 def reject_hits(
     blocks: Blocks, spectra: Callable[[Blocks], tuple[Complex, Complex]]
 ) -> tuple[Blocks, tuple[HitRejection, ...]]:
-    """Leave out copied, clipped, double, overlapping, weak, mirrored and outlying hits.
+    """Leave out copied, clipped, double, overlapping, weak, dead, mirrored and outlying hits.
 
     The checks run in this order; each sees the hits that the earlier ones kept.
 
@@ -35,7 +36,15 @@ def reject_hits(
         The kept blocks, and the rejected hits with their reasons.
     """
     left_out: list[HitRejection] = []
-    for check in (_find_copies, _find_overloads, _find_doubles, _find_overlaps, _find_weak):
+    checks = (
+        _find_copies,
+        _find_overloads,
+        _find_doubles,
+        _find_overlaps,
+        _find_weak,
+        _find_dead,
+    )
+    for check in checks:
         blocks = _without(blocks, check(blocks), left_out)
     for compare in (find_mirrored_hits, find_outlying_hits):
         if len(blocks.blows) > 2:
@@ -163,3 +172,11 @@ def _find_weak(blocks: Blocks) -> Reasons:
         f"weak: {peak:.3g} N, the median is {median:.3g} N" if peak < _MIN_PEAK * median else None
         for peak in peaks
     ]
+
+
+def _find_dead(blocks: Blocks) -> Reasons:
+    """Find hits in which a channel is dead that other hits show alive."""
+    if len(blocks.blows) < 2:
+        return [None] * len(blocks.blows)
+    is_dead, _ = find_dead_channels(blocks)
+    return ["a channel is dead that is alive in other hits" if dead else None for dead in is_dead]

@@ -7,6 +7,7 @@ from identification.words import Complex, FrfEstimate, Real
 
 # Coherences are clipped to this range: 0 and 1 would mean infinite and zero variance.
 _MIN_COHERENCE, _MAX_COHERENCE = 1e-4, 1 - 1e-7
+_TINY_SQUARED_FRF = 1e-300  # avoids a division by zero
 _MEDIAN_LINES = 31  # lines of the running median of squared differences
 _MIN_HALF_WINDOW = 2  # lines on either side, in the shorter windows towards 0 Hz
 # The variance from n hits has 2 (n - 1) degrees of freedom at each line. Noise changes slowly along
@@ -34,6 +35,52 @@ def coherence_variance(values: Complex, coherence: Real, averages: int) -> Real:
     clipped = np.clip(coherence, _MIN_COHERENCE, _MAX_COHERENCE)
     variance: Real = np.abs(values) ** 2 * (1 - clipped) / (clipped * (averages - 1))
     return variance
+
+
+def several_input_variance(
+    values: Complex, multiple_coherence: Real, input_spectra: Complex, averages: int
+) -> Real:
+    r"""Compute the variance of FRFs whose inputs acted at once, from the multiple coherence.
+
+    With the averaged spectra S_xx of q inputs, the multiple coherence g2 of an output and n
+    averages (Bendat and Piersol 2010, ch. 9),
+
+        S_yy = H S_xx H^H / g2
+        cov(H_yi, H_yj) = (1 - g2) S_yy [S_xx^-1]_ij / (n - q)
+
+    One input gives the formula of ``coherence_variance``. The errors of the references of one
+    output are correlated where inputs are; the diagonal alone is returned, since every test is one
+    reference, and fits weigh tests as independent. The variance of each value is then right, and
+    what correlated errors share counts once for each reference.
+
+    Args:
+        values: FRFs H; (n_freq, n_out, n_in).
+        multiple_coherence: g2 of each output; (n_freq, n_out).
+        input_spectra: S_ij, the mean of x_i conj(x_j), up to a common factor a line;
+            (n_freq, n_in, n_in).
+        averages: number n of averages, more than n_in.
+
+    Returns:
+        E|error|^2 [square of the unit of the FRFs]; (n_freq, n_out, n_in).
+    """
+    clipped = np.clip(multiple_coherence, _MIN_COHERENCE, _MAX_COHERENCE)
+    explained = np.einsum("foi,fij,foj->fo", values, input_spectra, values.conj()).real
+    noise = explained * (1 - clipped) / clipped / (averages - values.shape[2])
+    inverse = np.einsum("fii->fi", np.linalg.inv(input_spectra)).real
+    variance: Real = noise[:, :, None] * inverse[:, None, :]
+    return variance
+
+
+def implied_coherence(values: Complex, variance: Real, averages: int) -> Real:
+    """Compute the ordinary coherence that a variance of H1 implies: 1 / (1 + (n - 1) v / |H|^2).
+
+    Args:
+        values: FRFs H; any shape.
+        variance: E|error|^2; the shape of ``values``.
+        averages: number n of averages, at least 2.
+    """
+    ratio = (averages - 1) * variance / np.maximum(np.abs(values) ** 2, _TINY_SQUARED_FRF)
+    return np.asarray(1 / (1 + ratio), float)
 
 
 def difference_variance(values: Complex) -> Real:
@@ -76,7 +123,8 @@ def difference_variance(values: Complex) -> Real:
 def smooth_variance(estimate: FrfEstimate) -> Real:
     """Average the variance over neighbouring lines, which removes the scatter of few hits.
 
-    Weights need such a variance. One from differences is smooth already and stays as it is.
+    Weights need such a variance. One from differences is smooth already, and one that the file
+    states is used as it is.
 
     Args:
         estimate: FRFs with their variance.
@@ -86,7 +134,7 @@ def smooth_variance(estimate: FrfEstimate) -> Real:
     """
     variance = estimate.variance
     if estimate.variance_source != "coherence":
-        return variance  # differences are smoothed already
+        return variance  # differences are smoothed already, and stated variances stay as they are
     hits = estimate.averages or 2
     width = 2 * int(np.ceil(_DEGREES_OF_FREEDOM / max(2 * (hits - 1), 1) / 2)) + 1
     smooth: Real = uniform_filter1d(variance, min(width, len(variance)), axis=0, mode="nearest")

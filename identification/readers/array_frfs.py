@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.array_files import load_arrays
+from identification.readers.array_noise import input_spectra as find_input_spectra
+from identification.readers.array_noise import stated_variance
 from identification.readers.channel_labels import parse_channels, parse_references
 from identification.readers.coherence import real_coherence
 from identification.readers.frf_table import FrfTable
@@ -27,12 +29,13 @@ def read_arrays(
     references: list[str],
     quantity: Quantity,
     unit: str | None,
+    input_spectra: str | None = None,
 ) -> FrfTable:
     """Read the FRFs of a .mat file (FRFs, COHs, freqs) or .npz file (frf, coherence, freq_hz).
 
     The axes of the FRFs are (out, in, freq), as is usual in MATLAB, or (freq, out, in). The
     lengths of the three axes decide; if both fit, frequency is the first axis. Coherence is
-    optional.
+    optional, as are variance, covariance over channels and spectra of the inputs.
 
     Args:
         path: the file.
@@ -40,6 +43,7 @@ def read_arrays(
         references: labels of the references, or names of motors.
         quantity: quantity of the FRFs.
         unit: units such as ``g/N`` or ``g/N, rad/s^2/(N m)``; None for SI.
+        input_spectra: name of the array of the inputs' cross spectra, if it is not the usual one.
 
     Raises:
         InputError: the file is unreadable, or its arrays contradict channels or references.
@@ -71,15 +75,22 @@ def read_arrays(
         if table is not None:
             _refuse_nan(path, name, table, freq_hz, responses, inputs)
     units = parse_frf_units(path, quantity, unit)
+    factors = units.factors(responses, inputs)
+    variance = stated_variance(path, arrays, values)
+    spectra = find_input_spectra(path, arrays, input_spectra, shape)
+    if spectra is not None:  # a factor 1 / f_j of an FRF is one f_j of the input
+        spectra = spectra / np.multiply.outer(factors[0], factors[0])
     return FrfTable(
         freq_hz=freq_hz,
-        values=values * units.factors(responses, inputs),
+        values=values * factors,
         coherence=coherence,
         measured=np.ones(shape[1:], bool),
         responses=responses,
         references=inputs,
         quantity=quantity,
         remarks=unit_remarks(path, units, responses, inputs),
+        variance=None if variance is None else variance * factors**2,
+        input_spectra=spectra,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.checks.channels import channel_remarks
+from identification.checks.dead_in_tests import leave_out_dead_channels
 from identification.checks.lengths import check_lengths
 from identification.checks.outlying_lines import outlying_line_remarks
 from identification.checks.repeated_tests import refuse_repeated_tests
@@ -16,7 +17,11 @@ from identification.checks.time_direction import refuse_reversed_time
 from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.hits.campaign import tests_from_records
 from identification.hits.drive_point import drive_point_signs
-from identification.noise.variance import coherence_variance, difference_variance
+from identification.noise.variance import (
+    coherence_variance,
+    difference_variance,
+    implied_coherence,
+)
 from identification.readers.array_frfs import read_arrays
 from identification.readers.campaign_toml import (
     CampaignSettings,
@@ -34,6 +39,7 @@ from identification.readers.file_kinds import (
 from identification.readers.frf_table import FrfTable, set_zero_line
 from identification.readers.frf_units import refuse_signals_of_known_gain
 from identification.readers.ignored_lines import leave_out_lines
+from identification.readers.several_inputs import CoherenceKind, resolve_several_inputs
 from identification.readers.uff_frfs import read_uff
 from identification.readers.uff_nodes import site_axes_remarks
 from identification.readers.units import frequency_factor
@@ -60,7 +66,6 @@ from identification.words import (
 )
 
 _MIN_LINES_OF_PHASE = 4  # a static test of one to three lines may well be real
-_TINY_SQUARED_FRF = 1e-300  # avoids a division by zero
 
 
 def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Campaign:
@@ -85,7 +90,7 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
         if entry.file in raw:
             tests += raw[entry.file]
         else:
-            table = _table(path, entry, layout)
+            table = _table(path, entry, layout, entry.coherence or settings.coherence)
             remarks += table.remarks
             tests += _tests_of_table(path.parent / entry.file, entry, settings.sensor, table)
     try:
@@ -110,6 +115,8 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     ]
     campaign = leave_out_lines(path, campaign, ranges)
     remarks += campaign.remarks
+    campaign, dead_remarks = leave_out_dead_channels(campaign)
+    remarks += dead_remarks
     stated = {entry.file: entry.unit for entry in settings.test if entry.unit is not None}
     refuse_signals_of_known_gain(path, campaign, stated)
     comparable = leave_out_unknown_gains(campaign)
@@ -173,11 +180,14 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
     return layout
 
 
-def _table(path: Path, entry: TestSettings, layout: Layout) -> FrfTable:
+def _table(
+    path: Path, entry: TestSettings, layout: Layout, coherence: CoherenceKind | None
+) -> FrfTable:
     """Read the FRFs of one file at the sites of the layout, in the convention exp(+i w t)."""
     file = path.parent / entry.file
     table = set_zero_line(file.name, _on_sites(file, _read_table(file, entry), layout))
     table = check_coherence(file, table)
+    table = resolve_several_inputs(file, table, coherence, entry.averages)
     _refuse_values_without_phase(file, table)
     return replace(table, values=table.values.conj()) if entry.time_sign == "-" else table
 
@@ -217,7 +227,9 @@ def _tests_of_table(
 def _read_table(file: Path, entry: TestSettings) -> FrfTable:
     """Read the FRFs of one file, with points named as in the file."""
     if is_arrays(file):
-        table = read_arrays(file, **array_description(file, entry))
+        table = read_arrays(
+            file, **array_description(file, entry), input_spectra=entry.input_spectra
+        )
         hertz, _ = frequency_factor(file, entry.frequency_unit)
         return replace(table, freq_hz=hertz * table.freq_hz)
     if not is_universal(file):
@@ -293,7 +305,9 @@ def _test(entry: TestSettings, table: FrfTable, reference: Input, rows: Mask) ->
     values = frf.values
     coherence = None if table.coherence is None else table.coherence[:, rows][:, :, column]
     coherence = _complete_coherence(values, coherence, entry.averages)
-    variance, source = _variance(values, coherence, entry.averages)
+    variance, source = _variance(values, None if table.is_multiple else coherence, entry.averages)
+    if table.variance is not None:
+        variance, source = table.variance[:, rows][:, :, column], "stated"
     estimate = FrfEstimate(
         frf=frf,
         variance=variance,
@@ -320,8 +334,7 @@ def _complete_coherence(
 ) -> Real | None:
     """Fill cells without coherence with the one that third differences along frequency imply.
 
-    With the variance v of H1 from ``difference_variance`` and n averages that coherence is
-    1 / (1 + (n - 1) v / |H|^2). Return None if no cell has a coherence, or if cells lack it and
+    Return None if no cell has a coherence, or if cells lack it and
     the number of averages is unknown or 1.
     """
     if coherence is None or not np.isfinite(coherence).any():
@@ -331,12 +344,8 @@ def _complete_coherence(
         return coherence
     if averages is None or averages < 2:
         return None
-    ratio = (
-        (averages - 1)
-        * difference_variance(values)
-        / np.maximum(np.abs(values) ** 2, _TINY_SQUARED_FRF)
-    )
-    return np.asarray(np.where(missing, 1 / (1 + ratio), coherence), float)
+    implied = implied_coherence(values, difference_variance(values), averages)
+    return np.asarray(np.where(missing, implied, coherence), float)
 
 
 def _variance(

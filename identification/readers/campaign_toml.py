@@ -8,6 +8,7 @@ from pydantic import Field
 
 from identification.readers.ignored_lines import FrequencyRanges
 from identification.readers.loop_toml import CampaignLoopTable
+from identification.readers.several_inputs import CoherenceKind
 from identification.readers.toml_files import FileName, TomlTable, Turn, load_toml, read_toml
 from identification.words import (
     DEFAULT_HAMMER,
@@ -36,6 +37,9 @@ class TestSettings(TomlTable):
     keeps bad hits. Block, pre-trigger and exponential window of one file hold for all files of
     the campaign.
 
+    ``coherence = "multiple"`` says that several inputs acted at once; ``input_spectra`` names the
+    array of their cross spectra, which is found under that very name without the key.
+
     ``as_stated = true`` says that unit, quantity and frequency unit are right, however much the
     nominal model differs.
 
@@ -47,6 +51,8 @@ class TestSettings(TomlTable):
 
     file: FileName
     averages: int | None = Field(default=None, ge=1, le=1_000_000)
+    coherence: CoherenceKind | None = None
+    input_spectra: str | None = Field(default=None, min_length=1)
     level: float | None = Field(default=None, gt=0)
     spindle_speed: float = 0.0
     setup: str | None = None
@@ -137,7 +143,10 @@ class TuningSettings(TomlTable):
 
 
 class CampaignSettings(TomlTable):
-    """Content of campaign.toml; ``ignore_hz`` leaves out lines, here or in one ``[[test]]``."""
+    """Content of campaign.toml; ``ignore_hz`` leaves out lines, here or in one ``[[test]]``.
+
+    ``coherence`` here holds for all tests that do not state theirs.
+    """
 
     model: FileName | None = None
     key: str | None = None
@@ -147,6 +156,7 @@ class CampaignSettings(TomlTable):
     hammer: dict[str, HammerSettings] = Field(default_factory=dict)
     loop: dict[str, CampaignLoopTable] = Field(default_factory=dict)
     ignore_hz: FrequencyRanges = Field(default_factory=list)
+    coherence: CoherenceKind | None = None
     tolerance: ToleranceSettings = ToleranceSettings()
     tuning: TuningSettings = TuningSettings()
 

@@ -20,6 +20,10 @@ class FrfTable:
         references: degrees of freedom, or motors by their names.
         quantity: receptance, mobility or accelerance.
         remarks: sentences on the file, for example that it holds a record twice.
+        variance: variance of the FRFs that the file states, or None; (n_freq, n_out, n_in).
+        input_spectra: spectra S_ij of inputs that acted at once, the mean of x_i conj(x_j), up to a
+            common factor, or None; (n_freq, n_in, n_in).
+        is_multiple: whether the coherence is multiple, so that no variance follows from it.
     """
 
     freq_hz: Real
@@ -30,6 +34,9 @@ class FrfTable:
     references: tuple[Input, ...]
     quantity: Quantity
     remarks: tuple[str, ...] = ()
+    variance: Real | None = None
+    input_spectra: Complex | None = None
+    is_multiple: bool = False
 
 
 def set_zero_line(file: str, table: FrfTable) -> FrfTable:

@@ -27,7 +27,12 @@ from identification.solid.frequency_limit import ResidualSpectrum, highest_solid
 from identification.solid.sensor_faults import FaultHypothesis
 from identification.solid.sentences import body_sentence, confounded_phrase, fault_phrase
 from identification.solid.silent_channels import drop_still_channels
-from identification.solid.swapped_bodies import BodySwap, find_body_swap
+from identification.solid.swapped_bodies import (
+    BodySwap,
+    MovedSensor,
+    find_body_swap,
+    find_moved_sensor,
+)
 from identification.words import Campaign, Dof, Real, Tolerance, frozen_array
 
 
@@ -132,12 +137,16 @@ def check_bodies(
     swap = find_body_swap(table, campaign, list(searches.values()))
     if swap is not None:
         searches |= _searches(swap.table, campaign, swap.bodies)
+    moved = None if swap is not None else find_moved_sensor(table, campaign, [*searches.values()])
+    if moved is not None:
+        campaign = moved.campaign
+        searches |= _searches(table, campaign, moved.bodies)
     dead = list_dead_channels(campaign)
     return tuple(
         _assemble_check(
             search,
             tolerance,
-            swap,
+            (swap, moved),
             [dof for dof in dead if campaign.layout.body_name(dof.point) == body],
         )
         for body, search in searches.items()
@@ -155,9 +164,13 @@ def _searches(
 
 
 def _assemble_check(
-    search: FaultSearch, tolerance: Tolerance, swap: BodySwap | None, dead: Sequence[Dof]
+    search: FaultSearch,
+    tolerance: Tolerance,
+    elsewhere: tuple[BodySwap | None, MovedSensor | None],
+    dead: Sequence[Dof],
 ) -> BodyCheck:
     """Assemble the check of one body from its search, and its channels that read zero."""
+    swap, moved = elsewhere
     data = search.data
     last = search.rankings[-1].body_fit if search.rankings else None
     residuals, shapes_matter = correct_spectrum(data, tolerance, search)
@@ -189,7 +202,7 @@ def _assemble_check(
         has_unexplained=search.has_unexplained,
         confounded=find_confounded(search.rankings[0], last, tolerance) if last else (),
         unidentifiable=find_unidentifiable(last, tolerance) if last else (),
-        sentence=_check_sentence(search, residuals, faults, tolerance),
+        sentence=_check_sentence(search, residuals, faults, tolerance, moved),
     )
 
 
@@ -198,9 +211,11 @@ def _check_sentence(
     residuals: ResidualSpectrum,
     faults: tuple[Fault, ...],
     tolerance: Tolerance,
+    moved: MovedSensor | None,
 ) -> str:
     """Return the result of a body in words."""
-    phrases = [fault_phrase(fault.effect, fault.location, fault.dof) for fault in faults]
+    phrases = [moved.phrase] if moved is not None and search.data.body in moved.bodies else []
+    phrases += [fault_phrase(fault.effect, fault.location, fault.dof) for fault in faults]
     if search.has_unexplained:
         phrases.append("a residual remains beyond these faults" if faults else "a residual remains")
     if any(fault.effect == "flexible_body" for fault in faults) and len(faults) > 1:

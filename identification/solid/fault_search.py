@@ -104,7 +104,7 @@ def search_faults(
         excluded: faults that are not considered.
     """
     state = BelievedBody.healthy(data, tolerance)
-    rank, redundant = _count_channels(data)
+    rank, redundant = count_channels(data)
     if redundant < MIN_REDUNDANT_CHANNELS or redundant > _MAX_REDUNDANT:
         fitted = fit_errors(state.model, Moments.of(data, blocks=1))
         nats = fitted.data + fitted.prior
@@ -243,7 +243,7 @@ def _concerns_channel(hypothesis: FaultHypothesis, dead: FaultHypothesis) -> boo
     return (hypothesis.location, hypothesis.dof) == (dead.location, dead.dof)
 
 
-def _count_channels(data: BodyData) -> tuple[int, int]:
+def count_channels(data: BodyData) -> tuple[int, int]:
     """Return how many of the six rigid motions the channels determine, and the redundant ones."""
     rows = data.sensors.rows(np.zeros(data.sensors.count)) * data.scale[:, None]
     ranks = [project(rows, mask).rank if mask.any() else 0 for mask in data.measured]

@@ -1,4 +1,7 @@
-"""Detection of exchanged sensors on different bodies: both bodies look faulty, and neither is."""
+"""Sensors on other bodies than drawn: two that are exchanged, or one whose body is wrong.
+
+Bodies then look faulty, and are not.
+"""
 
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -6,7 +9,11 @@ from itertools import combinations, product
 import numpy as np
 
 from identification.solid.body_channels import ChannelTable, body_data
-from identification.solid.fault_search import FaultSearch
+from identification.solid.fault_search import (
+    MIN_REDUNDANT_CHANNELS,
+    FaultSearch,
+    count_channels,
+)
 from identification.solid.moments import Moments
 from identification.solid.rigid_fit import fit_errors
 from identification.solid.sensor_faults import BelievedBody
@@ -93,3 +100,62 @@ def _healthy_nats(table: ChannelTable, campaign: Campaign, body: str) -> float:
         BelievedBody.healthy(data, campaign.tolerance).model, Moments.of(data, blocks=1)
     )
     return fitted.data + fitted.prior
+
+
+@dataclass(frozen=True, eq=False)
+class MovedSensor:
+    """A sensor that sits on another body than drawn.
+
+    Args:
+        campaign: campaign whose layout has the sensor on its true body.
+        site: the sensor.
+        bodies: the drawn body and the true one.
+    """
+
+    campaign: Campaign
+    site: str
+    bodies: tuple[str, str]
+
+    @property
+    def phrase(self) -> str:
+        """Sensor and body, with the key that corrects the layout."""
+        drawn, true = self.bodies
+        return (
+            f"{self.site} moves with {true}, not with {drawn}: correct its body in the model, or "
+            f'set body = "{true}" in [sensor.{self.site}]'
+        )
+
+
+def find_moved_sensor(
+    table: ChannelTable, campaign: Campaign, searches: list[FaultSearch]
+) -> MovedSensor | None:
+    """Return the best move of a sensor to another body, if it beats all faults of the first.
+
+    The other body must gain redundant channels: otherwise it would take any sensor.
+
+    Args:
+        table: all channels.
+        campaign: layout and tolerances.
+        searches: results of the search on each body.
+    """
+    best: tuple[float, MovedSensor] | None = None
+    layout = campaign.layout
+    for first in searches:
+        if not first.accepted and not first.has_unexplained:
+            continue
+        for site, second in product(first.data.sensors.names, searches):
+            if second is first or site not in layout.points:
+                continue
+            bodies = (first.data.body, second.data.body)
+            axes = layout.axes[layout.points.index(site)]
+            moved = replace(campaign, layout=layout.with_point_axes(site, axes, bodies[1]))
+            remaining, joined = (body_data(table, moved, body) for body in bodies)
+            if remaining is None or joined is None:
+                continue
+            if count_channels(joined)[1] < second.redundant + MIN_REDUNDANT_CHANNELS:
+                continue
+            gain = first.nats + second.nats - _SWAP_PRIOR_NATS
+            gain -= sum(_healthy_nats(table, moved, body) for body in bodies)
+            if gain > _MIN_SWAP_GAIN_NATS and (best is None or gain > best[0]):
+                best = gain, MovedSensor(moved, site, bodies)
+    return None if best is None else best[1]

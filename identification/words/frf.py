@@ -21,7 +21,7 @@ from identification.words.names import shorten_names
 from identification.words.signal import Input, Output, Signal
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
-VarianceSource = Literal["coherence", "differences"]
+VarianceSource = Literal["coherence", "differences", "stated"]
 # Number of time derivatives of displacement in each quantity.
 DERIVATIVE_ORDER: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
@@ -171,7 +171,8 @@ class FrfEstimate:
         frf: estimated FRFs; zero in cells that were not measured.
         variance: E|error|^2, real plus imaginary part [unit of frf squared];
             (n_freq, n_out, n_in).
-        variance_source: origin of the variance: ``coherence``, or ``differences`` along frequency.
+        variance_source: origin of the variance: ``coherence``, ``differences`` along frequency, or
+            ``stated`` by the file.
         measured: which cells were measured; (n_out, n_in).
         coherence: ordinary coherence 0..1, or None if unknown; (n_freq, n_out, n_in).
         averages: number of averaged hits, or None if unknown.

@@ -20,9 +20,9 @@ UNEXPLAINED = (
     "the model lacks something, and no effect of the catalogue is established as its cause"
 )
 _NO_COHERENCE_SENTENCE = (
-    "the files hold no coherence, or state no number of averages above one, so that the noise is "
-    "estimated from third differences along frequency: this overestimates it at sharp modes, where "
-    "gaps weigh little and an excess may fall below 1"
+    "the files hold no coherence of single inputs, or state no number of averages above one, so "
+    "that the noise is estimated from third differences along frequency: this overestimates it at "
+    "sharp modes, where gaps weigh little and an excess may fall below 1"
 )
 _CORRELATED_NOISE_SENTENCE = (
     "the noise of neighbouring frequency lines cannot be shown to be independent, because of a "

@@ -71,6 +71,8 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         exponential_tau = 0.75
         estimator = "Hv"
         reject = false
+        coherence = "multiple"
+        input_spectra = "Sff"
         ignore_hz = [[49.5, 50.5]]
         [[test]]
         file = "c.npz"
@@ -135,6 +137,8 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "exponential_tau": 0.75,
         "estimator": "Hv",
         "reject": False,
+        "coherence": "multiple",
+        "input_spectra": "Sff",
         "ignore_hz": [[49.5, 50.5]],
     }
     assert (second.channels, second.level, second.window_tau) == (["1:+x"], 200.0, 0.0)

@@ -1,7 +1,8 @@
 """Measurement against the nominal model before any fit: wrong exports are named."""
 
+import re
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -142,6 +143,66 @@ def test_another_frequency_unit_is_named(random_case, seed, unit, axis):
     model, campaign = random_case(seed)
     (finding,) = compare(model, as_exported(campaign, axis=axis))
     assert f'set frequency_unit = "{unit}" in' in finding.sentence
+
+
+@pytest.fixture(scope="session")
+def scaled_case(random_case, tmp_path_factory):
+    """Return a function: a random machine's test, and its model with scaled masses."""
+    folder = tmp_path_factory.mktemp("scaled")
+
+    def build(seed, *, mass):
+        _, campaign = random_case(seed)
+        tree = draw_drawing(draw_tree(seed, 3 + seed % 3), seed)
+        text = model_xml(tree)
+        for key in ("mass", "diaginertia", "fullinertia"):
+            text = re.sub(rf'\b{key}="([^"]*)"', partial(_scale, key, mass), text)
+        path = folder / f"{seed}_{mass:g}.xml"
+        path.write_text(text, encoding="utf-8")
+        machine = load_machine(path)
+        return Model(machine, (*spring_parts(machine), *body_parts(machine))), campaign
+
+    return build
+
+
+def _scale(key, factor, match):
+    numbers = " ".join(f"{factor * float(number):.12g}" for number in match[1].split())
+    return f'{key}="{numbers}"'
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_masses_in_grams_are_named(scaled_case, seed):
+    # A unit 1000 times larger has the same level above the modes, and may be named too.
+    model, campaign = scaled_case(seed, mass=1e3)
+    (finding,) = compare(model, campaign)
+    assert finding.is_certain
+    assert "divide masses and inertias of the model by 1000" in finding.sentence
+
+
+@pytest.mark.parametrize("reference", [1.0, 1e-6])
+@pytest.mark.parametrize("seed", [0, 1, 2, 6])
+def test_decibels_with_a_phase_are_named_as_such(random_case, seed, reference):
+    model, campaign = random_case(seed)
+
+    def convert(test):
+        values = test.estimate.frf.values
+        decibels = 20 * np.log10(np.abs(values) / reference) * np.exp(1j * np.angle(values))
+        frf = replace(test.estimate.frf, values=decibels)
+        variance = np.full(values.shape, 1e-6)
+        return replace(test, estimate=replace(test.estimate, frf=frf, variance=variance))
+
+    read = replace(campaign, tests=tuple(convert(test) for test in campaign.tests))
+    (finding,) = compare(model, read)
+    assert finding.is_certain
+    assert "decibels were read as linear values: export linear complex FRFs" in finding.sentence
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("seed", [0, 3, 5])
+def test_a_factor_of_two_is_a_remark(random_case, seed, factor):
+    model, campaign = random_case(seed)
+    (finding,) = compare(model, as_exported(campaign, factor))
+    assert not finding.is_certain
+    assert finding.factor == pytest.approx(factor, rel=0.25)
 
 
 def test_a_rare_frequency_unit_is_named_only_where_nothing_else_explains_the_file():

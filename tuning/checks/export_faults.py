@@ -52,6 +52,9 @@ class ExportFault:
         order: order of the true quantity minus that of the stated one.
         axis: frequencies as read over the true ones.
         is_rare: whether FRFs are hardly ever exported so.
+        is_elsewhere: whether no key of the file corrects it, but the model or another export.
+        parameters: parts of the names of the model's parameters that are wrong.
+        parameter_factor: their true values over the nominal ones.
     """
 
     reason: str
@@ -60,6 +63,9 @@ class ExportFault:
     order: int = 0
     axis: float = 1.0
     is_rare: bool = False
+    is_elsewhere: bool = False
+    parameters: tuple[str, ...] = ()
+    parameter_factor: float = 1.0
 
     def level_change(self, log_freq: Real, quantity: Quantity) -> Real:
         """Return what the fault adds to the level at frequencies as read.
@@ -76,7 +82,36 @@ class ExportFault:
 
 def list_faults(stated: StatedExport) -> list[ExportFault]:
     """Return the faults that a file may have, given how it was read."""
-    return [*_unit_faults(stated), *_quantity_faults(stated), *_axis_faults(stated)]
+    return [
+        *_unit_faults(stated),
+        *_quantity_faults(stated),
+        *_axis_faults(stated),
+        *_model_faults(),
+    ]
+
+
+DECIBELS = ExportFault(
+    "magnitudes in decibels were read as linear values",
+    "export linear complex FRFs",
+    is_elsewhere=True,
+)
+
+
+def _model_faults() -> list[ExportFault]:
+    """Return the faults of the model's units: masses in grams or in tonnes."""
+    return [
+        ExportFault(
+            f"masses of the model were 1000 times too {size}, {unit}",
+            f"{action} masses and inertias of the model by 1000",
+            is_elsewhere=True,
+            parameters=(".mass", ".inertia"),
+            parameter_factor=factor,
+        )
+        for size, unit, action, factor in (
+            ("large", "in grams", "divide", 1e-3),
+            ("small", "in tonnes", "multiply", 1e3),
+        )
+    ]
 
 
 def _unit_faults(stated: StatedExport) -> list[ExportFault]:

@@ -49,10 +49,21 @@ def tests_by_file(campaign: Campaign) -> dict[str, Campaign]:
     return {file: replace(campaign, tests=tuple(tests)) for file, tests in by_file.items()}
 
 
-def predict_on_lines(model: Model, campaign: Campaign, freq_hz: Real) -> Campaign:
-    """Return the campaign with the nominal model's FRFs on other lines instead of the measured."""
+def predict_on_lines(
+    model: Model, campaign: Campaign, freq_hz: Real, theta: Real | None = None
+) -> Campaign:
+    """Return the campaign with a model's FRFs on other lines instead of the measured.
+
+    Args:
+        model: the model.
+        campaign: tests.
+        freq_hz: lines [Hz]; (n_freq,).
+        theta: values of the parameters; None for the nominal ones.
+    """
     empty = tuple(_on_lines(test, freq_hz) for test in campaign.tests)
-    answers = predict(model, model.drawn, replace(campaign, tests=empty))
+    answers = predict(
+        model, model.drawn if theta is None else theta, replace(campaign, tests=empty)
+    )
     return replace(
         campaign,
         tests=tuple(

@@ -15,6 +15,7 @@ GROUPS = (
     "exports",
     "disagreement",
     "written",
+    "advice",
 )
 
 

@@ -1,0 +1,133 @@
+"""Channels that die in some tests of a campaign: they are left out there.
+
+A channel that reads noise alone in one good test, but not in all, has lost its cable there, or it
+does not move under that hit. Its body tells both apart: where the other channels of the body
+determine its motion, and this stands far above its noise, the channel is dead. Without that
+evidence it is dead if all channels of its sensor are silent together. Else only the fact is said.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.checks.channels import noise_only_rows
+from identification.solid.sensor_errors import Sensors
+from identification.words import Campaign, Dof, Output, Real, Test, shorten_names
+
+_MIN_MOTION_TO_VARIANCE = (
+    25.0  # predicted |H|^2 over the variance of the channel and the prediction
+)
+# Factor on the measure of noise alone up to which a channel may be dead: its body must confirm it.
+_WEAK_MARGIN = 2.0
+_MIN_MOVING_LINES = 8  # lines of such a motion: by chance noise reaches it on none
+_MAX_RELATIVE_RESIDUAL = 1e-6  # of a channel's row beside those of the others: it is determined
+
+
+def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
+    """Return the campaign without channels that are dead in single tests, and what was left out.
+
+    Args:
+        campaign: tests of one machine.
+    """
+    weak_rows = [noise_only_rows(test.estimate, _WEAK_MARGIN) for test in campaign.tests]
+    alive = {
+        output.positive
+        for test, weak in zip(campaign.tests, weak_rows, strict=True)
+        for row, output in enumerate(test.estimate.frf.outputs)
+        if row not in weak
+    }
+    tests: list[Test] = []
+    dead: dict[tuple[Output, ...], list[str]] = {}
+    silent: dict[tuple[Output, ...], list[str]] = {}
+    for test, weak in zip(campaign.tests, weak_rows, strict=True):
+        outputs = test.estimate.frf.outputs
+        noise_only = noise_only_rows(test.estimate)
+        moving = {
+            row: _moves_by_its_body(campaign, test, row, weak)
+            for row in weak
+            if outputs[row].positive in alive
+        }
+        unknown = [row for row in noise_only if row in moving and moving[row] is None]
+        left_out = [row for row, moves in moving.items() if moves]
+        left_out += [row for row in unknown if _whole_sensor_is_in(outputs, row, noise_only)]
+        undecided = [row for row in unknown if row not in left_out]
+        if len({outputs[row].point for row in undecided}) > 1:
+            undecided = []  # several sensors that are silent together stand still
+        for group, chosen in ((dead, sorted(left_out)), (silent, undecided)):
+            if chosen:
+                channels = tuple(outputs[row].positive for row in chosen)
+                group.setdefault(channels, []).append(str(test.condition.reference))
+        kept = [row for row in range(len(outputs)) if row not in left_out]
+        tests.append(_keep_rows(test, kept) if left_out and kept else test)
+    remarks = [
+        f"{shorten_names(channels)} read noise alone if hit at {', '.join(hits)}, although the "
+        "sensor moves in other tests and should move there: a cable was off; left out there"
+        for channels, hits in dead.items()
+    ]
+    remarks += [
+        f"{shorten_names(channels)} read noise alone if hit at {', '.join(hits)}: a cable was off, "
+        "or nothing moves there under these hits"
+        for channels, hits in silent.items()
+    ]
+    return replace(campaign, tests=tuple(tests)), tuple(remarks)
+
+
+def _keep_rows(test: Test, rows: list[int]) -> Test:
+    """Return a test with these channels alone."""
+    estimate = test.estimate
+    frf = estimate.frf
+    outputs = tuple(frf.outputs[row] for row in rows)
+    kept = replace(
+        estimate,
+        frf=replace(frf, values=frf.values[:, rows], outputs=outputs),
+        variance=estimate.variance[:, rows],
+        measured=estimate.measured[rows],
+        coherence=None if estimate.coherence is None else estimate.coherence[:, rows],
+    )
+    return replace(test, estimate=kept)
+
+
+def _whole_sensor_is_in(outputs: tuple[Output, ...], row: int, silent: list[int]) -> bool:
+    """Return whether a sensor of several channels is silent as a whole."""
+    sensor = [k for k, dof in enumerate(outputs) if dof.point == outputs[row].point]
+    return len(sensor) > 1 and set(sensor) <= set(silent)
+
+
+def _moves_by_its_body(campaign: Campaign, test: Test, row: int, silent: list[int]) -> bool | None:
+    """Return whether the other channels of the body give a channel motion; None if unknown."""
+    estimate, layout = test.estimate, campaign.layout
+    outputs = estimate.frf.outputs
+    if not isinstance(outputs[row], Dof):
+        return None
+    body = layout.body_name(outputs[row].point)
+    dead = set(silent)
+    companions = [
+        k
+        for k, dof in enumerate(outputs)
+        if k not in dead
+        and isinstance(dof, Dof)
+        and estimate.measured[k, 0]
+        and layout.body_name(dof.point) == body
+    ]
+    if not companions:
+        return None
+    channels = tuple(outputs[k].positive for k in (*companions, row))
+    sensors = Sensors.of(layout, tuple(d for d in channels if isinstance(d, Dof)))
+    rows = sensors.rows(np.zeros(sensors.count))
+    arm = np.abs(rows[:, 3:]).max(initial=0.0) or 1.0
+    rows = rows / np.repeat([1.0, arm], 3)
+    weights = rows[-1] @ np.linalg.pinv(rows[:-1])  # of each other channel in the prediction
+    residual = rows[-1] - weights @ rows[:-1]
+    if np.linalg.norm(residual) > _MAX_RELATIVE_RESIDUAL * np.linalg.norm(rows[-1]):
+        return None
+    return _stands_out(test, companions, row, weights)
+
+
+def _stands_out(test: Test, companions: list[int], row: int, weights: Real) -> bool:
+    """Return whether the predicted motion of a channel stands above all noise on enough lines."""
+    estimate = test.estimate
+    signs = np.array([estimate.frf.outputs[k].sign for k in companions])
+    predicted = estimate.frf.values[:, companions, 0] @ (signs * weights)
+    noise = estimate.variance[:, companions, 0] @ weights**2 + estimate.variance[:, row, 0]
+    count = int((np.abs(predicted) ** 2 > _MIN_MOTION_TO_VARIANCE * noise).sum())
+    return count >= _MIN_MOVING_LINES
