@@ -22,6 +22,7 @@ from rich.progress import (
 
 from identification.words import InputError, WorkbenchError
 from mbw.interrupts import INTERRUPTED
+from mbw.memory_limit import REMEDY, is_out_of_memory
 from mbw.progress_log import ProgressLog, log_status
 from mbw.streams import drop_output
 
@@ -180,6 +181,13 @@ def _describe_end(error: BaseException) -> tuple[str, int]:
         return "interrupted", INTERRUPTED
     if isinstance(error, WorkbenchError):
         return str(error), error.exit_code
+    if is_out_of_memory(error):
+        return f"the memory does not suffice: {REMEDY}", InputError.exit_code
+    if isinstance(error, UnicodeError):
+        return (
+            f"a name or path holds characters that cannot be written here ({error}): rename it, "
+            "or set PYTHONUTF8=1"
+        ), InputError.exit_code
     if isinstance(error, OSError):  # of the disk and its rights, for example a full disk
         return (
             f"{error.filename or 'a file or stdout'} cannot be read or written "

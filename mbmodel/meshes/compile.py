@@ -13,6 +13,7 @@ from mbmodel.meshes.mass_properties import (
     surface_mass_properties,
     surface_triangles,
 )
+from mbmodel.mujoco_start import mujoco_path
 
 _MESH_INERTIA = mujoco.mjtMeshInertia
 _INERTIA_FROM_GEOM = mujoco.mjtInertiaFromGeom
@@ -43,7 +44,7 @@ def compile_with_meshes(path: Path, change: SpecChange | None = None) -> mujoco.
         InputError: a mesh that gives mass encloses no definite volume, or cannot be read.
         ValueError: what MuJoCo refuses.
     """
-    spec = mujoco.MjSpec.from_file(str(path))
+    spec = mujoco.MjSpec.from_file(mujoco_path(path))
     spec.compiler.discardvisual = False  # the pictures show what it discards
     users = [geom for geom in spec.geoms if geom.meshname]
     with_mass = {geom.meshname for geom in users if _gives_mass(spec, geom)}

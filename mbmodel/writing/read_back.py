@@ -22,6 +22,7 @@ from mbmodel.frf.ports import direction_selection
 from mbmodel.machine import Machine
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.model import Model, as_drawn
+from mbmodel.mujoco_start import mujoco_path
 from mbmodel.writing.difference import MAX_RELATIVE_DIFFERENCE, Difference
 
 # Frequencies at which coordinates are eliminated, over the machine's typical one.
@@ -171,7 +172,7 @@ def compare_masses(path: Path) -> Difference | None:
     """
     ours, _ = compile_with_remarks(path, without_friction=True)
     try:
-        theirs = mujoco.MjModel.from_xml_path(str(path))
+        theirs = mujoco.MjModel.from_xml_path(mujoco_path(path))
     except ValueError as error:
         return Difference(f"file ({' '.join(str(error).split())})", path.name, 1.0)
     if ours.nbody != theirs.nbody:

@@ -200,6 +200,7 @@ def _compute_budget(
         *definition.remarks,
         *budget_sentences(plant.budget),
         *image_sentences(plant.budget),
+        *([] if plant.margins is None else plant.margins.sentences()),
         *(f"{text[:1].upper()}{text[1:]}." for text in unstable if text),
     ]
     if untested := untested_band_remark(result_file(path), definition.band):

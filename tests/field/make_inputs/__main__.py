@@ -14,6 +14,7 @@ GROUPS = (
     "habits",
     "exports",
     "disagreement",
+    "environment",
 )
 
 
