@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -61,9 +61,16 @@ def _script_json(value: object) -> str:
     return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
 
 
-def warning_boxes(texts: Iterable[str]) -> str:
-    """Return HTML of highlighted sentences that a reader must not miss."""
-    return "".join(f'<div class="warn">{escape(text)}</div>' for text in texts)
+def warning_boxes(texts: Iterable[str], notes: Container[str] = ()) -> str:
+    """Return HTML of sentences in boxes: red for what endangers the result, grey for notes.
+
+    Args:
+        texts: sentences on the result.
+        notes: those among them that only say what the result covers.
+    """
+    return "".join(
+        f'<div class="{"note" if text in notes else "warn"}">{escape(text)}</div>' for text in texts
+    )
 
 
 def badge(text: str, good: bool | None) -> str:
