@@ -21,7 +21,7 @@ from rich.progress import (
 )
 
 from identification.words import InputError, WorkbenchError
-from mbw.interrupts import INTERRUPTED
+from mbw.interrupts import INTERRUPTED, describe_interruption, note_interrupt
 from mbw.memory_limit import REMEDY, is_out_of_memory
 from mbw.progress_log import ProgressLog, log_status
 from mbw.streams import drop_output
@@ -136,6 +136,7 @@ def allow_one_interrupt() -> Iterator[Callable[[], None]]:
         nonlocal pressed
         del number, frame
         pressed = True
+        note_interrupt()
         ignore_interrupts()
         raise KeyboardInterrupt
 
@@ -178,7 +179,7 @@ def handle_errors(verb: Callable[P, R]) -> Callable[P, R]:
 def _describe_end(error: BaseException) -> tuple[str, int]:
     """Return the sentence and the exit code of an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return "interrupted", INTERRUPTED
+        return describe_interruption(), INTERRUPTED
     if isinstance(error, WorkbenchError):
         return str(error), error.exit_code
     if is_out_of_memory(error):

@@ -27,7 +27,12 @@ EXIT_CODES = (
         "memory.",
     ),
     (4, "The computation did not converge; results are written where they exist."),
-    (130, "The run was interrupted. `--resume` or the same call continues `tune` and `blind`."),
+    (
+        130,
+        "The run was interrupted. `--resume` or the same call continues `tune`, `diagnose` and "
+        "`blind`.",
+    ),
+    (143, "The run was terminated by SIGTERM. Finished steps are kept as after Ctrl-C."),
 )
 
 
