@@ -3,6 +3,10 @@
 "As drawn" means the nominal model, the MJCF as it was read ("the drawing").
 """
 
+from mbmodel.mujoco_start import silence_mujoco_log  # before any import of MuJoCo
+
+# isort: split
+
 from mbmodel.additions import (
     directed_mass_elements,
     joint_coupling_writer,
@@ -42,7 +46,6 @@ from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
 from mbmodel.mounting.combine import Combined, MountedStage, combine
 from mbmodel.mounting.combined_file import COMBINED_NAME, STAGE_COPY_NAME
 from mbmodel.mounting.place import Offset, PointMass
-from mbmodel.mujoco_log import silence_mujoco_log
 from mbmodel.nonlinear_joints.files import read_nonlinear_joints, write_nonlinear_joints
 from mbmodel.nonlinear_joints.laws import (
     DryFriction,

@@ -22,7 +22,13 @@ import typer
 from typer.core import TyperGroup
 
 from mbw.loader import SETTINGS
-from mbw.streams import print_help_failure, replace_closed_streams
+from mbw.memory_limit import REMEDY, is_out_of_memory
+from mbw.streams import (
+    CANNOT_BE_USED,
+    describe_unreadable_argument,
+    print_help_failure,
+    replace_closed_streams,
+)
 
 
 @dataclass(frozen=True)
@@ -126,6 +132,12 @@ def common(
     SETTINGS.debug = debug
 
 
+def _refuse(sentence: str) -> int:
+    """Print an error without the code of a verb; return the exit code of bad input."""
+    typer.echo(f"mbw: {sentence}", err=True)
+    return CANNOT_BE_USED
+
+
 def main() -> None:
     """Run the command with one BLAS thread: more gain nothing here and sometimes cost dearly."""
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # before numpy is loaded
@@ -134,10 +146,16 @@ def main() -> None:
         arguments.remove("--debug")
         arguments.insert(0, "--debug")
     replace_closed_streams()
+    if sentence := describe_unreadable_argument(arguments):
+        sys.exit(_refuse(sentence))
     try:
         app(arguments, prog_name="mbw")
     except OSError as error:
         sys.exit(print_help_failure(error))
+    except (ImportError, MemoryError) as error:
+        if not is_out_of_memory(error):
+            raise
+        sys.exit(_refuse(f"the memory does not suffice: {REMEDY}"))
     except SystemExit as error:  # of typer, which makes code 1 of a reader that has gone
         if isinstance(error.__context__, BrokenPipeError):
             sys.exit(print_help_failure(error.__context__))

@@ -3,7 +3,11 @@
 from dataclasses import dataclass
 from importlib import import_module
 
+import typer
+
 from mbw.interrupts import raise_on_interrupt
+from mbw.memory_limit import describe_memory_limit
+from mbw.streams import CANNOT_BE_USED
 
 
 @dataclass
@@ -32,6 +36,9 @@ def run_verb(module: str, *arguments: object, quiet: bool, **options: object) ->
     Raises:
         typer.Exit: the verb failed, was interrupted or did not converge.
     """
+    if sentence := describe_memory_limit():
+        typer.echo(f"mbw: {sentence}", err=True)
+        raise typer.Exit(CANNOT_BE_USED)
     messages = import_module("mbw.messages")
     messages.SCREEN.quiet, messages.SCREEN.debug = quiet, SETTINGS.debug
 

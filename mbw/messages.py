@@ -21,7 +21,8 @@ from rich.progress import (
 )
 
 from identification.words import InputError, WorkbenchError
-from mbw.interrupts import INTERRUPTED
+from mbw.interrupts import INTERRUPTED, describe_interruption, note_interrupt
+from mbw.memory_limit import REMEDY, is_out_of_memory
 from mbw.progress_log import ProgressLog, log_status
 from mbw.streams import drop_output
 
@@ -135,6 +136,7 @@ def allow_one_interrupt() -> Iterator[Callable[[], None]]:
         nonlocal pressed
         del number, frame
         pressed = True
+        note_interrupt()
         ignore_interrupts()
         raise KeyboardInterrupt
 
@@ -177,9 +179,16 @@ def handle_errors(verb: Callable[P, R]) -> Callable[P, R]:
 def _describe_end(error: BaseException) -> tuple[str, int]:
     """Return the sentence and the exit code of an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return "interrupted", INTERRUPTED
+        return describe_interruption(), INTERRUPTED
     if isinstance(error, WorkbenchError):
         return str(error), error.exit_code
+    if is_out_of_memory(error):
+        return f"the memory does not suffice: {REMEDY}", InputError.exit_code
+    if isinstance(error, UnicodeError):
+        return (
+            f"a name or path holds characters that cannot be written here ({error}): rename it, "
+            "or set PYTHONUTF8=1"
+        ), InputError.exit_code
     if isinstance(error, OSError):  # of the disk and its rights, for example a full disk
         return (
             f"{error.filename or 'a file or stdout'} cannot be read or written "

@@ -42,19 +42,29 @@ def list_remarks(summary: TunedFile) -> list[str]:
 
 def list_limits(summary: TunedFile) -> list[str]:
     """Return one sentence for each finding that limits the error figures and the mode pairs."""
-    sentences = []
-    if summary.residuals[-1] == "modal":
-        sentences.append(
-            "Modes were fitted last: they depend on all frequency lines, so that no line is held "
-            "out."
-        )
-    elif summary.gap.sensors.held_out is None and not summary.interrupted:
+    sentences = list_notes(summary)
+    if (
+        summary.residuals[-1] != "modal"
+        and summary.gap.sensors.held_out is None
+        and not summary.interrupted
+    ):
         sentences.append("The band is too narrow to hold frequency lines out.")
     unpaired = [f"{row.frequency:.4g}" for row in summary.pairs if row.tuned is None]
     if unpaired:
         sentences.append(f"Measured modes without a mode of the model: {', '.join(unpaired)} Hz.")
     if any(outcome != "converged" for outcome in summary.held_out_outcomes):
         sentences.append("Some held-out fits did not converge: the held-out error may be too high.")
+    return sentences
+
+
+def list_notes(summary: TunedFile) -> list[str]:
+    """Return the limits that say what figures rest on; they do not make the result doubtful."""
+    sentences = []
+    if summary.residuals[-1] == "modal":
+        sentences.append(
+            "Modes were fitted last: they depend on all frequency lines, so that no line is held "
+            "out."
+        )
     if any(test.variance_from == "differences" for test in summary.tests):
         sentences.append(
             "The noise was estimated from third differences along frequency: the files hold no "

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from mbw.interrupts import advise_at_end
 from mbw.messages import SCREEN
 from tuning import Checkpoint
 
@@ -19,4 +20,11 @@ def open_checkpoint(file: Path, key: str, work: str, *, resume: bool) -> Checkpo
         SCREEN.say(f"{file} of an interrupted run is not used: --resume would continue from it")
     if resume and not file.exists():
         SCREEN.say(f"{file.parent} holds no interrupted run to resume: the {work} starts anew")
-    return Checkpoint(file, key, resume=resume)
+    checkpoint = Checkpoint(file, key, resume=resume)
+
+    def advise() -> str:
+        kept = len(checkpoint)
+        return f"continue with --resume: finished steps are kept ({kept})" if kept else ""
+
+    advise_at_end(advise)
+    return checkpoint

@@ -3,12 +3,15 @@
 import os
 import sys
 from contextlib import suppress
+from io import TextIOWrapper
 
-_CANNOT_BE_WRITTEN = 3  # exit code of bad input, which files and folders of a user are
+CANNOT_BE_USED = 3  # exit code of bad input, as files, paths and limits of a user are
+
+_ASCII = ("ascii", "us-ascii", "ansi_x3.4-1968", "646")  # names of the encoding of locale C
 
 
 def replace_closed_streams() -> None:
-    """Open the null device in place of closed standard streams.
+    """Open the null device in place of closed standard streams; write UTF-8 in the locale C.
 
     Otherwise the first file that the command opens would get the number of a closed stream, and
     messages would be written into it. A closed stdout cannot be written, so that data for it are
@@ -26,6 +29,9 @@ def replace_closed_streams() -> None:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115  # stays open
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115  # stays open
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper) and stream.encoding.lower() in _ASCII:
+            stream.reconfigure(encoding="utf-8")
 
 
 def drop_output(number: int = 1) -> None:
@@ -43,6 +49,20 @@ def drop_output(number: int = 1) -> None:
         os.close(sink)
 
 
+def describe_unreadable_argument(arguments: list[str]) -> str | None:
+    """Return a sentence on the first argument that is no UTF-8 text, or None.
+
+    MuJoCo, JSON and pages hold names as UTF-8 only.
+    """
+    for argument in arguments:
+        try:
+            os.fsencode(argument).decode("utf-8")
+        except UnicodeError:
+            shown = argument.encode("utf-8", "backslashreplace").decode()
+            return f"the argument {shown!r} is no UTF-8 text: rename the file or folder"
+    return None
+
+
 def print_help_failure(error: OSError) -> int:
     """Say on stderr that help or version cannot be written; return the exit code.
 
@@ -54,4 +74,4 @@ def print_help_failure(error: OSError) -> int:
         return 0
     with suppress(OSError):
         print(f"mbw: stdout cannot be written ({error.strerror}): name another", file=sys.stderr)  # noqa: T201
-    return _CANNOT_BE_WRITTEN
+    return CANNOT_BE_USED

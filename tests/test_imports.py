@@ -2,7 +2,9 @@
 
 import ast
 import sys
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
 import pytest
 
@@ -108,3 +110,14 @@ def test_no_import_stands_inside_a_function_but_of_what_is_slow_to_load():
                     for alias in node.names
                 }
                 assert inside <= SLOW, f"{path}: {function.name}"
+
+
+@pytest.mark.parametrize("package", sorted({name.split(".")[0] for name in MAY_IMPORT}))
+def test_a_module_has_every_name_that_it_exports(package):
+    modules = [package, *(i.name for i in walk_packages([str(ROOT / package)], f"{package}."))]
+    for name in modules:
+        if name.endswith("__main__"):
+            continue
+        module = import_module(name)
+        lacking = [each for each in getattr(module, "__all__", ()) if not hasattr(module, each)]
+        assert not lacking, name

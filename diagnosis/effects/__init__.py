@@ -70,4 +70,4 @@ def check_others(session: Session) -> None:
                 )
 
 
-__all__ = ["EFFECTS", "PROVEN", "Effect", "catalogue", "check_others"]
+__all__ = ["EFFECTS", "PROVEN", "Effect", "check_others", "load_catalogue"]

@@ -39,7 +39,7 @@ def load_effect(point: EntryPoint) -> Effect:
         keys = "{place}, {dof}, {direction} and {channel}"
         with _blame(f"{label}: filling in {name}, which may name {keys},"):
             effect.describe(text, "joint:stage", "tx")
-    return replace(effect, propose=_CheckedProposal(point.name, effect.propose))
+    return replace(effect, propose=CheckedProposal(point.name, effect.propose))
 
 
 def describe_entry_point(name: str) -> str:
@@ -57,7 +57,7 @@ def _blame(what: str) -> Iterator[None]:
 
 
 @dataclass(frozen=True, eq=False)
-class _CheckedProposal:
+class CheckedProposal:
     """Proposal whose hypotheses are checked.
 
     Args:

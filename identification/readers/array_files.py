@@ -31,6 +31,8 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
             if _is_version_73(path):
                 version, read = "is MATLAB v7.3 and ", read_matlab73
         content = read(path)
+    except InputError:  # of the folder for temporary files
+        raise
     except Exception as error:  # on corrupt bytes the readers raise errors of many types
         reason = " ".join(str(error).split()).replace("\0", "")
         raise InputError(

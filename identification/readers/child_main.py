@@ -5,6 +5,7 @@ Its output is a list of their names, or the reason why the file cannot be read.
 """
 
 import contextlib
+import errno
 import json
 import os
 import runpy
@@ -36,12 +37,17 @@ def main(script: str, path: str, max_array_bytes: str, result: str, *limits: str
         os.dup2(nowhere.fileno(), 2)
     try:
         arrays = runpy.run_path(script)["read"](Path(path), int(max_array_bytes))
-        np.savez(result, *arrays.values())
     except (SystemExit, Exception) as error:
         is_text = isinstance(error, Exception)  # the reason of SystemExit is a number
         reason = (" ".join(str(error).split()) if is_text else "") or type(error).__name__
         os.write(answer, reason.encode("utf-8", "replace"))
         return 1
+    try:
+        np.savez(result, *arrays.values())
+    except OSError as error:
+        # numpy tells a full disk by a count of bytes alone.
+        os.write(answer, os.strerror(error.errno or errno.ENOSPC).encode())
+        return 2
     os.write(answer, json.dumps(list(arrays)).encode())
     return 0
 

@@ -6,14 +6,15 @@ Libraries in C may crash or hang on a damaged file. In a child process that cost
 import json
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from identification.readers.inflation import max_inflated_bytes
 from identification.readers.numpy_archive import read_archive
+from identification.words.file_access import no_temporary_space, temporary_folder
 
+_CANNOT_WRITE = 2  # exit code of the child: its result cannot be written
 _MAIN = Path(__file__).with_name("child_main.py")
 # A healthy file needs a hundredth of this time.
 _MIN_CPU_SECONDS, _BYTES_PER_CPU_SECOND = 10, 1 << 20
@@ -31,13 +32,14 @@ def read_in_child(script: Path, path: Path) -> dict[str, np.ndarray]:
 
     Raises:
         ValueError: the script refuses the file, crashes on it, or exceeds a limit.
+        InputError: the folder for temporary files cannot be written.
     """
     size = path.stat().st_size
     seconds = _MIN_CPU_SECONDS + size // _BYTES_PER_CPU_SECOND
     max_array_bytes = max_inflated_bytes(size)
     memory = _MIN_MEMORY_BYTES + _COPIES_IN_MEMORY * max_array_bytes
-    with tempfile.TemporaryDirectory() as folder:
-        result = Path(folder) / "arrays.npz"
+    with temporary_folder() as folder:
+        result = folder / "arrays.npz"
         command = [_MAIN, script, path.resolve(), max_array_bytes, result, seconds, memory]
         try:
             child = subprocess.run(
@@ -50,6 +52,8 @@ def read_in_child(script: Path, path: Path) -> dict[str, np.ndarray]:
         except subprocess.TimeoutExpired:
             raise ValueError("reading it does not end") from None
         answer = child.stdout.decode("utf-8", "replace")
+        if child.returncode == _CANNOT_WRITE:
+            raise no_temporary_space(OSError(answer.strip()))
         if child.returncode:
             raise ValueError(answer.strip() or "reading it crashed, or did not end")
         arrays = read_archive(result)

@@ -4,6 +4,7 @@ import csv
 from pathlib import Path
 
 from identification.words import InputError
+from identification.words.csv_cells import name_of_cell
 from identification.words.file_access import read_text
 
 
@@ -20,7 +21,7 @@ def read_csv_rows(path: Path, remedy: str) -> list[list[str]]:
     rows: list[list[str]] = []
     try:
         for row in csv.reader(read_text(path, remedy).split("\n")):
-            rows.append(row)
+            rows.append([name_of_cell(cell) for cell in row])
     except csv.Error as error:  # for example a quotation mark that is never closed
         raise InputError(f"{path}, row {len(rows) + 1}: {error}: {remedy}") from error
     while rows and not rows[-1]:

@@ -4,12 +4,17 @@ A name in a campaign.toml or on the command line may be anything: a folder, a de
 ends, a pipe that nobody writes, a link in a loop, or a text with a NUL character.
 """
 
+import errno
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory, gettempdir
 
 from identification.words.errors import InputError
 
+_FULL = (errno.ENOSPC, errno.EDQUOT)  # of a disk, and of the user's share of it
 _MAX_NAME_CHARACTERS = 60  # of a temporary file's name: file systems allow 255 bytes
 
 
@@ -124,6 +129,36 @@ def write_bytes(path: Path, content: bytes) -> None:
         raise InputError(
             f"{path} cannot be written ({describe_reason(error)}): name another"
         ) from error
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Yield a folder that exists for a block; a full or missing disk for it is named as such.
+
+    Raises:
+        InputError: the folder for temporary files cannot be written.
+    """
+    try:
+        opened = TemporaryDirectory()
+    except OSError as error:
+        raise no_temporary_space(error) from error
+    with opened as name:
+        try:
+            yield Path(name)
+        except (OSError, InputError) as error:
+            cause = error if isinstance(error, OSError) else error.__cause__
+            if isinstance(cause, OSError) and cause.errno in _FULL and name in f"{error}":
+                raise no_temporary_space(cause) from error
+            raise
+
+
+def no_temporary_space(error: OSError) -> InputError:
+    """Return the error of a folder for temporary files that cannot be written."""
+    folder = os.environ.get("TMPDIR") or gettempdir()
+    return InputError(
+        f"the folder for temporary files, {folder}, cannot be written ({describe_reason(error)}): "
+        "free space on its disk, or set TMPDIR to another folder"
+    )
 
 
 def describe_reason(error: OSError | ValueError) -> str:

@@ -26,7 +26,12 @@ _FLAG = mujoco.mjtRndFlag
 _SWITCHED_OFF = (_FLAG.mjRND_SHADOW, _FLAG.mjRND_REFLECTION, _FLAG.mjRND_SKYBOX, _FLAG.mjRND_HAZE)
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 _BACKGROUND_DEPTH = 1.0  # depth of a pixel that shows nothing
-_NO_RENDERER = ("disable", "disabled", "off", "false", "0")  # values of MUJOCO_GL, as in MuJoCo
+# Values of MUJOCO_GL, as in MuJoCo.
+_NO_RENDERER = ("disable", "disabled", "off", "false", "0")
+_ANY_RENDERER = ("", "enable", "enabled", "on", "true", "1")
+_GLFW_NAMES = ("glx", "wgl")  # window systems that MuJoCo reaches through GLFW
+# MuJoCo's own default for Linux needs a display.
+_DEFAULT_RENDERERS = {"linux": "egl", "darwin": "cgl"}
 
 
 def render_machine(
@@ -77,11 +82,12 @@ def _open_context(width: int, height: int) -> Any:
     backend = os.environ.get("MUJOCO_GL", "").strip().lower()
     if backend in _NO_RENDERER:
         return None
-    if not backend and sys.platform.startswith("linux"):
-        backend = "egl"  # MuJoCo's own default needs a display
+    if backend in _ANY_RENDERER:
+        backend = _DEFAULT_RENDERERS.get(sys.platform, "glfw")
+    elif backend in _GLFW_NAMES:
+        backend = "glfw"
     try:
-        module = import_module(f"mujoco.{backend}" if backend else "mujoco.gl_context")
-        context = module.GLContext(width, height)
+        context = import_module(f"mujoco.{backend}").GLContext(width, height)
         context.make_current()
     except Exception:  # whatever a driver or a missing library raises
         return None

@@ -1,6 +1,7 @@
 """Slopes of a machine's forces by position and velocity, as differences of MuJoCo's own forces."""
 
 import copy
+from collections.abc import Callable, Container
 from typing import Literal
 
 import mujoco
@@ -75,7 +76,11 @@ def symmetrise_rotations(model: mujoco.MjModel, matrix: Real) -> Real:
     return result
 
 
-def compute_forces(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+def compute_forces(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    skipped: Container[Callable[[mujoco.MjModel, mujoco.MjData], None]] = (),
+) -> None:
     """Compute what depends on position, velocity and controls, without forces of constraints.
 
     These are the steps of ``mj_fwdPosition`` without the factorisation of the mass matrix, which no
@@ -86,9 +91,12 @@ def compute_forces(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     Args:
         model: the compiled model.
         data: the state; filled in place.
+        skipped: steps of the position that are left out, since the forces do not depend on them
+            or their results are there.
     """
     for step in _POSITION_STEPS:
-        step(model, data)
+        if step not in skipped:
+            step(model, data)
     mujoco.mj_fwdVelocity(model, data)
     mujoco.mj_fwdActuation(model, data)
 
@@ -137,6 +145,7 @@ def force_slopes(
     slope, kink = np.empty((model.nv, model.nv)), np.empty((model.nv, model.nv))
     steady = np.zeros(model.nv) if velocity is None else velocity
     middle = None
+    skipped: tuple[Callable[..., None], ...] = (mujoco.mj_makeM,)
     for column in range(model.nv):
         forces = []
         for sign in (1.0, -1.0) if middle is not None else (1.0, -1.0, 0.0):
@@ -147,7 +156,9 @@ def force_slopes(
                 mujoco.mj_integratePos(model, probe.qpos, direction, 1.0)
             else:
                 probe.qvel[:] += direction
-            compute_forces(model, probe)
+            compute_forces(model, probe, skipped)
+            if along == "velocity":  # all positions are those of the first column
+                skipped = _POSITION_STEPS
             forces.append(net_force(model, probe).copy())
         middle = forces.pop() if middle is None else middle
         slope[:, column] = -(forces[0] - forces[1]) / (2 * step)

@@ -15,6 +15,7 @@ from mbmodel.meshes.mass_properties import (
 )
 from mbmodel.meshes.surface import find_overlap, merge_points, point_text
 from mbmodel.mjcf.source_files import read_source_files
+from mbmodel.mujoco_start import mujoco_path
 
 _MESH_INERTIA = mujoco.mjtMeshInertia
 _INERTIA_FROM_GEOM = mujoco.mjtInertiaFromGeom
@@ -52,7 +53,7 @@ def compile_with_meshes(
         InputError: a mesh that gives mass encloses no definite volume, or cannot be read.
         ValueError: what MuJoCo refuses.
     """
-    spec = mujoco.MjSpec.from_file(str(path))
+    spec = mujoco.MjSpec.from_file(mujoco_path(path))
     spec.compiler.discardvisual = False  # the pictures show what it discards
     users = [geom for geom in spec.geoms if geom.meshname]
     with_mass = {geom.meshname for geom in users if _gives_mass(spec, geom)}
@@ -106,7 +107,7 @@ def _meshes_with_inertia(path: Path) -> set[str]:
 def _other_masses(path: Path, model: mujoco.MjModel) -> list[str]:
     """Return a remark for each body to which MuJoCo alone gives another mass than its mesh has."""
     try:
-        alone = mujoco.MjModel.from_xml_path(str(path))
+        alone = mujoco.MjModel.from_xml_path(mujoco_path(path))
     except ValueError:
         return []  # it cannot read these files at all
     return [

@@ -24,6 +24,7 @@ from mbmodel.frf.ports import direction_selection
 from mbmodel.machine import Machine
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.model import Model, as_drawn
+from mbmodel.mujoco_start import mujoco_path
 from mbmodel.writing.difference import MAX_RELATIVE_DIFFERENCE, Difference
 
 T = TypeVar("T", bound=np.generic)
@@ -198,7 +199,7 @@ def compare_masses(path: Path) -> Difference | None:
     """
     read, _ = compile_with_remarks(path, without_friction=True)
     try:
-        alone = mujoco.MjModel.from_xml_path(str(path))
+        alone = mujoco.MjModel.from_xml_path(mujoco_path(path))
     except ValueError as error:
         return Difference(f"file ({' '.join(str(error).split())})", path.name, 1.0)
     if read.nbody != alone.nbody:

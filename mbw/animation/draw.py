@@ -1,5 +1,6 @@
 """Pictures of an animated mode: rendered by MuJoCo, or its outlines where nothing can render."""
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -48,6 +49,15 @@ def draw_motion(
     captioned = [replace(scene, caption=caption) for caption in captions]
     scenes = captioned or [scene] * len(motion.bodies)
     return [_finish(scenes[k], motion, k, image) for k, image in enumerate(pictures)], has_surfaces
+
+
+def outline_words(*, has_surfaces: bool) -> str:
+    """Return what a message says of pictures that MuJoCo has not rendered."""
+    if has_surfaces:
+        return ""
+    wanted = os.environ.get("MUJOCO_GL")
+    why = f" (MUJOCO_GL is {wanted})" if wanted else ""
+    return f", as outlines: MuJoCo cannot render here{why}"
 
 
 def _finer() -> tuple[int, int]:

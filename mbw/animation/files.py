@@ -5,14 +5,13 @@ import subprocess
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
 from identification.words import InputError, UsageError
-from identification.words.file_access import write_bytes
+from identification.words.file_access import temporary_folder, write_bytes
 from mbw.animation.scene import FRAME_S
 
 ANIMATED = (".gif", ".webp")
@@ -89,8 +88,8 @@ def _encode_video(pictures: Sequence[Image.Image], target: Path) -> bytes:
     command = ["ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
     command += ["-s", f"{width}x{height}", "-r", f"{1 / FRAME_S:.6g}", "-i", "-"]
     pixels = b"".join(picture.tobytes() for picture in pictures)
-    with TemporaryDirectory() as folder:
-        place = Path(folder) / f"mode{target.suffix.lower()}"
+    with temporary_folder() as folder:
+        place = folder / f"mode{target.suffix.lower()}"
         command += ["-pix_fmt", "yuv420p", str(place)]
         done = subprocess.run(command, input=pixels, capture_output=True, check=False)
         if done.returncode == 0 and place.exists():

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import typer
 from rich.progress import Progress
 
 from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
@@ -40,7 +39,6 @@ from mbw.diagnose.sentences import (
 from mbw.files import write_json
 from mbw.gain_text import gain_sentence
 from mbw.gap_text import describe_gap
-from mbw.interrupts import INTERRUPTED
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
 from mbw.page.numbers import format_percent
@@ -91,7 +89,7 @@ def run(
         The folder of the result.
 
     Raises:
-        typer.Exit: the search was interrupted after a refit had finished (code 130).
+        KeyboardInterrupt: Ctrl-C; finished refits are in the checkpoint.
     """
     session = open_session(campaign, band)
     check_others(session)
@@ -127,20 +125,14 @@ def _diagnose(session: Session, jobs: int, checkpoint: Checkpoint) -> Diagnosis:
     """Diagnose with a progress bar, and print the remarks on the data.
 
     Raises:
-        typer.Exit: the search was interrupted after a refit had finished (code 130).
+        KeyboardInterrupt: Ctrl-C; finished refits are in the checkpoint.
     """
     for text in session.campaign.remarks:
         SCREEN.say(text)
-    try:
-        with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
-            tell = _ProgressReporter(progress).show_step
-            diagnosis = diagnose(session, jobs=jobs, tell=tell, checkpoint=checkpoint)
-            ignore_interrupts()
-    except KeyboardInterrupt:
-        if not len(checkpoint):
-            raise
-        SCREEN.error(f"interrupted, continue with --resume: {len(checkpoint)} refits are finished")
-        raise typer.Exit(INTERRUPTED) from None
+    with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
+        tell = _ProgressReporter(progress).show_step
+        diagnosis = diagnose(session, jobs=jobs, tell=tell, checkpoint=checkpoint)
+        ignore_interrupts()
     for text in diagnosis.session.campaign.remarks[len(session.campaign.remarks) :]:
         SCREEN.say(text)
     return diagnosis

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from identification.words import UsageError
 from mbmodel import Machine, machine_geometry
-from mbw.animation.draw import draw_mode
+from mbw.animation.draw import draw_mode, outline_words
 from mbw.animation.files import check_picture_target, write_pictures
 from mbw.animation.scene import ModeScene, SensorMotion
 from mbw.identify.files import nodes_of
@@ -83,5 +83,5 @@ def write_animations(
         )
         pictures, has_surfaces = draw_mode(scene)
         write_pictures(animation.target, pictures)
-        how = "" if has_surfaces else ", as outlines: MuJoCo cannot render here"
+        how = outline_words(has_surfaces=has_surfaces)
         SCREEN.say(f"mode {animation.mode} in {animation.target}{how if machine else ''}")

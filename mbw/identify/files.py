@@ -1,6 +1,5 @@
 """Files of ``mbw identify``: writing JSON, npz, CSV, universal file and .mat; reading them back."""
 
-import csv
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -21,6 +20,7 @@ from identification.words import (
     ModalModel,
     Quantity,
 )
+from identification.words.csv_cells import write_csv
 from mbw.identify.body_frfs import BODY_MAT, BODY_NPZ, BODY_UFF, reduce_to_centres, write_body_frfs
 from mbw.identify.result import IdentificationResult
 from mbw.identify.schema import IdentifiedModesFile
@@ -146,7 +146,7 @@ def read_result(path: Path) -> IdentificationResult:
 
 def _write_csv(path: Path, rows: Iterable[Sequence[object]]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file).writerows(rows)
+        write_csv(file, rows, "\r\n")
 
 
 def _mode_rows(result: IdentificationResult) -> Iterable[Sequence[object]]:

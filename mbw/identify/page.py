@@ -12,7 +12,7 @@ from mbw.identify.files import nodes_of
 from mbw.identify.hits import hits_data, hits_section
 from mbw.identify.levels import level_data, level_section
 from mbw.identify.moving_machine import body_motion, sensor_spokes
-from mbw.identify.remarks import lead, list_remarks
+from mbw.identify.remarks import lead, list_notes, list_remarks
 from mbw.identify.result import IdentificationResult
 from mbw.identify.solid import solid_data
 from mbw.page.html import fill_template, pack_complex, pack_integers, pack_real, warning_boxes
@@ -40,7 +40,7 @@ def render(result: IdentificationResult, geometry: MachineGeometry | None) -> st
             f"shapes of {summary.normalisation}"
         ),
         lead=escape(lead(result)),
-        warnings=warning_boxes(list_remarks(result)),
+        warnings=warning_boxes(list_remarks(result), list_notes(result.summary)),
         compared=escape(summary.compared_with),
         column="as drawn" if summary.compared_with.endswith("as drawn") else "reference",
         hits=hits_section(summary.hits),

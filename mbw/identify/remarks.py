@@ -89,11 +89,6 @@ def list_remarks(result: IdentificationResult) -> list[str]:
             "may contradict each other. For the modes at one level, list its tests alone in "
             "campaign.toml."
         )
-    if summary.roved:
-        sentences.append(
-            "The hammer roved: by reciprocity, the points that were hit are listed here as "
-            "outputs, the sensors as inputs."
-        )
     if summary.misfit > _MAX_MISFIT:
         sentences.append(
             f"The squared error of the modal model is {summary.misfit:.3g} times the variance of "
@@ -112,13 +107,25 @@ def list_remarks(result: IdentificationResult) -> list[str]:
             f"{result.arrays['auto_mac'][first, second]:.2f}) and similar frequencies: the sensors "
             "may be too few to distinguish them, or one mode was identified twice."
         )
+    sentences += list_notes(summary)
+    return [*sentences, *_exchanged_channels(summary), *_reversed_channels(result)]
+
+
+def list_notes(summary: IdentifiedModesFile) -> list[str]:
+    """Return the remarks that say how the result is shown; they do not make it doubtful."""
+    sentences = []
+    if summary.roved:
+        sentences.append(
+            "The hammer roved: by reciprocity, the points that were hit are listed here as "
+            "outputs, the sensors as inputs."
+        )
     if summary.undetermined_bodies:
         sentences.append(
             "The sensors do not determine all six directions of "
             f"{', '.join(summary.undetermined_bodies)}: the picture shows these bodies at rest and "
             "moves their sensors only."
         )
-    return [*sentences, *_exchanged_channels(summary), *_reversed_channels(result)]
+    return sentences
 
 
 def _exchanged_channels(summary: IdentifiedModesFile) -> list[str]:

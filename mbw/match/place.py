@@ -1,6 +1,5 @@
 """``mbw place``: sensor placement by effective independence, and assessment of a layout."""
 
-import csv
 import io
 import json
 from collections.abc import Sequence
@@ -23,6 +22,7 @@ from identification.shapes import (
     rigid_modes,
 )
 from identification.words import Dof, InputError, Integers, Layout
+from identification.words.csv_cells import write_csv
 from mbw.band import check_band
 from mbw.files import check_json_target, write_json
 from mbw.match.verb import SimulatedShapes
@@ -166,11 +166,11 @@ def _candidates(shapes: Shapes, distance: float) -> Integers:
 def format_sites_table(layout: Layout, dofs: Sequence[Dof]) -> str:
     """Return a table of sites, places [m] and axes as CSV."""
     text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(SITES_HEADER)
+    rows: list[Sequence[object]] = [SITES_HEADER]
     for site, place in zip(layout.points, layout.positions, strict=True):
         axes = "".join(sorted(dof.direction[-1] for dof in dofs if dof.point == site))
-        table.writerow([site, *(f"{x:.6g}" for x in place), axes])
+        rows.append([site, *(f"{x:.6g}" for x in place), axes])
+    write_csv(text, rows)
     return text.getvalue()
 
 

@@ -1,8 +1,9 @@
 """Self-contained HTML pages from templates, with plotly, style, scripts and packed arrays."""
 
 import base64
+import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -35,14 +36,32 @@ def fill_template(
         fields: HTML for the fields of frame and template: ``$title``, ``$subtitle`` and others.
     """
     main = explain_words(Template(read_fragment(template)).substitute(fields))
+    code = "".join(read_asset(name) for name in ("page/common.js", *scripts))
+    code = f"\nconst DATA = {_script_json(data)};\n{code}\n"
+    plotly = get_plotlyjs()
     return Template(read_asset("page/frame.html")).substitute(
         {name: fields[name] for name in ("title", "subtitle")},
         main=main,
-        script="".join(read_asset(name) for name in scripts),
         style="".join(read_asset(name) for name in ("page/style.css", *styles)),
-        plotly=get_plotlyjs(),
-        common=read_asset("page/common.js"),
-        data=_script_json(data),
+        policy=_content_policy(plotly, code),
+        plotly=plotly,
+        code=code,
+    )
+
+
+def _content_policy(*scripts: str) -> str:
+    """Return the content-security policy of a page that runs these scripts and no others.
+
+    A page loads nothing and sends nothing. Names of a user's files that would reach the page as
+    HTML could not run. Styles stand inline, since plotly sets them; pictures are data of the page.
+    """
+    hashes = (
+        base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode() for text in scripts
+    )
+    allowed = " ".join(f"'sha256-{text}'" for text in hashes)
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
+        "img-src data: blob:; base-uri 'none'; form-action 'none'"
     )
 
 
@@ -61,9 +80,16 @@ def _script_json(value: object) -> str:
     return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
 
 
-def warning_boxes(texts: Iterable[str]) -> str:
-    """Return HTML of highlighted sentences that a reader must not miss."""
-    return "".join(f'<div class="warn">{escape(text)}</div>' for text in texts)
+def warning_boxes(texts: Iterable[str], notes: Container[str] = ()) -> str:
+    """Return HTML of sentences in boxes: red for what endangers the result, grey for notes.
+
+    Args:
+        texts: sentences on the result.
+        notes: those among them that only say what the result covers.
+    """
+    return "".join(
+        f'<div class="{"note" if text in notes else "warn"}">{escape(text)}</div>' for text in texts
+    )
 
 
 def badge(text: str, good: bool | None) -> str:

@@ -151,7 +151,7 @@ def _margin_row(nominal: Margin, samples: Sequence[Margin], sign: float = 1.0) -
         sign: -1 where a large value is bad.
     """
     low = high = worst = None
-    if samples:
+    if any(sample.is_finite for sample in samples):
         values = np.array([sample.value for sample in samples])
         # "lower" and "higher" never interpolate between infinite values.
         ends = (

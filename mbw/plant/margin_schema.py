@@ -96,7 +96,7 @@ class LoopMarginsRow(BaseModel):
         worst_machine: number of the machine of the posterior with the smallest modulus margin,
             from 0; null without a posterior.
         robust: tests by the weights that are known.
-        step: response to a step of the reference; null without a crossover.
+        step: response to a step of the reference; null if the loop follows none.
     """
 
     loop: str

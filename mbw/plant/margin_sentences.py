@@ -111,6 +111,8 @@ def _loop_texts(loop: LoopMarginsRow) -> list[str]:
         for shown, margin in pairs
         if margin.value is not None
     ]
+    if not texts:
+        return ["the loop has no gain, so that it has no margins"]
     texts[-1] += f"; |S| is at most {loop.sensitivity_peak:.3g}"
     for absent in ("none", "no limit"):
         missing = [

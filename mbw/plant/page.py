@@ -30,6 +30,8 @@ def render_plant(
     names: tuple[str, str],
     causes: Sequence[str],
     struts: StrutsResult | None = None,
+    *,
+    notes: Sequence[str] = (),
 ) -> str:
     """Return the HTML page of a budget.
 
@@ -39,6 +41,7 @@ def render_plant(
         names: of the machine, and of the counterpart.
         causes: sentences on what a diagnosis found.
         struts: damping and decoupling; None if not asked for.
+        notes: remarks of the rows that only say which frequencies test and spectra cover.
     """
     after, before = names
     loops = f"with the loops {', '.join(row.loops)} closed" if row.loops else "without loops"
@@ -48,7 +51,7 @@ def render_plant(
         {**_data(plant, row, names), "struts": None if struts is None else struts.data()},
         title=escape(f"{after}: error budget"),
         subtitle=escape(f"{row.file}, {row.band[0]:g} to {row.band[1]:g} Hz, {loops}"),
-        warnings=warning_boxes(row.remarks),
+        warnings=warning_boxes(row.remarks, notes),
         causes="".join(f'<p class="lead">{escape(text)}.</p>' for text in causes),
         errors=_error_table(plant, row),
         note=escape(_note(plant)),

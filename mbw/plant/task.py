@@ -79,6 +79,7 @@ class BudgetResult:
         names: of the machine, and of the counterpart.
         causes: sentences on what a diagnosis found.
         lags: sentences on drives that are late, for the page; the terminal has them already.
+        notes: remarks that only say which frequencies test and spectra cover.
     """
 
     plant: PlantBudget
@@ -86,6 +87,7 @@ class BudgetResult:
     names: tuple[str, str]
     causes: tuple[str, ...]
     lags: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Return the budget as lines of text."""
@@ -95,7 +97,7 @@ class BudgetResult:
         """Return the HTML page, with a section on struts if there is one."""
         lags = [f"{text[:1].upper()}{text[1:]}." for text in self.lags]
         row = self.row.model_copy(update={"remarks": [*lags, *self.row.remarks]})
-        return render_plant(self.plant, row, self.names, self.causes, struts)
+        return render_plant(self.plant, row, self.names, self.causes, struts, notes=self.notes)
 
     @property
     def _units(self) -> list[float]:
@@ -200,10 +202,13 @@ def _compute_budget(
         *definition.remarks,
         *budget_sentences(plant.budget),
         *image_sentences(plant.budget),
+        *([] if plant.margins is None else plant.margins.sentences()),
         *(f"{text[:1].upper()}{text[1:]}." for text in unstable if text),
     ]
+    notes = definition.remarks
     if untested := untested_band_remark(result_file(path), definition.band):
-        remarks.append(f"{untested[:1].upper()}{untested[1:]}.")
+        notes = (*notes, f"{untested[:1].upper()}{untested[1:]}.")
+        remarks.append(notes[-1])
     if plant.before_failure and before is not None:
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")
     row = budget_row(plant, file.name, None if before is None else str(before), remarks)
@@ -212,7 +217,7 @@ def _compute_budget(
     units = [definition.units[error.name][1] for error in row.errors]
     sentences = [] if verdict is None else _sentences_on_causes(verdict, row, units)
     lags = found_lag_remarks(result_file(path), machine.motors)
-    return BudgetResult(plant, row, names, tuple(sentences), tuple(lags))
+    return BudgetResult(plant, row, names, tuple(sentences), tuple(lags), notes)
 
 
 def _name_of(before: Path) -> str:

@@ -1,11 +1,11 @@
 """FRFs of a model as CSV, with the bands of a tuning."""
 
-import csv
 import sys
 
 import numpy as np
 
 from identification.words import Real
+from identification.words.csv_cells import write_csv
 from mbmodel import Evaluator, FrfRequest, Model
 
 
@@ -24,10 +24,9 @@ def print_frf(model: Model, request: FrfRequest, interval: tuple[Real, Real] | N
     if interval is not None:
         columns += interval
         parts += ["low |H|", "high |H|"]
-    writer = csv.writer(sys.stdout, lineterminator="\n")
     pairs = [(out, inp) for out in frf.outputs for inp in frf.inputs]
     names = [f"{part} {out} / {inp}" for out, inp in pairs for part in parts]
-    writer.writerow(["frequency/Hz", *names])
+    write_csv(sys.stdout, [["frequency/Hz", *names]])
     rows = np.stack(columns, axis=-1).reshape(len(frf.freq_hz), -1)
     for frequency, row in zip(frf.freq_hz, rows.tolist(), strict=True):
-        writer.writerow([f"{frequency:.9g}", *map(repr, row)])
+        write_csv(sys.stdout, [[f"{frequency:.9g}", *map(repr, row)]])

@@ -1,13 +1,12 @@
 """Machine of a prediction, alone and with what is put on it."""
 
-import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from identification.words import InputError, Loop
-from identification.words.file_access import real_path
+from identification.words.file_access import real_path, temporary_folder
 from mbmodel import (
     COMBINED_NAME,
     STAGE_COPY_NAME,
@@ -158,10 +157,10 @@ def load_machines(request: MachineRequest) -> Iterator[Machines]:
     machine = load_machine(request.path, None, request.key)
     if spun := {joint: rate for joint, rate in rates.items() if joint in machine.coordinates}:
         machine = load_machine(request.path, spun, request.key)
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         combined = combine(
             machine,
-            Path(folder),
+            folder,
             request.additions.stage,
             request.additions.masses,
             rates=rates,

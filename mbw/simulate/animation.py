@@ -8,7 +8,7 @@ from identification.words import Real
 from mbmodel import Machine, machine_geometry
 from mbmodel.geometry.camera import frame_camera
 from mbmodel.geometry.motion import geometry_points, motion_scale, move_points
-from mbw.animation.draw import draw_motion
+from mbw.animation.draw import draw_motion, outline_words
 from mbw.animation.files import write_pictures
 from mbw.animation.scene import FRAME_S, SIZE, ModeScene, SceneMotion
 from mbw.messages import SCREEN
@@ -53,7 +53,7 @@ def write_animation(target: Path, machine: Machine, time_s: Real, motion: Real) 
     ]
     pictures, has_surfaces = draw_motion(scene, scene_motion, captions)
     write_pictures(target, pictures)
-    how = "" if has_surfaces else ", as outlines: MuJoCo cannot render here"
+    how = outline_words(has_surfaces=has_surfaces)
     SCREEN.say(f"motion in {target}{how}")
 
 

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from identification.words import UsageError, WorkbenchError, shorten_names
+from identification.words.file_access import temporary_folder
 from mbmodel import (
     DryFriction,
     GapSpring,
@@ -63,8 +63,8 @@ def open_machine(
         yield SimulatedMachine(drawing, source)
         return
     laws = tuple(parse_law(drawing, text) for text in texts)
-    with TemporaryDirectory() as folder:
-        target = Path(folder) / "simulated.xml"
+    with temporary_folder() as folder:
+        target = folder / "simulated.xml"
         try:
             write_nonlinear_joints(source, target, [law for _, law in laws])
             machine = load_machine(target, rates, key, without_friction=True)

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.io
 
 from identification.words import DERIVATIVE_ORDER, InputError, Quantity, Real, UsageError
+from identification.words.csv_cells import write_csv
 from identification.words.file_access import check_file
 from mbmodel.export.linear_response import even_step
 from mbmodel.simulation.signals import (
@@ -190,9 +191,8 @@ def write_response(target: Path, time_s: Real, columns: Sequence[tuple[str, str,
     labels = [f"{label} [{unit}]".replace("²", "^2") for label, unit, _ in columns]
     if target.suffix == ".csv":
         with target.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["time [s]", *labels])
-            writer.writerows([f"{value:.12g}" for value in row] for row in values)
+            write_csv(file, [["time [s]", *labels]])
+            write_csv(file, ([f"{value:.12g}" for value in row] for row in values))
         return
     arrays = {"time_s": time_s, "values": values[:, 1:]}
     if target.suffix == ".mat":

@@ -9,7 +9,7 @@ from mbw.gain_text import gain_table
 from mbw.gap_text import describe_gap
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
 from mbw.page.numbers import format_percent, frf_unit
-from mbw.remarks import describe_not_in_mjcf, list_limits
+from mbw.remarks import describe_not_in_mjcf, list_limits, list_notes
 from mbw.tune.convergence import badges, identifiability_section, starts_section
 from mbw.tune.mode_pairs import pairs_section
 from mbw.tune.parameters import interval_note, parameter_rows
@@ -40,7 +40,7 @@ def render(result: TuningResult) -> str:
         ),
         lead=escape(_lead(summary)),
         badges=badges(summary),
-        warnings=warning_boxes(_warnings(summary)),
+        warnings=warning_boxes(_warnings(summary), list_notes(summary)),
         parameters=parameter_rows(summary),
         intervals=escape(interval_note(summary)),
         pulls=_pulls_section(summary),

@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 from identification.words import InputError, UsageError
 from mbmodel import Machine, as_drawn, load_machine, machine_geometry, shapes_at
 from mbmodel.geometry.viewer import open_viewer, refuse_missing_display
-from mbw.animation.draw import draw_mode
+from mbw.animation.draw import draw_mode, outline_words
 from mbw.animation.files import check_picture_target, write_pictures
 from mbw.animation.scene import FRAMES, ModeScene, move_scene
 from mbw.files import check_json_target, write_json
@@ -67,7 +67,7 @@ def run_options(
         return
     pictures, has_surfaces = draw_mode(scene, 1 if mode is None else FRAMES)
     write_pictures(out, pictures)
-    how = "" if has_surfaces else ", as outlines: MuJoCo cannot render here"
+    how = outline_words(has_surfaces=has_surfaces)
     SCREEN.say(f"picture in {out}{how}")
 
 

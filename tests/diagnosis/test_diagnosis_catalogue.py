@@ -9,9 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis import EFFECTS, PROVEN, Scene, build_verdict, diagnose, load_catalogue
+from diagnosis import (
+    EFFECTS,
+    PROVEN,
+    Scene,
+    build_verdict,
+    diagnose,
+    hash_inputs,
+    load_catalogue,
+)
 from diagnosis.effects import Effect, check_others
 from diagnosis.effects.plugins import GROUP, load_effect
+from diagnosis.input_hash import _hash_files
+from diagnosis.settings import SETTINGS
 from identification.words import InputError
 from mbmodel import release_rigid_directions
 from tests.helpers.drawn import drawn
@@ -24,8 +34,8 @@ EXAMPLE = Path(__file__).parents[2] / "assets" / "inerter_effect"
 def installed(tmp_path, monkeypatch):
     """Installs an entry point, as pip would; of the example, changed, if changes are given."""
 
-    def install(name, value="inerter_effect:EFFECT", changes=()):
-        place = tmp_path / "installed"
+    def install(name, value="inerter_effect:EFFECT", changes=(), folder="installed"):
+        place = tmp_path / folder
         info = place / "some_effect-1.0.dist-info"
         info.mkdir(parents=True)
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: some-effect\nVersion: 1.0\n")
@@ -234,3 +244,33 @@ def test_a_part_that_fails_far_from_where_it_was_checked_says_whose_it_is(instal
         part.finite(far)
     (said,) = part.write(near)
     assert "written fails (ZeroDivisionError" in str(said)
+
+
+def test_the_hash_of_a_diagnosis_knows_an_effect_by_its_physics(installed, session, tmp_path):
+    plain = hash_inputs(session)
+    seen = set()
+    for number, changes in enumerate(((), (("_UNIT = 0.01", "_UNIT = 0.02"),), (("# the", "#"),))):
+        sys.modules.pop("inerter_effect", None)
+        _hash_files.cache_clear()
+        installed("inerter", changes=changes, folder=f"installed{number}")
+        seen.add(hash_inputs(session))
+        assert hash_inputs(session) in seen  # the same for the same code
+    assert len({plain, *seen}) == 4
+
+
+def test_the_hash_of_a_diagnosis_knows_numbers_that_an_effect_reads_elsewhere(
+    installed, session, monkeypatch
+):
+    read = [
+        ("_UNIT = 0.01", "import os\n_UNIT = 1.0"),
+        ("unit = _UNIT *", "unit = float(os.environ['INERTER']) *"),
+    ]
+    installed("inerter", changes=read)
+    monkeypatch.setenv("INERTER", "0.01")
+    first = hash_inputs(session)
+    monkeypatch.setenv("INERTER", "0.02")
+    assert hash_inputs(session) != first
+
+
+def test_the_hash_of_a_diagnosis_knows_its_settings(session):
+    assert hash_inputs(session, replace(SETTINGS, max_causes=1)) != hash_inputs(session)

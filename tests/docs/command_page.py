@@ -21,9 +21,18 @@ EXIT_CODES = (
     (0, "The verb is done."),
     (1, "Internal error; `mbw --debug VERB` shows its traceback."),
     (2, "The call is wrong: an unknown verb or option, or a value out of range."),
-    (3, "The input is wrong: a file or a value in it."),
+    (
+        3,
+        "The input is wrong: a file or a value in it, a path that is no UTF-8 text, or too little "
+        "memory.",
+    ),
     (4, "The computation did not converge; results are written where they exist."),
-    (130, "The run was interrupted. `--resume` or the same call continues `tune` and `blind`."),
+    (
+        130,
+        "The run was interrupted. `--resume` or the same call continues `tune`, `diagnose` and "
+        "`blind`.",
+    ),
+    (143, "The run was terminated by SIGTERM. Finished steps are kept as after Ctrl-C."),
 )
 
 

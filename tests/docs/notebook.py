@@ -21,14 +21,14 @@ PLOTLY = "application/vnd.plotly.v1+json"
 
 
 def run_notebook(path: Path = NOTEBOOK) -> dict:
-    """Return a notebook with the outputs of all its code cells, run in order in its root folder.
+    """Return a notebook with the outputs of all its code cells, run in order in its folder.
 
     Args:
-        path: of the notebook; its cells run in the root folder of the project.
+        path: of the notebook; its cells run in its folder, as Jupyter starts it.
     """
     notebook = json.loads(path.read_text(encoding="utf-8"))
     names: dict[str, object] = {"__name__": "__notebook__"}
-    with contextlib.chdir(ROOT):
+    with contextlib.chdir(path.parent):
         for number, cell in enumerate(notebook["cells"]):
             if cell["cell_type"] == "code":
                 cell["execution_count"] = number

@@ -46,11 +46,13 @@ class Value(_Strict):
 class Run(_Strict):
     """One call of the command, in the folder of the case, and what it must do.
 
+    ``environment`` holds variables of the environment, in addition to those of the check.
     ``says`` are texts that stderr must contain, whatever their case; ``never`` must not be there.
     ``stdout`` is ``json`` if stdout must be one JSON value, ``empty`` if it must be empty.
     """
 
     command: list[str]
+    environment: dict[str, str] = {}
     exit_code: int = 0
     says: list[str] = []
     never: list[str] = []
@@ -104,20 +106,20 @@ def run_case(name: str) -> Outcome:
         folder = Path(scratch) / Path(name).name
         shutil.copytree(INPUTS / name, folder, symlinks=True)
         for run in case.run:
-            code, stdout, stderr = _call(run.command, folder, case.limit_s)
+            code, stdout, stderr = _call(run, folder, case.limit_s)
             got.append(f"exit {code}: {_first_sentence(stderr)}")
             faults += _faults(run, code, stdout, stderr, folder)
     return Outcome(name, case, tuple(faults), "; ".join(got))
 
 
-def _call(command: list[str], folder: Path, limit_s: float) -> tuple[int | str, str, str]:
+def _call(run: Run, folder: Path, limit_s: float) -> tuple[int | str, str, str]:
     """Run the command in a folder; the exit code is ``timeout`` when it takes too long."""
     # The folder of the project comes first, so that a checkout tests its own packages.
     project = str(Path(__file__).parents[2])
-    environment = {**os.environ, "PYTHONPATH": project, "COLUMNS": "100"}
+    environment = {**os.environ, "PYTHONPATH": project, "COLUMNS": "100", **run.environment}
     try:
         process = subprocess.run(
-            [sys.executable, "-m", "mbw", *command],
+            [sys.executable, "-m", "mbw", *run.command],
             cwd=folder,
             env=environment,
             capture_output=True,

@@ -1,6 +1,7 @@
 """What a page holds, read from its text and, with probes, in a real browser."""
 
 import base64
+import hashlib
 import json
 import re
 import shutil
@@ -14,7 +15,16 @@ GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-bl
 CATCH = """<script>window.FAULTS = [];
 addEventListener("error", event => FAULTS.push(event.message));
 addEventListener("unhandledrejection", event => FAULTS.push(String(event.reason)));
+addEventListener("securitypolicyviolation",
+  event => FAULTS.push(`refused: ${event.violatedDirective} ${event.blockedURI}`));
 console.error = (...words) => FAULTS.push(words.join(" "));</script>"""
+
+
+SCRIPT = re.compile(r"<script>(.*?)</script>", re.DOTALL)
+
+
+def sha256(text):
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def data_of(text):
@@ -27,7 +37,10 @@ def unpacked(packed, kind="<f4"):
 
 def browse(page, folder, *flags, probe):
     """What a probe, a script that leaves JSON in a pre of id found, finds in the page."""
+    # CATCH stands before the policy of the page; the probe is allowed like the page's own scripts.
     probed = page.replace("<head>", "<head>" + CATCH, 1).replace("</body>", probe + "</body>")
+    allowed = " ".join(f"'sha256-{sha256(text)}'" for text in SCRIPT.findall(probe))
+    probed = probed.replace("script-src ", f"script-src {allowed} ", 1)
     (folder / "probed.html").write_text(probed, encoding="utf-8")
     with tempfile.TemporaryDirectory() as profile:
         done = subprocess.run(

@@ -60,7 +60,7 @@ def test_an_interrupted_diagnosis_that_is_resumed_ends_with_the_same_bits(
         outcome = mbw(campaign, "--out", tmp_path / "out")
     finished = len(json.loads((tmp_path / "out" / CHECKPOINT).read_text())["steps"])
     assert outcome.exit_code == 130
-    assert f"continue with --resume: {finished} refits are finished" in outcome.stderr
+    assert f"continue with --resume: finished steps are kept ({finished})" in outcome.stderr
     count_refits.clear()
     assert mbw(campaign, "--out", tmp_path / "out", "--resume").exit_code == 0
     assert 0 < finished < total

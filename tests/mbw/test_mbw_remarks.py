@@ -5,6 +5,7 @@ from campaign_folder import write_folder
 from typer.testing import CliRunner
 
 from mbw.command import app
+from mbw.page.html import warning_boxes
 from mbw.remarks import (
     calibration_sentence,
     describe_not_in_mjcf,
@@ -116,3 +117,12 @@ def test_absolute_stiffness_is_said_to_rest_on_the_force_channel(summary):
     assert calibration_sentence(0.0).endswith("channel, which the intervals take as exact.")
     gains = [row for row in summary.parameters if row.name.endswith(").gain")]
     assert gain_tolerance(summary) == max((row.prior for row in gains), default=0.0)
+
+
+def test_a_note_has_no_red_box():
+    html = warning_boxes(
+        ["the fit failed", "the test covered 2 to 90 Hz"], ["the test covered 2 to 90 Hz"]
+    )
+    assert html == (
+        '<div class="warn">the fit failed</div><div class="note">the test covered 2 to 90 Hz</div>'
+    )

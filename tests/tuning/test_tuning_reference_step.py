@@ -54,6 +54,18 @@ def test_a_loop_without_a_crossover_follows_no_reference(folder):
     assert reference_steps(plant, model.drawn, margins)[1] is None
 
 
+def test_a_loop_without_gain_at_rest_follows_no_reference(folder):
+    # The velocity of the base: its plant is 0 at 0 Hz, whatever its gain, so T(0) = 0.
+    model = as_drawn(load_machine(folder / "two.xml"))
+    strong = SECOND_LOOP.replace("gain = 4e5", "gain = 4e7")
+    assert strong != SECOND_LOOP
+    plant = LoopPlant.of(model, loop_definition(folder, model, strong))
+    margins = plant_margins(plant, model.drawn)
+    assert margins.nominal.loops[1].crossover.is_finite
+    assert margins.steps[1] is None
+    assert [text for text in margins.sentences() if "vanishes at 0 Hz" in text]
+
+
 def test_times_and_overshoot_are_those_of_first_and_second_order():
     time = np.linspace(0.0, 10.0, 20_001)
     first = ReferenceStep(time, 3 * (1 - np.exp(-time / 0.4)), 3.0)

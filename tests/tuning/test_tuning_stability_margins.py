@@ -31,6 +31,16 @@ def margins_of(system, low=1e-4, high=1e4, delay=0.0):
     return stability_margins(gain_of, first_lines(low, high, poles))
 
 
+def test_a_loop_without_gain_has_no_margins():
+    margins = stability_margins(
+        lambda freq: np.zeros((len(freq), 1, 1), complex), np.geomspace(0.1, 100.0, 30)
+    )
+    loop = margins.loops[0]
+    for name in ("crossover", "bandwidth", "gain", "reduction", "phase", "delay", "modulus"):
+        assert not getattr(loop, name).is_finite
+    assert loop.modulus.value == 1.0
+
+
 @pytest.mark.parametrize("name", LOOPS)
 def test_margins_are_those_of_python_control(name):
     system = LOOPS[name]

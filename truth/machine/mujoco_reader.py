@@ -4,6 +4,7 @@ A station of such a file keeps the compiled model. ``settled`` gives that model 
 values, and returns the station at the equilibrium that the machine then has.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -62,7 +63,7 @@ def read_machine(path: Path) -> Station:
     """
     files, entry = gather_files(path)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model = mujoco.MjModel.from_xml_path(os.fsencode(path))
     except (ValueError, mujoco.FatalError) as error:
         message = " ".join(str(error).split())
         raise TruthError(f"{path}: MuJoCo refuses it: {message}") from error

@@ -9,6 +9,8 @@ loops, L is that of one loop with all others closed, L = 1 / S_ll - 1, S = (1 + 
     delay margin      that angle, from 0 to 2 pi, over w, the smallest
     modulus margin    1 / max |S|, the distance of L from -1
 
+A loop without any gain has no margins: nothing that is done to it changes a loop.
+
 (Skogestad and Postlethwaite 2005, ch. 2.4). A stable loop stays stable when its gain or phase
 changes by less, and any plant whose L moves by less than the modulus margin is stable too.
 
@@ -43,7 +45,9 @@ from tuning.control_loops.scaled_singular_values import scaled_singular_values, 
 _REAL_ANGLE_RAD, _STATIC_SIZES = 0.02, (1e-3, 1e3)
 
 _BANDWIDTH_SIZE = float(np.sqrt(0.5))  # of S: -3 dB
+_TINY = float(np.finfo(float).tiny)  # stands for a size of zero in logarithms
 _NO_LIMIT = Margin(float("inf"))
+_NONE = Margin(1.0)  # modulus of a loop without gain: |S| is 1 everywhere
 
 
 def stability_margins(
@@ -99,7 +103,7 @@ def _searches_of_loop(freq: Real, gains: Complex, number: int) -> tuple[list[Lin
     """Return searches of |L| = 1, falling and rising, of real L, of the bandwidth and of |S|."""
 
     def log_size(some: Complex) -> Real:
-        return np.log(np.abs(single_loop_gains(some)[:, number]))
+        return np.log(np.maximum(np.abs(single_loop_gains(some)[:, number]), _TINY))
 
     def turn(some: Complex) -> Real:
         return np.angle(-single_loop_gains(some)[:, number])
@@ -168,7 +172,7 @@ def _margins_of_loop(
         else Margin(0.0),
         phase=_smallest(np.degrees(angles), unity, np.abs(angles)),
         delay=delay,
-        modulus=Margin(float(np.abs(1 + peak[1][0])), float(peak[0][0])),
+        modulus=Margin(float(np.abs(1 + peak[1][0])), float(peak[0][0])) if peak[1][0] else _NONE,
         gain_crossovers=np.column_stack([unity, np.degrees(angles)]),
         phase_crossovers=np.column_stack([real, inverse]),
     )

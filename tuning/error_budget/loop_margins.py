@@ -29,7 +29,7 @@ class PlantMargins:
         robust: tests of each loop; n_loop.
         robust_at_once: tests of all loops at once.
         held_out: error of the plant of each loop; None where the tuning knows nothing of it.
-        steps: response of each loop to a step of its reference; None without a crossover.
+        steps: response of each loop to a step of its reference; None if it follows none.
         period_s: sampling period of the loops [s]; 0 if they are continuous.
         by_floor: deviations of the margins of each loop by the model-error floor; empty without it.
     """
@@ -48,6 +48,19 @@ class PlantMargins:
         """Return the margins of each loop in a line."""
         pairs = zip(self.names, self.nominal.loops, strict=True)
         return "\n".join(f"{name}: {margins!r}" for name, margins in pairs)
+
+    def sentences(self) -> list[str]:
+        """Return sentences on loops without gain, and on those that have none at 0 Hz."""
+        texts = []
+        for name, loop, step in zip(self.names, self.nominal.loops, self.steps, strict=True):
+            if not loop.modulus.is_finite:
+                texts.append(f"Loop {name} has no gain, so that it has no margins.")
+            elif loop.crossover.is_finite and step is None:
+                texts.append(
+                    f"The gain of loop {name} vanishes at 0 Hz, so that it does not follow a step "
+                    "of its reference: overshoot and times are not defined."
+                )
+        return texts
 
     def worst_sample(self, loop: int) -> int:
         """Return the number of the sample with the smallest modulus margin of a loop."""

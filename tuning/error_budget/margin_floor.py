@@ -105,6 +105,8 @@ def margin_deviations(
     deviation_by_name: dict[str, float] = {}
     for k, name in enumerate(named):
         gain, after = complex(pairs[0, k]), complex(pairs[1, k])
+        if not (gain and after):  # a loop whose gain vanishes there has no slope
+            continue
         slope = complex(np.log(after / gain)) / _STEP
         phase = 2 * np.pi * float(freq[k]) * margins.delay.value
         factor = abs(_factor(name, gain, slope, phase))

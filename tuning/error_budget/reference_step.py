@@ -18,6 +18,9 @@ from tuning.error_budget.loop_plant import LoopPlant
 # Time constants of the slowest pole that is seen, within periods of the crossover; steps in it.
 _TIME_CONSTANTS, _PERIODS_OF_CROSSOVER, _TIME_STEPS = 5.0, (10.0, 200.0), 4000
 _MIN_POLE_OF_A_STEP = 1e-9  # of the fastest pole: slower ones are motions that no loop sees
+# Final value over the largest response: a loop whose gain vanishes at 0 Hz returns to zero, apart
+# from rounding, and figures relative to less than this do not say how it follows.
+_MIN_FINAL_SHARE = 1e-3
 _RISE_SHARES, _SETTLED_WITHIN = (0.1, 0.9), 0.02  # shares of the final value
 
 
@@ -71,7 +74,10 @@ def reference_steps(
     Args:
         plant: FRFs between the ports of the loops, which are stable.
         theta: its parameters in SI; (n_theta,).
-        margins: of the loops there. A loop without a crossover follows no reference: None.
+        margins: of the loops there.
+
+    A loop without a crossover follows no reference, and one without gain at 0 Hz does not reach
+    it: None.
     """
     states = loop_states(plant.model, theta, plant.definition, plant.ports)
     count, period = len(margins.loops), states.period_s
@@ -99,7 +105,8 @@ def reference_steps(
         for k in range(len(time)):
             values[k] = 1.0 + reading @ state
             state = step @ state
-        steps.append(ReferenceStep(time, values, final))
+        reaches = abs(final) > _MIN_FINAL_SHARE * np.abs(values).max()
+        steps.append(ReferenceStep(time, values, final) if reaches else None)
     return tuple(steps)
 
 

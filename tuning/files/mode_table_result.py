@@ -1,6 +1,5 @@
 """Output files of a tuning to a table of modes: mode_table.json, mode_table.csv, tuned MJCF."""
 
-import csv
 import hashlib
 import io
 import os
@@ -11,6 +10,7 @@ import numpy as np
 
 from identification.readers.mode_table import TabulatedMode
 from identification.readers.result_files import read_result_json
+from identification.words.csv_cells import write_csv
 from mbmodel import NORMAL_QUANTILE_95, NOT_WRITTEN, WrittenModel, mjcf_files, write_model
 from tuning.files.mode_table_schema import (
     ModeTableFile,
@@ -241,12 +241,9 @@ def write_mode_table_result(tuned: ModeTableTuning, folder: Path) -> ModeTableFi
 def _csv_text(summary: ModeTableFile) -> str:
     """Return the rows of the table beside their modes, as CSV."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     of_model = ["mode", "frequency/Hz", "damping/%", "moves most"]
-    writer.writerow(
-        ["frequency/Hz", "damping/%", "motion"]
-        + [f"{which} {name}" for which in ("as drawn", "tuned") for name in of_model]
-    )
+    heading = [f"{which} {name}" for which in ("as drawn", "tuned") for name in of_model]
+    rows: list[list[object]] = [["frequency/Hz", "damping/%", "motion", *heading]]
     for row in summary.modes:
         cells: list[object] = [row.frequency, _per_cent(row.damping), row.motion or ""]
         for partner in (row.as_drawn, row.tuned):
@@ -257,7 +254,8 @@ def _csv_text(summary: ModeTableFile) -> str:
                     partner.mode, partner.frequency, _per_cent(partner.damping), partner.largest
                 ]
             )  # fmt: skip
-        writer.writerow(cells)
+        rows.append(cells)
+    write_csv(text, rows)
     return text.getvalue()
 
 

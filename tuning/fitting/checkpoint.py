@@ -79,7 +79,8 @@ class Checkpoint:
         return end
 
     def close(self) -> None:
-        """Remove the file once the results are written."""
+        """Remove the file and its steps once the results are written."""
+        self._steps = {}
         if self._file is not None:
             self._file.unlink(missing_ok=True)
 

@@ -16,6 +16,7 @@ GROUPS = (
     "disagreement",
     "written",
     "advice",
+    "environment",
 )
 
 
