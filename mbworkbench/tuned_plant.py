@@ -29,7 +29,11 @@ from mbworkbench.labels import (
     parse_outputs,
 )
 from tuning import read_posterior
-from tuning.assessment.found_lags import found_lag_remarks, untested_band_remark
+from tuning.assessment.found_lags import (
+    found_lag_remarks,
+    moved_sensor_remark,
+    untested_band_remark,
+)
 from tuning.control_loops.loops_file import choose_loops, known_loops
 from tuning.error_budget.machine_files import tuned_file
 from tuning.files.result import TUNED_JSON
@@ -137,5 +141,6 @@ def read_plant(
     file = source.parent / TUNED_JSON
     lags = found_lag_remarks(file, machine.motors)
     ends = float(request.freq_hz[0]), float(request.freq_hz[-1])
-    remarks = tuple(filter(None, (*lags, untested_band_remark(file, ends))))
+    moved = moved_sensor_remark(file, [p.point for p in (*request.outputs, *request.inputs)])
+    remarks = tuple(filter(None, (*lags, untested_band_remark(file, ends), moved)))
     return TunedPlant(posterior, request, tuple(loop.name for loop in loops), remarks)

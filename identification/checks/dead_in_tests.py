@@ -17,6 +17,9 @@ from identification.words import Campaign, Dof, Output, Real, Test, shorten_name
 _MIN_MOTION_TO_VARIANCE = (
     25.0  # predicted |H|^2 over the variance of the channel and the prediction
 )
+# Of the largest motion of a sensor: what its channels read of other axes, askew by a degree and
+# with the usual transverse sensitivity. Cross-talk that a whole body reads is no motion of it.
+_INSTRUMENT_ERROR = 0.03
 # Factor on the measure of noise alone up to which a channel may be dead: its body must confirm it.
 _WEAK_MARGIN = 2.0
 _MIN_MOVING_LINES = 8  # lines of such a motion: by chance noise reaches it on none
@@ -42,15 +45,15 @@ def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
     for test, weak in zip(campaign.tests, weak_rows, strict=True):
         outputs = test.estimate.frf.outputs
         noise_only = noise_only_rows(test.estimate)
-        moving = {
-            row: _moves_by_its_body(campaign, test, row, weak)
-            for row in weak
-            if outputs[row].positive in alive
-        }
-        unknown = [row for row in noise_only if row in moving and moving[row] is None]
-        left_out = [row for row, moves in moving.items() if moves]
-        left_out += [row for row in unknown if _whole_sensor_is_in(outputs, row, noise_only)]
-        undecided = [row for row in unknown if row not in left_out]
+        # What is weak in every test rightly stands still, and says so of its body.
+        suspects = [row for row in weak if outputs[row].positive in alive]
+        moving = {row: _moves_by_its_body(campaign, test, row, suspects) for row in suspects}
+        unknown = [row for row, misses in moving.items() if misses is None]
+        left_out = [row for row, misses in moving.items() if misses]
+        whole = [row for row in unknown if _whole_sensor_is_in(outputs, row, suspects)]
+        if len({outputs[row].point for row in whole}) == 1:
+            left_out += whole
+        undecided = [row for row in unknown if row in noise_only and row not in left_out]
         if len({outputs[row].point for row in undecided}) > 1:
             undecided = []  # several sensors that are silent together stand still
         for group, chosen in ((dead, sorted(left_out)), (silent, undecided)):
@@ -94,7 +97,7 @@ def _whole_sensor_is_in(outputs: tuple[Output, ...], row: int, silent: list[int]
 
 
 def _moves_by_its_body(campaign: Campaign, test: Test, row: int, silent: list[int]) -> bool | None:
-    """Return whether the other channels of the body give a channel motion; None if unknown."""
+    """Return whether a channel misses the motion of its body; None if that is not known."""
     estimate, layout = test.estimate, campaign.layout
     outputs = estimate.frf.outputs
     if not isinstance(outputs[row], Dof):
@@ -120,14 +123,25 @@ def _moves_by_its_body(campaign: Campaign, test: Test, row: int, silent: list[in
     residual = rows[-1] - weights @ rows[:-1]
     if np.linalg.norm(residual) > _MAX_RELATIVE_RESIDUAL * np.linalg.norm(rows[-1]):
         return None
-    return _stands_out(test, companions, row, weights)
+    return _is_missing(test, companions, row, weights)
 
 
-def _stands_out(test: Test, companions: list[int], row: int, weights: Real) -> bool:
-    """Return whether the predicted motion of a channel stands above all noise on enough lines."""
+def _is_missing(test: Test, companions: list[int], row: int, weights: Real) -> bool:
+    """Return whether a motion that stands above all noise is missing in a channel's readings.
+
+    On the lines where the predicted motion stands out, the readings of a dead channel are noise;
+    those of another one are the motion. The smaller sum of squares decides.
+    """
     estimate = test.estimate
-    signs = np.array([estimate.frf.outputs[k].sign for k in companions])
-    predicted = estimate.frf.values[:, companions, 0] @ (signs * weights)
+    outputs, values = estimate.frf.outputs, estimate.frf.values[:, :, 0]
+    signs = np.array([outputs[k].sign for k in companions])
+    predicted = outputs[row].sign * (values[:, companions] @ (signs * weights))
+    points = np.array([getattr(dof, "point", "") for dof in outputs])
+    largest = [np.abs(values[:, points == points[k]]).max(axis=1) for k in companions]
     noise = estimate.variance[:, companions, 0] @ weights**2 + estimate.variance[:, row, 0]
-    count = int((np.abs(predicted) ** 2 > _MIN_MOTION_TO_VARIANCE * noise).sum())
-    return count >= _MIN_MOVING_LINES
+    noise = noise + (_INSTRUMENT_ERROR * np.array(largest).T) ** 2 @ weights**2
+    lines = np.abs(predicted) ** 2 > _MIN_MOTION_TO_VARIANCE * noise
+    read, moved = values[lines, row], predicted[lines]
+    as_dead = float((np.abs(read) ** 2 / noise[lines]).sum())
+    as_alive = float((np.abs(read - moved) ** 2 / noise[lines]).sum())
+    return int(lines.sum()) >= _MIN_MOVING_LINES and as_dead < as_alive

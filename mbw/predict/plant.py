@@ -40,7 +40,7 @@ from mbw.predict.plant_state_space import (
 from mbw.predict.schema import BandsRow, PlantRow, UncertainPlantRow, WeightRow
 from mbw.predict.state_space_check import law_rows, law_sentences
 from tuning import POSTERIOR_NPZ, read_posterior
-from tuning.assessment.found_lags import untested_band_remark
+from tuning.assessment.found_lags import moved_sensor_remark, untested_band_remark
 from tuning.files.result import TUNED_JSON, TUNED_MJCF
 
 CAMPAIGN_TOML = "campaign.toml"  # of the folder of a campaign
@@ -237,13 +237,17 @@ def _bands_row(plant: PlantResult, bands: FrfBands, posterior: PosteriorOfModel)
     moving = size > 0
     low, high = plant.interval or bands.magnitude_interval()
     half = ((high - low) / 2)[moving] / size[moving]
+    file = plant.source.parent / TUNED_JSON
+    moved = moved_sensor_remark(
+        file, [port.point for port in (*bands.request.outputs, *bands.request.inputs)]
+    )
     return BandsRow(
         median=float(np.median(half)) if half.size else 0.0,
         most=float(np.quantile(half, _MANY_LINES_SHARE)) if half.size else 0.0,
         error_floor=posterior.posterior.error_floor,
         discrepancy=posterior.posterior.discrepancy,
         coordinates=posterior.posterior.size,
-        remark=untested_band_remark(plant.source.parent / TUNED_JSON, (lines[0], lines[-1])),
+        remark="; ".join(filter(None, (untested_band_remark(file, (lines[0], lines[-1])), moved))),
     )
 
 

@@ -95,3 +95,22 @@ def test_sound_tests_and_channels_dead_in_every_test_are_left_as_they_are():
     assert leave_out_dead_channels(sound)[1] == ()
     (broken,) = campaign(dead=[4]).tests[1:2]
     assert channels(leave_out_dead_channels(replace(sound, tests=(broken,)))[0]) == [12]
+
+
+def test_a_weak_channel_that_reads_what_its_body_moves_is_no_dead_one():
+    # The second hit moves the body along one axis by little more than the noise: coherence is low,
+    # but the channels agree with one another.
+    weak = campaign(still=(1, 2, 3, 4, 5))
+    test = weak.tests[1]
+    estimate, along = test.estimate, [k for k, dof in enumerate(OUTPUTS) if dof.axis == 1]
+    values = estimate.frf.values.copy()
+    motion = 6e-2 * np.ones(len(FREQ_HZ))
+    values[:, along, 0] = values[:, along, 0] + motion[:, None]
+    coherence = estimate.coherence.copy()
+    coherence[:, along] = 0.05
+    frf = replace(estimate.frf, values=values)
+    tests = list(weak.tests)
+    tests[1] = replace(test, estimate=replace(estimate, frf=frf, coherence=coherence))
+    left, remarks = leave_out_dead_channels(replace(weak, tests=tuple(tests)))
+    assert len(left.tests[1].estimate.frf.outputs) == len(OUTPUTS)
+    assert not any("a cable was off; left out" in remark for remark in remarks)

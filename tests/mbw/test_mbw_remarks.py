@@ -89,15 +89,16 @@ def test_what_the_mjcf_does_not_hold_is_summed_up(summary):
     names = [f"acc{k}.gain_{axis} (an MJCF site has no gain)" for k in (1, 12) for axis in "xyz"]
     names += ["acc1.delay_x (no delay)", "acc1.cross_xy (no gain)", "hammer(default).delay (none)"]
     names += ["hammer(acc1:tx) (one place)", "base.mass (its own MJCF body would weigh nothing)"]
-    assert describe_not_in_mjcf(names, "tuned.json") == (
+    assert describe_not_in_mjcf(names, None, "tuned.json") == (
         "The tuned MJCF does not hold: gains of 2 sensors, delays of 1 sensor, "
         "delay of 1 force channel, place and direction of 1 hit, "
         "base.mass (its own MJCF body would weigh nothing) (tuned.json lists them)."
     )
-    assert describe_not_in_mjcf([], "tuned.json") == ""
+    assert describe_not_in_mjcf([], None, "tuned.json") == ""
     alike = [f"ty.loss({one}) (it depends on frequency)" for one in ("a", "b")]
-    text = describe_not_in_mjcf(alike, "t.json")
+    text = describe_not_in_mjcf(alike, 0.021, "t.json")
     assert "hold: ty.loss(a), ty.loss(b) (it depends on frequency) (" in text
+    assert "(without them the FRFs change by 2.1 %; t.json lists them)" in text
 
 
 def test_limits_of_the_figures_are_no_doubts_of_the_fit(summary):

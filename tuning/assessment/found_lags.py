@@ -1,5 +1,6 @@
 """What a tuning or diagnosis found of drives and encoders, which its MJCF does not hold."""
 
+import math
 from collections.abc import Collection
 from pathlib import Path
 
@@ -9,6 +10,14 @@ from identification.readers.result_files import read_result_json
 from tuning.files.schema import ChannelGainRow
 
 _MIN_LAG_S = 1e-5  # half of the default tolerance
+_MIN_MOVE_M, _MIN_TURN_RAD = 1e-5, 1e-4  # of a sensor from the drawing: less is not said
+
+
+class _FoundParameter(BaseModel):
+    """Keys of a parameter of tuned.json that are needed here."""
+
+    name: str
+    tuned: float
 
 
 class _FoundFile(BaseModel):
@@ -16,6 +25,7 @@ class _FoundFile(BaseModel):
 
     channel_gains: list[ChannelGainRow] = []
     band: tuple[float, float] | None = None
+    parameters: list[_FoundParameter] = []
 
 
 def found_lag_remarks(file: Path | None, motors: Collection[str]) -> list[str]:
@@ -81,4 +91,35 @@ def untested_band_remark(file: Path | None, band: tuple[float, float]) -> str:
     return (
         f"the test covered {tested[0]:.4g} to {tested[1]:.4g} Hz: outside that band no interval "
         "bounds the modes that the model lacks"
+    )
+
+
+def moved_sensor_remark(file: Path | None, points: Collection[str]) -> str:
+    """Return a sentence on sensors that the tuning found elsewhere than drawn; empty without any.
+
+    Args:
+        file: tuned.json; None, or no such file, for nothing to say.
+        points: points of the ports of a result.
+
+    Raises:
+        InputError: a damaged file.
+    """
+    if file is None or not file.is_file():
+        return ""
+    tuned = {
+        row.name: row.tuned for row in read_result_json(file, _FoundFile, "mbw tune").parameters
+    }
+    moves = []
+    for point in dict.fromkeys(points):
+        move, turn = (
+            math.hypot(*(tuned.get(f"{point}.{kind}_{axis}", 0.0) for axis in "xyz"))
+            for kind in ("position", "rotation")
+        )
+        if move >= _MIN_MOVE_M or turn >= _MIN_TURN_RAD:
+            moves.append(f"{point} ({1e3 * move:.2g} mm, {math.degrees(turn):.2g} degrees)")
+    if not moves:
+        return ""
+    return (
+        f"ports at sensors are where the tuning found the sensors, off the drawing: "
+        f"{', '.join(moves)}; for a drawn point name a site that is no sensor, or BODY@x,y,z"
     )

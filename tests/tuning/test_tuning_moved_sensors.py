@@ -1,0 +1,22 @@
+"""Ports at sensors that the tuning found elsewhere than drawn are said, with the distance."""
+
+import json
+
+from tuning.assessment.found_lags import moved_sensor_remark
+
+
+def test_sensors_off_the_drawing_are_named_with_millimetres_and_degrees(tmp_path):
+    values = {
+        "acc7.position_x": 1.2e-3,
+        "acc7.position_y": -0.5e-3,
+        "acc7.rotation_z": 0.02,
+        "acc8.position_x": 1e-9,
+    }
+    file = tmp_path / "tuned.json"
+    rows = [{"name": name, "tuned": value} for name, value in values.items()]
+    file.write_text(json.dumps({"parameters": rows}), encoding="utf-8")
+    remark = moved_sensor_remark(file, ["acc7", "acc7", "acc8", "motor"])
+    assert "acc7 (1.3 mm, 1.1 degrees)" in remark
+    assert "acc8" not in remark
+    assert moved_sensor_remark(file, ["motor"]) == ""
+    assert moved_sensor_remark(tmp_path / "none.json", ["acc7"]) == ""
