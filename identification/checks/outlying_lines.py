@@ -39,6 +39,26 @@ def outlying_line_remarks(campaign: Campaign) -> tuple[str, ...]:
     )
 
 
+def shifted_axis_remark(campaign: Campaign) -> str:
+    """Return a sentence where the first line is one of 0 Hz, but its frequency is not; else empty.
+
+    An FRF is real at 0 Hz, exactly where it comes from a discrete Fourier transform, and at no
+    other line. An axis that begins with the spacing of the lines is then off by one line.
+
+    Args:
+        campaign: measured FRFs.
+    """
+    freq_hz = campaign.freq_hz
+    values = [test.estimate.frf.values for test in campaign.tests]
+    is_real = all(not value[0].imag.any() and value[0].any() for value in values)
+    if freq_hz[0] <= 0 or not is_real or not all(value[1:].imag.any() for value in values):
+        return ""
+    return (
+        f"the first line, stated at {freq_hz[0]:.6g} Hz, is real in all channels, as FRFs are at "
+        "0 Hz alone: the axis of frequencies seems to be off by one line; begin it at 0 Hz"
+    )
+
+
 def find_spikes(estimate: FrfEstimate) -> Mask:
     """Return which values far exceed both neighbours on either side; (n_freq, n_output)."""
     size = np.abs(estimate.frf.values[:, :, 0])

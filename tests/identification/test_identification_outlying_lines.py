@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.checks.outlying_lines import outlying_line_remarks
+from identification.checks.outlying_lines import outlying_line_remarks, shifted_axis_remark
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 OUTPUTS = tuple(Dof(site, "+tz") for site in ("acc1", "acc2"))
@@ -64,3 +64,12 @@ def test_few_lines_have_no_neighbours_to_compare_with() -> None:
         )
         == ()
     )
+
+
+def test_an_axis_whose_first_line_is_that_of_0_hz_is_doubted() -> None:
+    values = resonance(0.01)
+    assert shifted_axis_remark(campaign(values)) == ""
+    values[0] = np.abs(values[0])  # as a discrete Fourier transform gives it at 0 Hz
+    assert "stated at 1 Hz, is real in all channels" in shifted_axis_remark(campaign(values))
+    real = np.abs(resonance(0.01)).astype(complex)  # magnitudes alone: another fault
+    assert shifted_axis_remark(campaign(real)) == ""
