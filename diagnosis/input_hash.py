@@ -18,7 +18,6 @@ from mbmodel import PartContext
 from tuning import Session, fingerprint
 
 _HASHED_SUFFIXES = (".py", ".json", ".toml")  # of code, and of constants beside it
-_OFF_START = 0.1  # of parameters: at their start most Parts change nothing
 _PLAIN_FIELDS = (
     "location", "dof", "release", "begin", "otherwise", "scored", "follow", "linear", "tie_share",
     "signed", "is_slope_informative", "bounds", "believed", "valid_below_bound", "is_modelled",
@@ -87,7 +86,8 @@ def _changes(hypothesis: Hypothesis, scene: Scene) -> Iterator[bytes]:
     laplace = np.asarray(2j * np.pi * scene.session.campaign.freq_hz[-1:], complex)
     for part in hypothesis.parts:
         yield repr(part.parameters).encode()
-        theta = np.array([starts[parameter.name] + _OFF_START for parameter in part.parameters])
+        # At their start most Parts change nothing.
+        theta = np.array([starts[parameter.name] + 0.5 for parameter in part.parameters])
         for condition in {test.condition: None for test in scene.session.campaign.tests}:
             for change in part.changes(theta, PartContext(machine, condition)):
                 yield f"{change.slot} {change.point}".encode()

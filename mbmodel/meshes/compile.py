@@ -21,7 +21,7 @@ _MESH_INERTIA = mujoco.mjtMeshInertia
 _INERTIA_FROM_GEOM = mujoco.mjtInertiaFromGeom
 # Settings of a mesh whose mass is that of its volume.
 _VOLUME_INERTIAS = (_MESH_INERTIA.mjMESH_INERTIA_LEGACY, _MESH_INERTIA.mjMESH_INERTIA_EXACT)
-_MAX_MASS_DIFFERENCE = 1e-3  # of a body: less needs no remark
+_MAX_SILENT_MASS_CHANGE = 1e-3  # of a body: less needs no remark
 # Files that ``read_mesh`` reads.
 _READABLE_SUFFIXES = (".stl", ".obj", ".msh", ".vtu")
 
@@ -116,7 +116,7 @@ def _other_masses(path: Path, model: mujoco.MjModel) -> list[str]:
         'inertia="exact" in its <mesh>, or <inertial> in the body'
         for number in range(min(model.nbody, alone.nbody))
         if abs(alone.body_mass[number] - model.body_mass[number])
-        > _MAX_MASS_DIFFERENCE * model.body_mass[number]
+        > _MAX_SILENT_MASS_CHANGE * model.body_mass[number]
     ]
 
 

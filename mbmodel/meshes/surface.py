@@ -129,21 +129,21 @@ def find_overlap(points: Real, triangles: Integers) -> Real | None:
     shell_of = _shells(triangles)
     for first in range(shell_of.max() + 1):
         for second in range(shell_of.max() + 1):
-            faces, others = (points[triangles[shell_of == k]] for k in (first, second))
-            if first != second and (place := _find_inside(faces, others)) is not None:
+            faces, neighbours = (points[triangles[shell_of == k]] for k in (first, second))
+            if first != second and (place := _find_inside(faces, neighbours)) is not None:
                 return place
     return None
 
 
-def _find_inside(faces: Real, others: Real) -> Real | None:
+def _find_inside(faces: Real, neighbours: Real) -> Real | None:
     """Return a point just below some faces that is inside other faces, or None.
 
     Args:
         faces: corners [m]; (n, 3, 3).
-        others: corners of the faces of another shell [m]; (m, 3, 3).
+        neighbours: corners of the faces of another shell [m]; (m, 3, 3).
     """
-    lowest = np.maximum(faces.min(axis=(0, 1)), others.min(axis=(0, 1)))
-    highest = np.minimum(faces.max(axis=(0, 1)), others.max(axis=(0, 1)))
+    lowest = np.maximum(faces.min(axis=(0, 1)), neighbours.min(axis=(0, 1)))
+    highest = np.minimum(faces.max(axis=(0, 1)), neighbours.max(axis=(0, 1)))
     if (lowest >= highest).any():
         return None
     normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
@@ -153,7 +153,7 @@ def _find_inside(faces: Real, others: Real) -> Real | None:
     probes = probes.reshape(-1, 3)
     probes = probes[((probes > lowest) & (probes < highest)).all(axis=1)]
     for probe in probes[:: max(1, len(probes) // _MAX_PROBES)]:
-        if winding_number(others - probe) > 0.75:
+        if winding_number(neighbours - probe) > 0.75:
             inside: Real = probe
             return inside
     return None

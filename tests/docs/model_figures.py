@@ -80,7 +80,22 @@ def machine_size_memory() -> str:
     return significant(bench_rows("machine_size")[-2]["step GiB"], 2)
 
 
+def written_models_summary(kind: str) -> str:
+    """Return how many written trees or files are the machine in memory."""
+    rows = [
+        row
+        for row in bench_rows("written_models")
+        if row["machine"].startswith("tree ") == (kind == "trees")
+    ]
+    return f"{sum(row['right'] for row in rows)} of {len(rows)}"
+
+
 FIGURES = {
+    "written-models-trees": lambda: written_models_summary("trees"),
+    "written-models-files": lambda: written_models_summary("files"),
+    "written-models-difference": lambda: significant(
+        max(row["difference"] for row in bench_rows("written_models")), 2
+    ),
     "machine-size-table": machine_size_table,
     "machine-size-memory": machine_size_memory,
     "frf-table": frf_table,
