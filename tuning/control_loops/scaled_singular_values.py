@@ -11,6 +11,10 @@ from identification.words import Complex, Real
 
 _BALANCING_ROUNDS = 40  # each takes the fourth root of a wrong unit, and neighbours' errors
 
+# Of the largest entry, which couples matrices that fall apart: half of the digits, so that their
+# Perron vectors, which spread by its root, keep the others.
+_COUPLING_FLOOR = float(np.sqrt(np.finfo(float).eps))
+
 
 def singular_values(matrices: Complex) -> Real:
     """Return the largest singular value of each matrix; (n_freq,)."""
@@ -28,7 +32,7 @@ def scaled_singular_values(matrices: Complex) -> Real:
     matrices = _balance(matrices)
     # Loops that do not act on each other leave |M| reducible: a small floor couples them.
     sizes = np.abs(matrices)
-    sizes = sizes + np.finfo(float).eps * sizes.max(axis=(-2, -1), keepdims=True)
+    sizes = sizes + _COUPLING_FLOOR * sizes.max(axis=(-2, -1), keepdims=True)
     scale = np.sqrt(_perron_vectors(sizes.swapaxes(-2, -1)) / _perron_vectors(sizes))
     return singular_values(scale[:, :, None] * matrices / scale[:, None, :])
 
@@ -56,5 +60,5 @@ def _perron_vectors(sizes: Real) -> Real:
     values, vectors = np.linalg.eig(sizes)
     chosen = np.argmax(values.real, axis=-1)
     perron = np.take_along_axis(vectors, chosen[:, None, None], axis=-1)[..., 0]
-    sizes_of_entries: Real = np.maximum(np.abs(perron), np.finfo(float).tiny)
+    sizes_of_entries: Real = np.maximum(np.abs(perron), np.finfo(float).eps)
     return sizes_of_entries
