@@ -11,6 +11,7 @@ from identification.words import Mask, Output, Real, Records
 
 _MAX_BROKEN_GAIN = 0.1  # of the channel's largest motion per force: less is no scatter of the aim
 _MIN_ALIVE_GAIN = 0.5  # median over the other channels, which shows that the hit was good
+_MIN_MOTION_TO_NOISE = 10.0  # of energies: a tenth of the motion is then told from none
 _MIN_QUIET_SAMPLES = 16  # before a hit, for the noise of the motion
 _MAX_LOST_HITS = 0.5  # of the hits: with more of them dead, the channel is left out instead
 _MAINS_HZ = (50.0, 60.0)
@@ -29,15 +30,18 @@ def find_dead_channels(blocks: Blocks) -> tuple[Mask, Mask]:
     """Find channels that die, and hits without them.
 
     A channel is dead in a hit if its motion per force is below a tenth of its largest, while the
-    median of the other channels keeps half of theirs.
+    median of the other channels keeps half of theirs. The motion that its largest would give must
+    stand above what the channel read before the hit, noise or ringing.
 
     Returns:
         Which hits have a dead channel that is alive in at least half of the hits (n_hit,), and
         which channels are dead in more hits (n_out,).
     """
     force = np.sqrt((blocks.force**2).sum(axis=1))
-    gain = np.sqrt(_energy_beyond_noise(blocks)) / np.maximum(force, 1e-300)[:, None]
+    energy, before = _energy_and_noise(blocks)
+    gain = np.sqrt(np.maximum(energy - before, 0.0)) / np.maximum(force, 1e-300)[:, None]
     largest = gain.max(axis=0, initial=0.0)
+    is_shown = (largest * force[:, None]) ** 2 > _MIN_MOTION_TO_NOISE * before
     relative = gain / np.where(largest > 0, largest, 1.0)
     n_out = relative.shape[1]
     dead = np.zeros(relative.shape, bool)
@@ -46,19 +50,23 @@ def find_dead_channels(blocks: Blocks) -> tuple[Mask, Mask]:
         if companions.size and largest[channel] > 0:
             alive = np.median(companions, axis=1) > _MIN_ALIVE_GAIN
             dead[:, channel] = (relative[:, channel] < _MAX_BROKEN_GAIN) & alive
+    dead &= is_shown
     is_lost = np.asarray(dead.sum(axis=0) > _MAX_LOST_HITS * len(dead))
     return np.asarray(dead[:, ~is_lost].any(axis=1)), is_lost
 
 
-def _energy_beyond_noise(blocks: Blocks) -> Real:
-    """Return the energy of each block and channel without that of the noise before the hit."""
+def _energy_and_noise(blocks: Blocks) -> tuple[Real, Real]:
+    """Return the energy of each block and channel, and that of its noise; (n_hit, n_out) each.
+
+    The noise is what the channel reads before the hit, over the whole block.
+    """
     energy: Real = (blocks.motion**2).sum(axis=2)
+    noise = np.zeros_like(energy)
     for hit, (blow, start) in enumerate(zip(blocks.blows, blocks.starts, strict=True)):
         quiet = blow.onset - start - blow.main.width
         if quiet >= _MIN_QUIET_SAMPLES:
-            noise = blocks.motion[hit, :, :quiet].var(axis=1) * blocks.motion.shape[2]
-            energy[hit] = np.maximum(energy[hit] - noise, 0.0)
-    return energy
+            noise[hit] = blocks.motion[hit, :, :quiet].var(axis=1) * blocks.motion.shape[2]
+    return energy, noise
 
 
 def leave_out_dying_channels(blocks: Blocks) -> tuple[Blocks, tuple[str, ...]]:
