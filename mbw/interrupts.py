@@ -24,7 +24,7 @@ _SHOW_CURSOR = "\r\x1b[K\x1b[?25h"  # a progress bar hides it
 
 
 class _Watch:
-    """What the thread that reads signals has to know.
+    """State that the command shares with the thread that reads signals.
 
     Args:
         is_seen: set once Python has handled a Ctrl-C.

@@ -89,8 +89,8 @@ def _holds_decibels(campaign: Campaign, direction: TimeDirection) -> bool:
     if np.median(sizes) < _MIN_DECIBELS:
         return False
     shares = [_early_share([_from_decibels(test, sign) for test in tests]) for sign in (1.0, -1.0)]
-    known = [share for share in shares if share is not None]
-    return min(known, default=1.0) < 1 - direction.early_share - _MIN_SHARE_DIFFERENCE
+    computed_shares = [share for share in shares if share is not None]
+    return min(computed_shares, default=1.0) < 1 - direction.early_share - _MIN_SHARE_DIFFERENCE
 
 
 def _from_decibels(test: Test, sign: float) -> Test:

@@ -55,8 +55,8 @@ def find_combination_tones(model: ModalModel, count: int) -> dict[int, str]:
         parents = [int(parent) for parent in strong if parent not in reasons]
         combinations = list(_list_combinations(parents, freq))
         for order in (2, 3):
-            known = [tone for tone in combinations if tone.order <= order]
-            name = _find_nearest(known, float(freq[mode]), float(sd[mode]), sd, width)
+            tones = [tone for tone in combinations if tone.order <= order]
+            name = _find_nearest(tones, float(freq[mode]), float(sd[mode]), sd, width)
             if name:
                 reasons[int(mode)] = (
                     f"its frequency is {name}, and it is far weaker: a nonlinear machine responds "

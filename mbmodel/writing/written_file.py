@@ -25,7 +25,7 @@ _Changes = Sequence[Edit | Addition]
 
 @dataclass(frozen=True)
 class WrittenModel:
-    """What became of a model that was written.
+    """Outcome of writing a model: what its file lacks, and how it differs.
 
     Args:
         file: name of the file.

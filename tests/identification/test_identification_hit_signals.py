@@ -115,8 +115,8 @@ def test_a_stiffness_that_drifts_is_a_drift_of_frequencies():
         motion=np.concatenate([part.motion for part in hot]),
     )
     # Differences over two lines of narrow modes understate the slope, and so overstate the shift.
-    found = re.search(r"the natural frequency falls by ([\d.]+) % from hit to hit", remarks(joined))
-    assert float(found.group(1)) == pytest.approx(0.1, rel=0.25)
+    fall = re.search(r"the natural frequency falls by ([\d.]+) % from hit to hit", remarks(joined))
+    assert float(fall.group(1)) == pytest.approx(0.1, rel=0.25)
 
 
 def test_a_gain_that_follows_the_peak_is_no_drift(records):

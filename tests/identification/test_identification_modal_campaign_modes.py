@@ -143,14 +143,15 @@ def test_a_growing_mode_among_decaying_ones_has_its_negative_damping(grows, n_in
     noise = rng.normal(size=(2, *clean.shape)) / np.sqrt(2)
     values = clean + sd * (noise[0] + 1j * noise[1])
     data = WeightedFrfs(s[:, 0, 0, 0], 2, values, np.ones((200, 1, 1)), 1 / sd**2)
-    found = identify_modes(data, lines)
-    np.testing.assert_allclose(found.fit.freq_hz[found.inside], freq, rtol=1e-3)
-    np.testing.assert_allclose(found.fit.damping[found.inside], damping, rtol=0.1)
-    assert found.misfit == pytest.approx(1.0, abs=0.15)
+    identified = identify_modes(data, lines)
+    inside = identified.inside
+    np.testing.assert_allclose(identified.fit.freq_hz[inside], freq, rtol=1e-3)
+    np.testing.assert_allclose(identified.fit.damping[inside], damping, rtol=0.1)
+    assert identified.misfit == pytest.approx(1.0, abs=0.15)
 
 
 def test_a_mode_can_be_forced_to_grow(model, true_theta):
     campaign = virtual_campaign(model, true_theta)
-    found, how, _ = identify(campaign, choices=ModeChoices(force=((40.0, -0.02),)))
-    own = found.poles[: how.inside.sum()]
-    assert np.abs(own - 2 * np.pi * 40 * (0.02 + 1j * np.sqrt(1 - 0.02**2))).min() < 1e-9
+    modal, how, _ = identify(campaign, choices=ModeChoices(force=((40.0, -0.02),)))
+    poles = modal.poles[: how.inside.sum()]
+    assert np.abs(poles - 2 * np.pi * 40 * (0.02 + 1j * np.sqrt(1 - 0.02**2))).min() < 1e-9

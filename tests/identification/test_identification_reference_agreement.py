@@ -115,8 +115,8 @@ def test_a_negative_residue_of_a_single_reference_leaves_real_shapes():
     signs[0, 1] = -1
     model, identified, _ = identify(campaign_of([accelerance(shapes, 0, signs=signs)], [0]))
     scaled = scale_shapes(model).model
-    found = negative_drive_points(scaled, identified.residue_sd, identified.inside)
-    assert found == {"acc1:+tz": (1,)}
+    negative = negative_drive_points(scaled, identified.residue_sd, identified.inside)
+    assert negative == {"acc1:+tz": (1,)}
     np.testing.assert_allclose(np.abs(scaled.shapes.real), np.abs(shapes), rtol=0.03)
 
 

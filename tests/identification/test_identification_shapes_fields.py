@@ -38,7 +38,7 @@ def fields(pattern, seed, numbers=(1, 2, 3, 4)):
 
 
 @pytest.mark.parametrize(
-    ("displacement", "others"),
+    ("displacement", "left_out"),
     [
         ("mode {n} ({f} Hz)", ["rotation mode {n} ({f} Hz)"]),
         ("U mode {n} ({f} Hz)", ["UR mode {n} ({f} Hz)", "RF mode {n} ({f} Hz)"]),
@@ -49,31 +49,31 @@ def fields(pattern, seed, numbers=(1, 2, 3, 4)):
         ("mode {n} ({f} Hz)", ["theta mode {n} ({f} Hz)"]),
     ],
 )
-def test_fields_of_other_quantities_are_left_out_and_named(read, displacement, others):
+def test_fields_of_other_quantities_are_left_out_and_named(read, displacement, left_out):
     shapes = fields(displacement, 1)
     data = {
         name: values
-        for k, other in enumerate(others)
-        for name, values in fields(other, 2 + k).items()
+        for k, field in enumerate(left_out)
+        for name, values in fields(field, 2 + k).items()
     }
-    found = read(data | shapes)
-    np.testing.assert_allclose(found.vectors, list(shapes.values()))
-    (remark,) = found.remarks
-    assert all(other.format(n=1, f=12.5) in remark for other in others)
+    read_shapes = read(data | shapes)
+    np.testing.assert_allclose(read_shapes.vectors, list(shapes.values()))
+    (remark,) = read_shapes.remarks
+    assert all(field.format(n=1, f=12.5) in remark for field in left_out)
 
 
 def test_fields_of_other_quantities_do_not_count_beside_a_table_of_frequencies(read):
     shapes = fields("mode_{n}", 1)
-    found = read(shapes | fields("rotation_{n}", 2), HERTZ)
-    np.testing.assert_allclose(found.vectors, list(shapes.values()))
+    read_shapes = read(shapes | fields("rotation_{n}", 2), HERTZ)
+    np.testing.assert_allclose(read_shapes.vectors, list(shapes.values()))
 
 
 def test_modes_with_names_of_their_own_all_count(read):
     names = ["rigid rotation about x (0 Hz)", "bending (12 Hz)", "torsion (30 Hz)", "sway (30 Hz)"]
-    found = read({name: GRID + k for k, name in enumerate(names)})
-    assert found.frequencies.tolist() == [0, 12, 30, 30]
-    assert found.numbers.tolist() == [1, 2, 3, 4]
-    assert not found.remarks
+    read_shapes = read({name: GRID + k for k, name in enumerate(names)})
+    assert read_shapes.frequencies.tolist() == [0, 12, 30, 30]
+    assert read_shapes.numbers.tolist() == [1, 2, 3, 4]
+    assert not read_shapes.remarks
 
 
 def test_a_file_of_rotations_alone_is_refused(read):
@@ -95,22 +95,22 @@ def test_real_and_imaginary_parts_are_joined_and_turned_to_real_shapes(read, par
     shapes = fields("mode {n} ({f} Hz)", 1)
     turned = {name: np.exp(0.7j * k) * values for k, (name, values) in enumerate(shapes.items())}
     real, imaginary = parts
-    found = read(
+    read_shapes = read(
         {real.format(name): values.real for name, values in turned.items()}
         | {imaginary.format(name): values.imag for name, values in turned.items()}
     )
-    assert len(found) == 4
-    for vector, shape in zip(found.vectors, shapes.values(), strict=True):
+    assert len(read_shapes) == 4
+    for vector, shape in zip(read_shapes.vectors, shapes.values(), strict=True):
         assert abs(np.sum(vector * shape)) == pytest.approx(np.sum(shape**2))
         np.testing.assert_allclose(np.abs(vector), np.abs(shape), atol=1e-12)
-    (remark,) = found.remarks
+    (remark,) = read_shapes.remarks
     assert "4 complex modes were joined" in remark
 
 
 def test_imaginary_parts_without_a_real_one_are_left_out(read):
-    found = read(fields("mode {n} ({f} Hz)", 1) | {"mode 9 (80 Hz) imag": GRID})
-    assert len(found) == 4
-    assert "imaginary without a real part" in found.remarks[0]
+    read_shapes = read(fields("mode {n} ({f} Hz)", 1) | {"mode 9 (80 Hz) imag": GRID})
+    assert len(read_shapes) == 4
+    assert "imaginary without a real part" in read_shapes.remarks[0]
 
 
 def test_the_best_real_shape_has_the_largest_real_part_of_all_turns():
@@ -136,11 +136,11 @@ def test_the_best_real_shape_has_the_largest_real_part_of_all_turns():
     ],
 )
 def test_modes_keep_the_numbers_of_their_names(read, pattern, numbers, expected):
-    found = read(fields(pattern, 1, numbers))
-    assert found.numbers.tolist() == expected
-    assert found.select(np.array([1, 3])).numbers.tolist() == [expected[1], expected[3]]
+    read_shapes = read(fields(pattern, 1, numbers))
+    assert read_shapes.numbers.tolist() == expected
+    assert read_shapes.select(np.array([1, 3])).numbers.tolist() == [expected[1], expected[3]]
 
 
 def test_a_field_without_a_frequency_beside_modes_is_remarked(read):
-    found = read(fields("mode {n} ({f} Hz)", 1) | {"static": GRID})
-    assert found.remarks == ("plate.vtu: static: without a frequency, left out",)
+    read_shapes = read(fields("mode {n} ({f} Hz)", 1) | {"static": GRID})
+    assert read_shapes.remarks == ("plate.vtu: static: without a frequency, left out",)

@@ -372,29 +372,6 @@ def test_what_cannot_be_mounted_is_refused_with_a_sentence(from_text, write, out
     assert str(out) not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("base", "stage"),
-    [
-        ('<compiler settotalmass="90"/>', ""),
-        ("", '<compiler boundmass="9" boundinertia="0.3"/>'),
-        ('<default><joint springdamper="0.02 0.1"/></default>', '<compiler settotalmass="7"/>'),
-    ],
-    ids=["total mass of the machine", "least mass of the stage", "springs by frequency"],
-)
-def test_settings_of_both_files_hold_for_their_own_bodies(from_text, write, out, base, stage):
-    machine = from_text(mjcf(mass_on_spring(40, 4e6, 90), extra=base))
-    top = write(mjcf(mass_on_spring(4, 3e5, 9), extra=stage), "top.xml")
-    alone = load_machine(top)
-    combined = combine(
-        machine, out, MountedStage(top, "a", (0, 0, 0)), [PointMass("a", 3.0, (0.0, 0.0, 0.0))]
-    ).machine
-    masses = [m.body_mass[0, 0] for m in (machine, alone)]
-    assert combined.body_mass[0, 0] == pytest.approx(masses[0] + 3.0, rel=1e-9)
-    assert combined.body_mass[6, 6] == pytest.approx(masses[1], rel=1e-9)
-    expected = [s.stiffness for m in (machine, alone) for s in m.springs]
-    assert [s.stiffness for s in combined.springs] == pytest.approx(expected, rel=1e-9)
-
-
 def test_a_body_of_an_attached_model_cannot_be_edited(write, out):
     write(mjcf(mass_on_spring(40, 4e6, 90)), "part.xml")
     main = write(
