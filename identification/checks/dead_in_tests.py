@@ -2,8 +2,10 @@
 
 A channel that reads noise alone in one good test, but not in all, has lost its cable there, or it
 does not move under that hit. Its body tells both apart: where the other channels of the body
-determine its motion, and this stands far above its noise, the channel is dead. Without that
-evidence it is dead if all channels of its sensor are silent together. Else only the fact is said.
+determine its motion, and this stands far above its noise, the channel is dead. Where they do not
+determine it, a sensor is dead that is silent as a whole while another sensor of its body reads
+motion: one point of a body that moves does not stand still at all frequencies. Else only the fact
+is said.
 """
 
 from dataclasses import replace
@@ -12,7 +14,7 @@ import numpy as np
 
 from identification.checks.channels import noise_only_rows
 from identification.solid.sensor_errors import Sensors
-from identification.words import Campaign, Dof, Output, Real, Test, shorten_names
+from identification.words import Campaign, Dof, Layout, Output, Real, Test, shorten_names
 
 _MIN_MOTION_TO_VARIANCE = (
     25.0  # predicted |H|^2 over the variance of the channel and the prediction
@@ -50,7 +52,12 @@ def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
         moving = {row: _moves_by_its_body(campaign, test, row, suspects) for row in suspects}
         unknown = [row for row, misses in moving.items() if misses is None]
         left_out = [row for row, misses in moving.items() if misses]
-        whole = [row for row in unknown if _whole_sensor_is_in(outputs, row, suspects)]
+        whole = [
+            row
+            for row in unknown
+            if _whole_sensor_is_in(outputs, row, suspects)
+            and _body_reads_motion(campaign.layout, outputs, row, weak)
+        ]
         if len({outputs[row].point for row in whole}) == 1:
             left_out += whole
         undecided = [row for row in unknown if row in noise_only and row not in left_out]
@@ -94,6 +101,22 @@ def _whole_sensor_is_in(outputs: tuple[Output, ...], row: int, silent: list[int]
     """Return whether a sensor of several channels is silent as a whole."""
     sensor = [k for k, dof in enumerate(outputs) if dof.point == outputs[row].point]
     return len(sensor) > 1 and set(sensor) <= set(silent)
+
+
+def _body_reads_motion(
+    layout: Layout, outputs: tuple[Output, ...], row: int, weak: list[int]
+) -> bool:
+    """Return whether another sensor of the channel's body reads more than noise."""
+    dof = outputs[row]
+    if not isinstance(dof, Dof):
+        return False
+    return any(
+        k not in weak
+        and isinstance(reading, Dof)
+        and reading.point != dof.point
+        and layout.body_name(reading.point) == layout.body_name(dof.point)
+        for k, reading in enumerate(outputs)
+    )
 
 
 def _moves_by_its_body(campaign: Campaign, test: Test, row: int, silent: list[int]) -> bool | None:
