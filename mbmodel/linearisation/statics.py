@@ -25,8 +25,6 @@ _STATIC_FIELDS = (
     "jnt_pos",
     "jnt_axis",
 )
-# MuJoCo's marks of frames that coincide: a moved centre of mass parts them.
-_SAME_FRAME_FIELDS = ("body_sameframe", "geom_sameframe", "site_sameframe")
 _MIN_FORCE_SHARE = 1e-9  # of the largest force at rest: less is the rounding of the search
 
 StaticEdits = Iterable[Edit | Addition | NotInMjcf]
@@ -83,8 +81,6 @@ class Statics:
             edits: what Parts write into the MJCF; what does not act at rest is left out.
         """
         model = mujoco.MjModel.__copy__(self.model)
-        for name in _SAME_FRAME_FIELDS:
-            getattr(model, name)[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self.apply(model, edits)
         return model
 

@@ -61,6 +61,7 @@ def compile_with_remarks(
             model, mesh_remarks = compile_with_meshes(path, change)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(_explain(path, str(error))) from error
+    _part_frames(model)
     model.opt.enableflags &= ~int(_STEPPING_OPTIONS)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     if without_friction:
@@ -71,6 +72,16 @@ def compile_with_remarks(
     sentences = {text: None for text in sentences if _MUJOCO_PREFIX_WARNING not in text}
     warned = tuple(f"MuJoCo warns: {sentence}" for sentence in sentences)
     return model, (*mesh_remarks, *warned)
+
+
+def _part_frames(model: mujoco.MjModel) -> None:
+    """Let every frame be computed from its own pose.
+
+    MuJoCo marks frames that coincide and then computes one of them. Its test lets rotations of
+    1e-7 rad pass, and frames that are moved later would stay marked.
+    """
+    for marks in (model.body_sameframe, model.geom_sameframe, model.site_sameframe):
+        marks[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
 
 
 def mjcf_files(path: Path) -> tuple[Path, ...]:

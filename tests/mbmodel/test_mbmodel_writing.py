@@ -141,6 +141,17 @@ def test_a_tendon_keeps_its_end_where_its_site_moves_as_a_sensor(tmp_path):
     np.testing.assert_allclose(stiffness, model.matrices(theta).stiffness, rtol=1e-9)
 
 
+def test_a_sensor_turned_by_as_little_as_a_fit_finds_is_written(tmp_path):
+    # MuJoCo takes frames that are turned by less than some 2e-7 rad for one frame.
+    path, target = tmp_path / "m.xml", tmp_path / "tuned.xml"
+    path.write_text(mjcf(mass_on_spring(10.0, 3e5, 50.0)), "utf-8")
+    machine = load_machine(path)
+    model = Model(machine, spring_parts(machine) + sensor_parts(machine))
+    theta = model.drawn.copy()
+    theta[[p.name for p in model.parameters].index("acc1.rotation_x")] = 1e-7
+    assert write_model(model, theta, target).difference == ""
+
+
 def test_meshes_weigh_in_mujoco_what_they_weigh_here(tmp_path):
     # A U profile: MuJoCo's default mass of a mesh is that of a fan of tetrahedra, 2.5 times more.
     square = [(0, 0), (1, 0), (1, 1), (0.9, 1), (0.9, 0.1), (0.1, 0.1), (0.1, 1), (0, 1)]

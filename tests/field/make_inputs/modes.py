@@ -114,7 +114,7 @@ def _bands():
         ],
         array_files(values, bad),
     )
-    silent = 1e-3 * np.random.default_rng(3).normal(size=(len(FREQ_HZ), 5, 2))
+    silent = 1e-3 * np.random.default_rng(3).normal(size=(len(FREQ_HZ), 5, 2, 2)) @ (1.0, 1j)
     write_case(
         "modes/none",
         "FRFs of noise alone",

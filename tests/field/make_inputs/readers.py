@@ -169,10 +169,11 @@ def _broken_universal_files():
     )
 
 
-def _mat(**arrays):
+def _mat(compressed=True, **arrays):
     buffer = io.BytesIO()
-    scipy.io.savemat(buffer, arrays, do_compression=True)
-    return buffer.getvalue()
+    scipy.io.savemat(buffer, arrays, do_compression=compressed)
+    header = b"MATLAB 5.0 MAT-file, written for a field case"
+    return header.ljust(116) + buffer.getvalue()[116:]  # without the date of writing
 
 
 def _arrays():
@@ -249,6 +250,4 @@ def _broken_arrays():
 
 
 def _mat_plain(values):
-    buffer = io.BytesIO()
-    scipy.io.savemat(buffer, {"FRFs": values[:20], "freqs": FREQ_HZ[:20]})
-    return buffer.getvalue()
+    return _mat(compressed=False, FRFs=values[:20], freqs=FREQ_HZ[:20])
