@@ -33,7 +33,7 @@ from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import WORLD, Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
-from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
+from mbmodel.mjcf.edit import Addition, Edit, MjcfLack, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
 from mbmodel.model import Model, as_drawn
 from mbmodel.modes.closed_loop_modes import closed_loop_dynamics
@@ -147,6 +147,7 @@ __all__ = [
     "MachineGeometry",
     "Matrices",
     "MinimumPhaseFilter",
+    "MjcfLack",
     "ModeEvaluator",
     "Model",
     "Modes",

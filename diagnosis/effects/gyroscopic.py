@@ -17,7 +17,7 @@ from diagnosis.effects.scales import MASS_SHARE_UNIT
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from diagnosis.movable import Movable
 from identification.words import Condition, Real
-from mbmodel import AddedPart, Change, NotInMjcf, Parameter
+from mbmodel import AddedPart, Change, MjcfLack, NotInMjcf, Parameter
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -83,8 +83,7 @@ def _find_fractions(speeds: Sequence[float]) -> Callable[[Condition], float] | N
 def _explain_rotor(body: str, unit: float, theta: Real) -> tuple[NotInMjcf, ...]:
     """Explain that an MJCF has no element for the rotor: MuJoCo has it as a motion."""
     spin = ", ".join(f"{unit * value:.4g}" for value in theta)
-    why = f"draw the rotor as a body on a hinge of {body} and let it spin"
-    return (NotInMjcf(f"{body}: angular momentum ({spin}) kg m2/s", why),)
+    return (NotInMjcf(f"{body}: angular momentum ({spin}) kg m2/s", MjcfLack.ROTOR),)
 
 
 EFFECT = Effect(

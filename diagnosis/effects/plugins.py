@@ -14,7 +14,7 @@ from typing import Any
 from diagnosis.effects.plugin_checks import find_fault, list_start_values, read_numbers
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import InputError, Real
-from mbmodel import AddedPart, Addition, NotInMjcf, Part
+from mbmodel import AddedPart, Addition, MjcfLack, NotInMjcf, Part
 
 GROUP = "mbw.effects"
 _MEND = "mend it or uninstall its package"
@@ -135,7 +135,8 @@ class _GuardedWriter:
         try:
             return tuple(self.call(theta))
         except Exception as error:
-            return (NotInMjcf(self.owner, f"written fails ({type(error).__name__}: {error})"),)
+            name = f"{self.owner}, where written fails with {type(error).__name__}: {error}"
+            return (NotInMjcf(name, MjcfLack.OTHER_PACKAGE),)
 
 
 @dataclass(eq=False)

@@ -26,7 +26,7 @@ from identification.words import Loop, Real, UsageError
 from mbmodel.control_loops.loop_law import LoopLaw, continuous_equivalent
 from mbmodel.frf.ports import find_ports
 from mbmodel.machine import Machine
-from mbmodel.mjcf.edit import NotInMjcf
+from mbmodel.mjcf.edit import MjcfLack, NotInMjcf
 from mbmodel.parts import Change, Parameter, PartContext
 
 
@@ -89,7 +89,7 @@ class LoopPart:
     def write(self, theta: Real) -> tuple[NotInMjcf, ...]:
         """Return that an MJCF has no element for a controller."""
         del theta
-        return (NotInMjcf(self.location, "an MJCF has no element for its controller"),)
+        return (NotInMjcf(self.location, MjcfLack.LOOP),)
 
     def select_held(self, theta: Real) -> Real:
         """Return theta: there are no parameters."""

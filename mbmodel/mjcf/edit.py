@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 from xml.dom import minidom
@@ -87,9 +88,28 @@ class Addition:
     element: Element
 
 
+class MjcfLack(StrEnum):
+    """What no MJCF holds, with the reason of each kind: the list in docs/reference/mjcf.md."""
+
+    SENSOR_GAIN = "an MJCF site has no gain"
+    SENSOR_DELAY = "an MJCF site has no delay"
+    CHANNEL = "an MJCF describes no gain or delay of a channel"
+    FORCE_CHANNEL = "an MJCF describes no force channel"
+    HIT = "an MJCF site has one pose, but each hammer direction needs its own"
+    LOOP = "an MJCF has no element for its controller"
+    FREQUENCY = "no element of an MJCF depends on frequency in this way"
+    ROTOR = "draw the rotor as a body on a hinge and let it spin"
+    SOME_TESTS = "it acts in some tests only"
+    INERTIA = (
+        "no body can have the fitted moments of inertia, so the nearest possible ones are written"
+    )
+    MASS = "the mass of its MJCF body would not be positive"
+    OTHER_PACKAGE = "its effect gives no MJCF element"
+
+
 @dataclass(frozen=True)
 class NotInMjcf:
-    """A change that cannot be written into an MJCF, or not at this place of the file.
+    """A change that no MJCF can hold.
 
     Args:
         name: of the parameter or element.
@@ -97,21 +117,34 @@ class NotInMjcf:
     """
 
     name: str
-    reason: str
+    reason: MjcfLack
 
     def __str__(self) -> str:
         """Return name and reason."""
         return f"{self.name} ({self.reason})"
 
 
+@dataclass(frozen=True)
+class Refusal:
+    """A change for which this file has no place, though an MJCF may have one.
+
+    Args:
+        name: of the element.
+        reason: what the file lacks.
+    """
+
+    name: str
+    reason: str
+
+
 def write_mjcf(
     source: Path,
     target: Path,
-    changes: Sequence[Edit | Addition | NotInMjcf],
+    changes: Sequence[Edit | Addition],
     folder: Path | None = None,
     *,
     expanded: bool = False,
-) -> tuple[NotInMjcf, ...]:
+) -> tuple[Refusal, ...]:
     """Write a copy of an MJCF with other numbers and additional elements.
 
     Everything else in the file stays as it is. For a polynomial stiffness or damping the linear
@@ -125,43 +158,39 @@ def write_mjcf(
     Args:
         source: the MJCF that was read.
         target: the new file; its folder exists.
-        changes: what Parts ask to be written; their ``NotInMjcf`` are returned as they are.
+        changes: what Parts ask to be written.
         folder: folder to which the new file will move; None if it stays.
         expanded: whether to write the expanded MJCF, in which every element states its own values,
             in place of the file as its author wrote it.
 
     Returns:
-        Changes that the file does not hold, such as those of joints without a name or in an
+        Changes for which the file has no place, such as those of joints without a name or in an
         included file. An expanded file holds all of them.
 
     Raises:
         InputError: the source cannot be read any more.
     """
     document = expand_mjcf(source) if expanded else parse_xml(source)
-    not_written = [change for change in changes if isinstance(change, NotInMjcf)]
+    refused = []
     edits = [change for change in changes if isinstance(change, Edit)]
     for name in dict.fromkeys(edit.name for edit in edits if edit.kind == "hit"):
         _add_hit(document, name)
     for edit in (edit for edit in edits if edit.kind != "hit"):
         if (reason := _apply(document, edit)) is not None:
-            not_written += [
-                NotInMjcf(f"{edit.name}.{attribute}", reason) for attribute in edit.values
-            ]
+            refused += [Refusal(f"{edit.name}.{attribute}", reason) for attribute in edit.values]
     added = []
     additions = [change for change in changes if isinstance(change, Addition)]
     for addition in sorted(additions, key=lambda addition: addition.parent == "tendon"):
         if (node := _add(document, addition)) is not None:
             added.append((addition.parent, node))
         else:
-            not_written.append(
-                NotInMjcf(addition.name, f"the file itself has no body {addition.parent}")
-            )
+            refused.append(Refusal(addition.name, f"the file itself has no body {addition.parent}"))
     extend_keyframes(document, source, added)
     home = (folder or target.parent).resolve()
     if source.resolve().parent != home:
         redirect_paths(document, source, home)
     target.write_text(document.toxml() + "\n", encoding="utf-8")
-    return tuple(not_written)
+    return tuple(refused)
 
 
 def _add(document: minidom.Document, addition: Addition) -> minidom.Element | None:

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from identification.words import Condition, Real
-from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
+from mbmodel.mjcf.edit import Addition, Edit, MjcfLack, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, drawn_values
 
 Changes = Callable[[Real], tuple[Change, ...]]
@@ -108,13 +108,13 @@ class AddedPart:
         is_whole = not any(isinstance(change, NotInMjcf) for change in self.write(theta))
         return theta if is_whole else drawn_values(self, theta)
 
-    def _reason(self, theta: Real) -> str:
+    def _reason(self, theta: Real) -> MjcfLack:
         """Return why an MJCF cannot hold the change."""
         if self.when is not None:
-            return "it acts in some tests only"
+            return MjcfLack.SOME_TESTS
         if any(change.shape is not None for change in self.finite(theta)):
-            return "no element of an MJCF depends on frequency in this way"
-        return "an MJCF has no element for it"
+            return MjcfLack.FREQUENCY
+        return MjcfLack.OTHER_PACKAGE
 
 
 def _scaled_changes(fraction: float, changes: Iterable[Change]) -> tuple[Change, ...]:

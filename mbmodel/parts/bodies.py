@@ -8,17 +8,13 @@ import numpy as np
 from identification.words import Real
 from mbmodel.linearisation.drawing import DrawnBody
 from mbmodel.machine import Machine
-from mbmodel.mjcf.edit import Edit, NotInMjcf
+from mbmodel.mjcf.edit import Edit, MjcfLack, NotInMjcf
 from mbmodel.parts.part import AXIS_NAMES, Change, Parameter, PartContext, drawn_values
 from mbmodel.spatial import cross_matrix, nearest_inertia, spatial_inertia, split_inertia
 
 # Row and column of the six parameters of an inertia.
 _INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _MIN_REPORTED_INERTIA_CHANGE = 1e-5  # of the largest moment of inertia: less is rounding
-
-_NEAREST_INERTIA_REASON = (
-    "no body can have the fitted moments of inertia, so the nearest possible ones are written"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,9 +119,7 @@ class BodyPart:
             return ()
         mass, offset, inertia = self._split_own(theta, added_inertia)
         if mass <= 0:
-            return (
-                NotInMjcf(f"{self.body}.mass", "the mass of its MJCF body would not be positive"),
-            )
+            return (NotInMjcf(f"{self.body}.mass", MjcfLack.MASS),)
         drawn_body, nearest = self.drawn_body, nearest_inertia(inertia)
         local = drawn_body.frame.T @ nearest @ drawn_body.frame
         values: dict[str, float | tuple[float, ...]] = {
@@ -138,7 +132,7 @@ class BodyPart:
         edit = Edit("inertial", self.body, values)
         if np.abs(nearest - inertia).max() <= _MIN_REPORTED_INERTIA_CHANGE * np.abs(inertia).max():
             return (edit,)
-        return (edit, NotInMjcf(f"{self.body}.inertia", _NEAREST_INERTIA_REASON))
+        return (edit, NotInMjcf(f"{self.body}.inertia", MjcfLack.INERTIA))
 
     def select_held(self, theta: Real, added_inertia: Real | None = None) -> Real:
         """Return theta with the moments of inertia that are written.

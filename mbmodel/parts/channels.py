@@ -11,10 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import DIRECTIONS, Dof, Output, Real
-from mbmodel.mjcf.edit import Edit, NotInMjcf
+from mbmodel.mjcf.edit import Edit, MjcfLack, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind, drawn_values
-
-NO_CHANNEL_IN_MJCF = "an MJCF describes no gain or delay of a channel"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +65,7 @@ class ChannelPart:
     def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
         """Return that an MJCF holds neither gain nor delay of a channel."""
         return tuple(
-            NotInMjcf(parameter.name, NO_CHANNEL_IN_MJCF)
+            NotInMjcf(parameter.name, MjcfLack.CHANNEL)
             for parameter, value in zip(self.parameters, theta, strict=True)
             if value != parameter.drawn
         )

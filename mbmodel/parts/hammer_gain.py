@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Condition, Real
-from mbmodel.mjcf.edit import Edit, NotInMjcf
+from mbmodel.mjcf.edit import Edit, MjcfLack, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind, drawn_values
 
 
@@ -68,7 +68,7 @@ class HammerGainPart:
     def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
         """Return that an MJCF holds neither gain nor delay."""
         return tuple(
-            NotInMjcf(parameter.name, "an MJCF describes no force channel")
+            NotInMjcf(parameter.name, MjcfLack.FORCE_CHANNEL)
             for parameter, value in zip(self.parameters, theta, strict=True)
             if value != parameter.drawn
         )

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from identification.words import Dof, Integers, Layout, Real, UsageError, is_hammer_point
 from mbmodel.linearisation.drawing import DrawnElement
 from mbmodel.machine import Machine
-from mbmodel.mjcf.edit import Edit, NotInMjcf
+from mbmodel.mjcf.edit import Edit, MjcfLack, NotInMjcf
 from mbmodel.parts.part import (
     AXIS_NAMES,
     Change,
@@ -193,9 +193,7 @@ class SensorPart:
         electric = tuple(
             NotInMjcf(
                 parameter.name,
-                "an MJCF site has no delay"
-                if parameter.unit == "s"
-                else "an MJCF site has no gain",
+                MjcfLack.SENSOR_DELAY if parameter.unit == "s" else MjcfLack.SENSOR_GAIN,
             )
             for parameter, value, held in zip(
                 self.parameters, theta, self.select_held(theta), strict=True
@@ -283,7 +281,7 @@ class HammerPart:
         name = self.parameters[0].name.split(".")[0]
         return (
             *hit_site,
-            NotInMjcf(name, "an MJCF site has one pose, but each hammer direction needs its own"),
+            NotInMjcf(name, MjcfLack.HIT),
         )
 
     def select_held(self, theta: Real) -> Real:

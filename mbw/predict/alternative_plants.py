@@ -10,13 +10,13 @@ from mbmodel import (
     AlternativePlants,
     FrfBands,
     FrfRequest,
+    MjcfLack,
     PosteriorOfModel,
     frf_bands,
     load_machine,
     machine_model,
     with_loops,
 )
-from mbmodel.parts.channels import NO_CHANNEL_IN_MJCF
 from mbw.diagnose.files import AUGMENTED, read_result
 from mbw.diagnose.rivals import rival_names
 
@@ -74,7 +74,7 @@ def alternatives_sentence(
         text
         for text in result.shown.not_held_by_mjcf
         if not text.startswith("hammer")
-        and NO_CHANNEL_IN_MJCF not in text
+        and MjcfLack.CHANNEL not in text
         and text.split(".", 1)[0] not in points
     ]
     lacks = f"; {AUGMENTED} does not hold {shorten_names(missing)}" if missing else ""

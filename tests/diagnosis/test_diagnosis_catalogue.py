@@ -243,7 +243,7 @@ def test_a_part_that_fails_far_from_where_it_was_checked_says_whose_it_is(instal
     with pytest.raises(InputError, match=whose):
         part.finite(far)
     (said,) = part.write(near)
-    assert "written fails (ZeroDivisionError" in str(said)
+    assert "written fails with ZeroDivisionError" in str(said)
 
 
 def test_the_hash_of_a_diagnosis_knows_an_effect_by_its_physics(installed, session, tmp_path):

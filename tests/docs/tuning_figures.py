@@ -85,6 +85,7 @@ def plant_coverage_table() -> str:
             fixed(row["coverage %"], 1),
             f"{row['from']:.1f} to {min(row['to'], 100.0):.1f}",
             significant(row["median width %"], 2),
+            significant(row["median error %"], 2),
             row["n"],
             row["machines"],
         )
@@ -96,6 +97,7 @@ def plant_coverage_table() -> str:
         "Hold the truth [%]",
         "95 % interval over machines",
         "Half width, median [%]",
+        "Error, median [%]",
         "n",
         "Machines",
     )

@@ -12,6 +12,7 @@ from mbmodel.uncertainty.frf_bands import NORMAL_QUANTILE_95, FrfBands
 from truth import Plan, write_campaign
 from truth.campaign.draw import stream
 from truth.campaign.virtual_test import Subject, draw_subject, measure_subject
+from truth.machine.dynamics import motion_row
 from truth.machine.ports import joint_row, plant_receptance, point_row
 from truth.machine.rig import Prepared
 from truth.machine.station import Complex, Station
@@ -21,6 +22,14 @@ from tuning.files.result import TUNED_MJCF, write_result
 _JOINTS = 3  # that are inputs, and as many that are outputs
 _SPREAD_M = 0.15  # of the points about the centres of mass, standard deviation
 _AXES = "xyz"
+_DRAWN_PLACE = "drawn_place"
+# Outputs by kind: joints, points and a difference of points, a sensor, the place where it is drawn.
+_KINDS = {
+    "at joints": slice(0, 3),
+    "at points": slice(3, 7),
+    "at a sensor": slice(7, 10),
+    "at its drawn place": slice(10, 13),
+}
 
 
 def plant_coverage(nominal: Station, plan: Plan) -> dict[str, object]:
@@ -28,19 +37,26 @@ def plant_coverage(nominal: Station, plan: Plan) -> dict[str, object]:
 
     Each stage gets a point without a sensor, anywhere near its centre of mass. Inputs are forces
     along three joints and a pair of forces between two points. Outputs are three joints, the last
-    stage's point in x, y, z, and its motion against the first stage's.
+    stage's point in x, y, z, its motion against the first stage's, and twice the last stage's first
+    sensor: as a port it is where the sensor truly is, with its true axes, and a site without a
+    sensor is where the drawing has it.
 
     Args:
         nominal: station to draw about.
         plan: of machine and test.
 
     Returns:
-        For magnitude and phase, and for all FRFs at joints and all at points: how many bands hold
-        the truth, of how many lines; chi-square, model-error floor and relative width.
+        For magnitude and phase, and for all FRFs of each kind of output: how many bands hold the
+        truth, of how many lines, and the medians of relative standard deviation and error;
+        chi-square and model-error floor.
     """
     subject = draw_subject(nominal, plan)
     points = _draw_points(subject.drawing, plan.seed)
+    drawn = subject.drawing.stages[-1]
+    points[_DRAWN_PLACE] = (drawn.name, drawn.sensors[0].position)
     inputs, outputs = _draw_ports(subject.drawing, plan.seed)
+    drawn_ports = drawn.sensors[0].site, _DRAWN_PLACE
+    outputs += [f"{name}:+t{axis}" for name in drawn_ports for axis in _AXES]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_campaign(measure_subject(subject, plan, nominal.name), folder)
@@ -61,25 +77,38 @@ def plant_coverage(nominal: Station, plan: Plan) -> dict[str, object]:
         "chi square": None if confidence is None else confidence.chi_square,
         "floor": posterior.posterior.error_floor,
         "discrepancy": posterior.posterior.discrepancy,
-        "width": float(np.median(bands.magnitude_deviation / np.abs(bands.values))),
-        "error": float(np.median(np.abs(true / bands.values - 1))),
         **_held(bands, true),
     }
 
 
-def _held(bands: FrfBands, true: Complex) -> dict[str, list[int]]:
-    """Count bands of magnitude and phase that hold the truth."""
+def _held(bands: FrfBands, true: Complex) -> dict[str, list[float]]:
+    """Count bands of magnitude and phase that hold the truth; add their width and error."""
     low, high = bands.magnitude_interval()
     size = np.abs(true)
     angle = np.abs(np.angle(true / bands.values))
-    inside = {
-        "magnitude": (low <= size) & (size <= high),
-        "phase": angle <= NORMAL_QUANTILE_95 * bands.phase_deviation,
+    held = np.stack(
+        [
+            (low <= size) & (size <= high),
+            angle <= NORMAL_QUANTILE_95 * bands.phase_deviation,
+        ]
+    )
+    width = bands.magnitude_deviation / np.abs(bands.values)
+    error = np.abs(true / bands.values - 1)
+    every = slice(None)
+    chosen = {
+        "magnitude": (held[0], every),
+        "phase": (held[1], every),
+        **{kind: (held, outputs) for kind, outputs in _KINDS.items()},
     }
-    both = np.stack(list(inside.values()))
-    inside["at joints"] = both[:, :, :_JOINTS]
-    inside["at points"] = both[:, :, _JOINTS:]
-    return {name: [int(held.sum()), int(held.size)] for name, held in inside.items()}
+    return {
+        kind: [
+            int(inside[..., outputs, :].sum()),
+            inside[..., outputs, :].size,
+            float(np.median(width[:, outputs])),
+            float(np.median(error[:, outputs])),
+        ]
+        for kind, (inside, outputs) in chosen.items()
+    }
 
 
 def _draw_points(drawing: Station, seed: int) -> dict[str, tuple[str, Real]]:
@@ -134,5 +163,10 @@ def _row(tested: Prepared, points: dict[str, tuple[str, Real]], text: str) -> Re
     if place == "joint":
         return joint_row(tested, direction)
     axis = _AXES.index(direction[-1])
+    last = len(tested.station.stages) - 1
+    sensor = tested.station.stages[last].sensors[0]
+    if place == sensor.site:
+        axes = sensor.axes[axis]
+        return motion_row(tested.station, last, sensor.position, axes, tested.flexes)
     rows = [point_row(tested, *points[name], axis) for name in place.split("-")]
     return rows[0] if len(rows) == 1 else rows[0] - rows[1]

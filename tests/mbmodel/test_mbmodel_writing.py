@@ -13,6 +13,7 @@ from written_machines import compare_with_mujoco, moved_model, random_machine
 from identification.words import WorkbenchError
 from mbmodel import (
     GapSpring,
+    MjcfLack,
     Model,
     NotInMjcf,
     as_drawn,
@@ -228,3 +229,9 @@ def test_what_the_file_holds_is_what_is_not_listed(tmp_path):
     assert written.difference == ""
     assert all(isinstance(missing, NotInMjcf) for missing in written.not_held)
     assert [missing.name for missing in written.not_held] == ["acc1.gain_x", "acc1.delay_y"]
+
+
+def test_the_page_lists_every_kind_that_no_mjcf_holds_and_no_other():
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "mjcf.md").read_text("utf-8")
+    rows = page.partition("the reason that is listed |")[2].partition("\n\n")[0].splitlines()[2:]
+    assert [row.split(" | ")[1].removesuffix(" |") for row in rows] == list(MjcfLack)
