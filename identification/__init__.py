@@ -2,6 +2,7 @@
 
 from identification.band import band_lines, select_band
 from identification.checks.channels import duplicate_channels, noise_only_channels
+from identification.checks.reciprocity import check_reciprocity
 from identification.noise.line_independence import lines_are_independent
 from identification.noise.repeatability import (
     OverstatedNoise,
@@ -42,6 +43,7 @@ __all__ = [
     "band_lines",
     "body_inverse",
     "check_bodies",
+    "check_reciprocity",
     "coherence_variance",
     "correct_layout",
     "delay_response",

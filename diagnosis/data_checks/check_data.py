@@ -47,6 +47,7 @@ def check_data(session: Session, settings: DiagnosisSettings) -> CheckedData:
         )
     changing = find_overstated_noise(session.campaign)
     campaign = remove_overstated_noise(session.campaign, changing)
-    checks = check_sensors(campaign, settings)
+    doubt = "a control loop is closed" if session.model.machine.loops else ""
+    checks = check_sensors(campaign, settings, doubt)
     released, directions = release_session(replace(session, campaign=checks.alive))
     return CheckedData(released, checks, directions, len(changing))

@@ -1,4 +1,4 @@
-"""Faults of sensors that the redundant channels of a body prove, without any model.
+"""Faults of sensors that redundant channels or reciprocity prove, without any model.
 
 One exchanged sensor ruins a whole fit. Proven gross faults are therefore taken out before any fit.
 Each proven fault becomes a hypothesis. It corrects the channels if the correction is known (sign,
@@ -36,6 +36,7 @@ from identification import (
     BodyCheck,
     Fault,
     check_bodies,
+    check_reciprocity,
     delay_response,
     duplicate_channels,
     mount_response,
@@ -83,12 +84,13 @@ class SensorChecks:
         return tuple(dict.fromkeys(places))
 
 
-def check_sensors(campaign: Campaign, settings: DiagnosisSettings) -> SensorChecks:
-    """Check every body by its redundant channels, and take gross faults out.
+def check_sensors(campaign: Campaign, settings: DiagnosisSettings, doubt: str = "") -> SensorChecks:
+    """Check every body by its redundant channels, all by reciprocity, and take gross faults out.
 
     Args:
         campaign: all that was measured.
         settings: probability of a proven fault, number of bodies that bend.
+        doubt: why the machine need not be reciprocal; empty if it is.
     """
     bodies, duplicates = check_bodies(campaign), duplicate_channels(campaign)
     silent = noise_only_channels(campaign)  # dead, or without motion: they show no other fault
@@ -114,6 +116,8 @@ def check_sensors(campaign: Campaign, settings: DiagnosisSettings) -> SensorChec
             for key, fault in proven.items()
             if key[0] in (BENDS, *GROSS) or key in constant
         }
+    if reciprocity := check_reciprocity(campaign, doubt):
+        proven = {key_of(fault): fault for fault in reciprocity.faults(campaign)} | proven
     faults = tuple(fault for fault in proven.values() if _is_credible(fault, campaign, silent))
     useless = [fault for fault in faults if fault.effect in _USELESS]
     audible = mask_channels(campaign, lambda dof: dof.positive in silent) if silent else campaign

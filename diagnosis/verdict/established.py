@@ -135,7 +135,8 @@ def describe_present(
         cause.key
         for cause in causes
         if (closes.get(cause.key, 0.0) >= settings.min_closed or not cause.is_modelled)
-        and _closes_held_out_gap(gaps, settings)
+        # What is proven without a model does not wait for a model that foretells held-out lines.
+        and (cause in base.proven or _closes_held_out_gap(gaps, settings))
     )
     is_none = not established and is_nothing_missing(posterior)
     rest = _describe_rest(evidence, refit, gaps, settings, is_none=is_none)

@@ -34,7 +34,7 @@ from identification.words import (
     node_number,
 )
 
-_MIN_POWER_TO_VARIANCE = 25.0  # |H|^2 over its variance
+MIN_POWER_TO_VARIANCE = 25.0  # |H|^2 over its variance
 _MIN_SIGN_SHARE = 0.5  # power share beyond which the sign is clear
 _MIN_PASSIVE_SHARE = 0.8  # power share below which another reason is sought
 _MIN_STAND_IN_SHARE = 0.95  # power share of another channel that may be the drive point
@@ -105,7 +105,7 @@ def drive_point_signs(campaign: Campaign) -> tuple[DrivePoint, ...]:
         for row, output in enumerate(test.estimate.frf.outputs):
             if isinstance(output, Signal):
                 continue
-            cosine = _cosine(campaign.layout, output, reference)
+            cosine = axis_cosine(campaign.layout, output, reference)
             if (
                 cosine is None
                 or abs(cosine) < _MIN_AXIS_COSINE
@@ -159,7 +159,7 @@ def _explain(test: Test, row: int, sign: float) -> str | None:
     return explain_negative_power(replace(point, values=sign * point.values), place)
 
 
-def _cosine(layout: Layout, output: Dof, reference: Dof) -> float | None:
+def axis_cosine(layout: Layout, output: Dof, reference: Dof) -> float | None:
     """Return the cosine between the axes of channel and hammer, or None at different nodes."""
     if output.is_rotation != reference.is_rotation:
         return None
@@ -181,7 +181,7 @@ def _mobility(test: Test, row: int) -> DrivePointMobility:
     estimate = test.estimate
     freq, quantity = estimate.frf.freq_hz, estimate.frf.quantity
     values, variance = estimate.frf.values[:, row, 0], estimate.variance[:, row, 0]
-    good = (freq > 0) & (np.abs(values) ** 2 > _MIN_POWER_TO_VARIANCE * variance)
+    good = (freq > 0) & (np.abs(values) ** 2 > MIN_POWER_TO_VARIANCE * variance)
     if test.hits is not None:
         good &= freq < test.hits.usable_limit_hz
     decay = 1.0 / estimate.window_tau if estimate.window_tau else 0.0

@@ -12,6 +12,7 @@ from identification.checks.channels import channel_remarks
 from identification.checks.dead_in_tests import leave_out_dead_channels
 from identification.checks.lengths import check_lengths
 from identification.checks.outlying_lines import outlying_line_remarks, shifted_axis_remark
+from identification.checks.reciprocity import check_reciprocity
 from identification.checks.repeated_tests import refuse_repeated_tests
 from identification.checks.time_direction import refuse_reversed_time
 from identification.checks.unknown_gains import leave_out_unknown_gains
@@ -122,9 +123,12 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     comparable = leave_out_unknown_gains(campaign)
     drive_points = () if comparable is None else drive_point_signs(comparable)
     signs = [point.remark for point in drive_points]
+    doubt = "a control loop was closed" if settings.loop else ""
+    reciprocity = None if comparable is None else check_reciprocity(comparable, doubt)
     remarks += [*channel_remarks(campaign), *outlying_line_remarks(campaign)]
     remarks += filter(None, [shifted_axis_remark(campaign)])
     remarks += [sign for sign in signs if sign]
+    remarks += [] if reciprocity is None else reciprocity.remarks(tolerance)
     return replace(campaign, remarks=tuple(remarks))
 
 

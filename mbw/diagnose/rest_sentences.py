@@ -112,7 +112,7 @@ def remark_sentences(verdict: Verdict) -> list[str]:
 def _share_words(row: RemarkRow) -> str:
     if row.effect == "dead_channel":
         return ": the search left this channel out"
-    proven = " is proven by the redundant channels"
+    proven = " is proven without the model"
     if row.closed is None:
         return f"{proven}, but is not established as a cause of the gap"
     share = f"{percent_text(max(row.closed, 0.0))} of the gap"

@@ -191,8 +191,8 @@ def sensor_check_sentences(shown: ShownFile) -> list[str]:
         towards = f" {towards}" if towards else ""
         text = place_name(fault.location)
         sentences.append(
-            f"{capitalise(text)}{towards}: {effect_noun(fault.effect)}, proven by the redundant "
-            f"channels of the body; the search left the {channels} out."
+            f"{capitalise(text)}{towards}: {effect_noun(fault.effect)}, proven without the "
+            f"model; the search left the {channels} out."
         )
     return sentences
 
@@ -200,8 +200,8 @@ def sensor_check_sentences(shown: ShownFile) -> list[str]:
 def swap_sentence(location: str, dof: str | None) -> str:
     """Return a sentence on exchanged sensors, or exchanged channels of one sensor."""
     return (
-        f"{capitalise(exchange_phrase(location, dof))}, as the redundant channels of the body "
-        "prove: exchange their cables or their labels. The search left these channels out."
+        f"{capitalise(exchange_phrase(location, dof))}, as the channels prove without the "
+        "model: exchange their cables or their labels. The search left these channels out."
     )
 
 

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from identification import BodyCheck, reduce_to_bodies
+from identification import BodyCheck, check_reciprocity, reduce_to_bodies
 from identification.checks.roving_hammer import is_roving_hammer
 from identification.checks.setups import SetupCheck
+from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.level_check import LevelCheck
 from identification.modal import (
     IdentifiedModes,
@@ -28,7 +29,12 @@ from mbw.identify.hits import hits_rows
 from mbw.identify.levels import level_row
 from mbw.identify.reference_shapes import ReferenceModes
 from mbw.identify.result_parts import MAX_NOISE_RATIO, ResultParts, derive_parts
-from mbw.identify.schema import IdentifiedModeRow, IdentifiedModesFile, SingleModeRow
+from mbw.identify.schema import (
+    IdentifiedModeRow,
+    IdentifiedModesFile,
+    ReciprocityRow,
+    SingleModeRow,
+)
 from mbw.identify.solid import solid_row
 
 _MAX_REFINEMENT_SHIFT = 0.02  # relative distance of a pole before and after its refinement
@@ -121,6 +127,7 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
         hits=hits_rows(parts.campaign, modes),
         setups=[check.sentence for check in checks.setups],
         levels=level_row(checks.levels),
+        reciprocity=_reciprocity_rows(parts.campaign),
         remarks=[
             *parts.campaign.remarks,
             *parts.comparison.reference.remarks,
@@ -129,6 +136,13 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
             *(check.sentence for check in checks.setups if check.agrees is False),
         ],
     )
+
+
+def _reciprocity_rows(campaign: Campaign) -> list[ReciprocityRow]:
+    """Return what reciprocity says of channels and hits whose gains are known."""
+    known = leave_out_unknown_gains(campaign)
+    reciprocity = None if known is None else check_reciprocity(known)
+    return [ReciprocityRow(**vars(row)) for row in reciprocity.rows] if reciprocity else []
 
 
 def _body_frf_file(parts: ResultParts) -> str | None:

@@ -234,6 +234,24 @@ class LevelCheckRow(BaseModel):
     modes: list[LevelTrendRow]
 
 
+class ReciprocityRow(BaseModel):
+    """Factor of one reference over the median of all, or over the first of two.
+
+    Args:
+        reference: where the force acts.
+        channel: what reads the motion along it: a channel, or the sensors of a body.
+        gain, gain_sd: of the channel over that of the hits there, with its standard deviation.
+        delay, delay_sd: of the channel after the force [s].
+    """
+
+    reference: str
+    channel: str
+    gain: Finite
+    gain_sd: Finite
+    delay: Finite
+    delay_sd: Finite
+
+
 class IdentifiedModesFile(BaseModel):
     """Content of ``modes.json``.
 
@@ -263,6 +281,7 @@ class IdentifiedModesFile(BaseModel):
         hits: hits of each reference whose FRFs come from time records.
         setups: comparisons of tests with one reference.
         levels: modes against the level of the hits; null for FRF files of one level.
+        reciprocity: what H_ij = H_ji says of channels and hits; empty if it says nothing.
         remarks: findings on channels, hits and set-ups.
     """
 
@@ -290,4 +309,5 @@ class IdentifiedModesFile(BaseModel):
     hits: list[HitsRow] = []
     setups: list[str] = []
     levels: LevelCheckRow | None = None
+    reciprocity: list[ReciprocityRow] = []
     remarks: list[str] = []

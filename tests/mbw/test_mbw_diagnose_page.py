@@ -88,12 +88,11 @@ def test_a_proven_fault_comes_first_where_no_known_effect_explains_the_rest(fold
     retuned, after = (f"{at.excess:.3g} times" for at in (verdict.gap.retuned, verdict.gap.after))
     assert f"model is {retuned} the noise, with that fault corrected still {after}" in lead
     assert (
-        "on body stage1 is proven by the redundant channels, but it closes only 1.2 % of the gap."
+        "on body stage1 is proven without the model, but it closes only 1.2 % of the gap."
         in plain(page)
     )
     assert (
-        "along x is proven by the redundant channels, but is not established as a cause of the gap."
-        in page
+        "along x is proven without the model, but is not established as a cause of the gap." in page
     )
 
 
@@ -102,7 +101,7 @@ def test_a_proven_fault_that_would_close_much_is_to_be_corrected_first(folders):
     remark = RemarkRow(effect="flexible_body", location="body:stage1", dof=None, closed=0.975)
     verdict = result.verdict.model_copy(update={"verdict": "unexplained", "remarks": [remark]})
     assert (
-        "on body stage1 is proven by the redundant channels and would close 98 % of the gap: "
+        "on body stage1 is proven without the model and would close 98 % of the gap: "
         "correct it first and repeat." in plain(render(replace(result, verdict=verdict)))
     )
 

@@ -116,7 +116,7 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
     assert "\n  with the effects: " in said
     assert f"  what remains is {result.verdict.rest.excess:.3g} times the noise: the model" in said
     assert (
-        "  A wrong gain at sensor acc11, along x is proven by the redundant channels, but it "
+        "  A wrong gain at sensor acc11, along x is proven without the model, but it "
         "closes only 0.4 % of the gap\n" in said
     )
 
