@@ -16,6 +16,12 @@ PROVEN = {
         means="{channel} holds no motion",
         confirm="look at cable and plug of {channel}, and repeat one hit",
     ),
+    "sensor_body": Effect(
+        _propose_none,
+        noun=FAULT_PHRASES["sensor_body"],
+        means="{place} moves with another body than drawn",
+        confirm="look on which body {place} sits",
+    ),
     "sensor_swap": Effect(
         _propose_none,
         noun=FAULT_PHRASES["sensor_swap"],
