@@ -22,10 +22,4 @@ PROVEN = {
         means="{place} moves with another body than drawn",
         confirm="look on which body {place} sits",
     ),
-    "sensor_swap": Effect(
-        _propose_none,
-        noun=FAULT_PHRASES["sensor_swap"],
-        means="channels are exchanged: {channel}",
-        confirm="knock at {place} along each axis in turn and see which channel answers",
-    ),
 }
