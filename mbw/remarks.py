@@ -7,6 +7,7 @@ from identification.words import TOLERANCE_BOUND_SIGMA, percent_text
 from mbw.gain_text import gain_sentence
 from mbw.page.numbers import format_percent
 from tuning import TunedFile
+from tuning.assessment.parameter_confidence import PLAUSIBLE_PULL_SIGMA
 from tuning.files.result import TUNED_JSON
 
 # What instruments have and an MJCF has not: how a sentence calls it, parts of parameters' names
@@ -30,7 +31,7 @@ def list_remarks(summary: TunedFile) -> list[str]:
     if at_bound := sum(row.at_bound and row.prior is not None for row in summary.parameters):
         sentences.append(
             f"{_count(at_bound, 'tolerance')} reached the bound of {TOLERANCE_BOUND_SIGMA:g} "
-            f"standard deviations; the largest pulls without the bound: {_largest_pulls(summary)}."
+            f"standard deviations{_largest_pulls(summary)}."
         )
     if gains := gain_sentence(summary.channel_gains):
         sentences.append(gains)
@@ -142,10 +143,13 @@ def describe_not_in_mjcf(names: Sequence[str], error: float | None, list_file: s
 
 
 def _largest_pulls(summary: TunedFile) -> str:
-    """Return the largest pulls with their tolerances' names."""
+    """Return the largest pulls as a clause, unless the doubts say what implausible ones mean."""
     pulls = [(row.name, row.pull) for row in summary.parameters if row.pull is not None]
     pulls.sort(key=lambda row: -abs(row[1]))
-    return ", ".join(f"{name} {pull:+.1f}" for name, pull in pulls[:_MAX_LISTED_NAMES])
+    if not pulls or abs(pulls[0][1]) > PLAUSIBLE_PULL_SIGMA:
+        return ""
+    listed = ", ".join(f"{name} {pull:+.1f}" for name, pull in pulls[:_MAX_LISTED_NAMES])
+    return f"; the largest pulls without the bound: {listed}"
 
 
 def _join_first(texts: list[str], separator: str = ", ") -> str:

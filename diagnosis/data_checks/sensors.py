@@ -46,7 +46,7 @@ from identification.words import Campaign, Dof, Output
 from tuning import Session
 
 _UNKNOWN = "sensor_unknown"
-_USELESS = ("dead_channel", _UNKNOWN)
+_USELESS = ("dead_channel", "sensor_body", _UNKNOWN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class SensorChecks:
         bodies: check of each body.
         faults: proven faults.
         alive: campaign without useless channels: dead ones, those that read noise alone, and those
-            with an unknown fault.
+            with an unknown fault or on another body than drawn.
         campaign: ``alive`` without the channels of gross faults, any of which ruins a fit.
     """
 
@@ -74,7 +74,7 @@ class SensorChecks:
     @property
     def small(self) -> tuple[Fault, ...]:
         """Faults of some size, which compete with all other hypotheses."""
-        taken_out = (*GROSS, _UNKNOWN)
+        taken_out = (*GROSS, *_USELESS)
         return tuple(fault for fault in self.faults if fault.effect not in taken_out)
 
     @property
@@ -122,6 +122,9 @@ def check_sensors(campaign: Campaign, settings: DiagnosisSettings, doubt: str = 
     useless = [fault for fault in faults if fault.effect in _USELESS]
     audible = mask_channels(campaign, lambda dof: dof.positive in silent) if silent else campaign
     gross = [fault for fault in faults if fault.effect in (*GROSS, *_USELESS)]
+    moved = {check.moved.phrase: None for check in bodies if check.moved is not None}
+    remarks = (f"{phrase}; its channels were left out of the diagnosis" for phrase in moved)
+    audible = replace(audible, remarks=(*audible.remarks, *remarks))
     return SensorChecks(
         bodies, faults, _remove_channels(audible, useless), _remove_channels(audible, gross)
     )

@@ -16,10 +16,10 @@ PROVEN = {
         means="{channel} holds no motion",
         confirm="look at cable and plug of {channel}, and repeat one hit",
     ),
-    "sensor_swap": Effect(
+    "sensor_body": Effect(
         _propose_none,
-        noun=FAULT_PHRASES["sensor_swap"],
-        means="channels are exchanged: {channel}",
-        confirm="knock at {place} along each axis in turn and see which channel answers",
+        noun=FAULT_PHRASES["sensor_body"],
+        means="{place} moves with another body than drawn",
+        confirm="look on which body {place} sits",
     ),
 }

@@ -42,7 +42,8 @@ class Fault:
 
     Args:
         effect: sensor_gain, sensor_polarity, sensor_misalignment, sensor_position, sensor_swap,
-            sensor_delay, mount_resonance, dead_channel, sensor_unknown or flexible_body.
+            sensor_delay, mount_resonance, dead_channel, sensor_body, sensor_unknown or
+            flexible_body.
         location: ``sensor:acc12``, ``sensor:acc1+acc2`` or ``body:ty``.
         dof: directions such as ``tz`` or ``tx+ty``, or None for all.
         probability: posterior probability, given the faults that were named before it.
@@ -85,6 +86,7 @@ class BodyCheck:
         unidentifiable: labels of single errors that could be large without a trace in these
             channels.
         sentence: the result in words.
+        moved: sensor that moves with another body than drawn, if one of both is this body.
     """
 
     body: str
@@ -103,6 +105,7 @@ class BodyCheck:
     confounded: tuple[tuple[str, str], ...]
     unidentifiable: tuple[str, ...]
     sentence: str
+    moved: MovedSensor | None = None
 
     def __post_init__(self) -> None:
         """Copy the curves and make them read-only."""
@@ -172,6 +175,8 @@ def _assemble_check(
     """Assemble the check of one body from its search, and its channels that read zero."""
     swap, moved = elsewhere
     data = search.data
+    if moved is not None and data.body not in moved.bodies:
+        moved = None
     last = search.rankings[-1].body_fit if search.rankings else None
     residuals, shapes_matter = correct_spectrum(data, tolerance, search)
     faults = _list_faults(search, residuals, tolerance, shapes_matter=shapes_matter)
@@ -179,6 +184,9 @@ def _assemble_check(
     if swap is not None and data.body in swap.bodies:
         swapped = Fault("sensor_swap", swap.location, None, swap.probability, {}, excess)
         faults = (swapped, *faults)
+    if moved is not None:
+        place = f"sensor:{moved.site}"
+        faults = (Fault("sensor_body", place, None, moved.probability, {}, excess), *faults)
     silent = [
         Fault("dead_channel", f"sensor:{dof.point}", dof.direction[1:], 1.0, {}, excess)
         for dof in dead
@@ -203,6 +211,7 @@ def _assemble_check(
         confounded=find_confounded(search.rankings[0], last, tolerance) if last else (),
         unidentifiable=find_unidentifiable(last, tolerance) if last else (),
         sentence=_check_sentence(search, residuals, faults, tolerance, moved),
+        moved=moved,
     )
 
 
@@ -214,7 +223,8 @@ def _check_sentence(
     moved: MovedSensor | None,
 ) -> str:
     """Return the result of a body in words."""
-    phrases = [moved.phrase] if moved is not None and search.data.body in moved.bodies else []
+    phrases = [] if moved is None else [moved.phrase]
+    faults = tuple(fault for fault in faults if fault.effect != "sensor_body")
     phrases += [fault_phrase(fault.effect, fault.location, fault.dof) for fault in faults]
     if search.has_unexplained:
         phrases.append("a residual remains beyond these faults" if faults else "a residual remains")

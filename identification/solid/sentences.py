@@ -18,6 +18,7 @@ FAULT_PHRASES = {
     "sensor_delay": "a delay",
     "mount_resonance": "a resonance of its mount",
     "dead_channel": "no signal",
+    "sensor_body": "a wrong body",
     "sensor_unknown": "a fault of no known kind",
 }
 

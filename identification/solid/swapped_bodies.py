@@ -110,11 +110,13 @@ class MovedSensor:
         campaign: campaign whose layout has the sensor on its true body.
         site: the sensor.
         bodies: the drawn body and the true one.
+        probability: posterior probability against separate explanations of both bodies.
     """
 
     campaign: Campaign
     site: str
     bodies: tuple[str, str]
+    probability: float
 
     @property
     def phrase(self) -> str:
@@ -157,5 +159,5 @@ def find_moved_sensor(
             gain = first.nats + second.nats - _SWAP_PRIOR_NATS
             gain -= sum(_healthy_nats(table, moved, body) for body in bodies)
             if gain > _MIN_SWAP_GAIN_NATS and (best is None or gain > best[0]):
-                best = gain, MovedSensor(moved, site, bodies)
+                best = gain, MovedSensor(moved, site, bodies, float(1 / (1 + np.exp(-gain))))
     return None if best is None else best[1]

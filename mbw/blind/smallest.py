@@ -40,8 +40,8 @@ from truth.effects import NONLINEAR
 from truth.effects.other_packages import known_effects
 from truth.effects.outside import OUTSIDE
 
-# What only the data checks prove is no hypothesis of the fits, whose odds are predicted.
-_UNPREDICTED = frozenset((*OUTSIDE, *PROVEN, *NONLINEAR))
+# Effects without a slope that predicts odds: what only data checks prove, and exchanged channels.
+_UNPREDICTED = frozenset((*OUTSIDE, *PROVEN, *NONLINEAR, "sensor_swap"))
 SMALLEST_JSON, SMALLEST_PAGE, SMALLEST_TEXT = "smallest.json", "smallest.html", "smallest.txt"
 
 

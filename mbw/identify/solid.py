@@ -16,6 +16,7 @@ _FAULT_NAMES = {
     "sensor_delay": "delay",
     "mount_resonance": "mount resonance",
     "dead_channel": "no signal",
+    "sensor_body": "on another body",
     "sensor_unknown": "unknown fault",
     "flexible_body": "flexible body",
 }

@@ -18,7 +18,9 @@ def test_a_site_on_the_wrong_body_is_named_with_sensor_and_body(seed):
     for check in checks:
         assert "p0_0 moves with body1, not with body0" in check.sentence
         assert 'body = "body1" in [sensor.p0_0]' in check.sentence
-        assert check.faults == ()
+        assert [(fault.effect, fault.location) for fault in check.faults] == [
+            ("sensor_body", "sensor:p0_0")
+        ]
 
 
 @pytest.mark.parametrize("kind", ["gain", "quarter turn", "position"])

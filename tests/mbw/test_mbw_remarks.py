@@ -60,7 +60,7 @@ def test_every_doubt_is_said(summary):
 
 @pytest.mark.parametrize("count", [1, 6])
 def test_tolerances_at_their_bound_are_a_number_with_the_four_largest_pulls(summary, count):
-    pulls = [2.5, -3.1, 9.0, -4.0, 2.6, 2.7][:count]
+    pulls = [2.5, -3.1, 4.2, -4.0, 2.6, 2.7][:count]
     lacking, names = tolerances(summary, pulls)
     (text,) = [text for text in list_remarks(lacking) if "reached the bound" in text]
     assert text.startswith("1 tolerance " if count == 1 else "6 tolerances ")
@@ -68,6 +68,12 @@ def test_tolerances_at_their_bound_are_a_number_with_the_four_largest_pulls(summ
         largest = [f"{names[k]} {pulls[k]:+.1f}" for k in (2, 3, 1, 5)]
         assert text.endswith(f": {', '.join(largest)}.")
         assert names[0] not in text
+
+
+def test_implausible_pulls_stand_in_the_doubts_alone(summary):
+    lacking, _ = tolerances(summary, [9.0, 2.5])
+    (text,) = [text for text in list_remarks(lacking) if "reached the bound" in text]
+    assert text == "2 tolerances reached the bound of 2.5 standard deviations."
 
 
 def test_at_most_four_unidentifiable_directions_are_named(summary):

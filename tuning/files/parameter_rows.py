@@ -5,18 +5,23 @@ import shlex
 import numpy as np
 
 from identification.words import Real
-from tuning.assessment.gap import is_gap_visible
+from tuning.assessment.gap import Gap, is_gap_visible
 from tuning.assessment.parameter_confidence import (
     PLAUSIBLE_PULL_SIGMA,
     UNIDENTIFIABLE_SD,
     rank_pulls,
 )
 from tuning.campaign_tuning import CampaignTuning
+from tuning.checks.exchanged_channels import name_exchanged_channels
 from tuning.control_loops.stability import tuned_loop_remarks
 from tuning.files.schema import FitRow, LevelGap, ParameterRow, StartRow
 from tuning.fitting.fitter import Fit
+from tuning.misfit.batch import predict
 
 _MAX_NAMES_IN_SENTENCE = 5  # in one sentence or row
+# Part of the mean square of the gap that pulled tolerances may leave if they explain it: a tenth of
+# the error. With a sensor reversed or exchanged, others were pulled and left 4 to 16 %.
+_MAX_LEFT_GAP = 0.01
 _MIN_START_FACTOR = 1.2  # between parameters of two starts, to be reported
 
 
@@ -89,7 +94,7 @@ def fit_row(tuned: CampaignTuning, gap: LevelGap) -> FitRow:
 
 def _doubts(tuned: CampaignTuning, gap: LevelGap) -> list[str]:
     """Return reasons not to trust the result, one sentence each; none if it is to be trusted."""
-    fit, unbounded = tuned.fit, tuned.unbounded_fit
+    fit = tuned.fit
     doubts = []
     if tuned.interrupted:
         doubts.append("it was interrupted")
@@ -102,14 +107,7 @@ def _doubts(tuned: CampaignTuning, gap: LevelGap) -> list[str]:
         doubts.append(
             f"something may be missing: run mbw diagnose {shlex.quote(str(campaign_folder))}"
         )
-    strongest = rank_pulls(unbounded.parametrisation, unbounded.x)[:_MAX_NAMES_IN_SENTENCE]
-    implausible = [
-        f"{name} by {abs(x):.1f}" for name, x in strongest if abs(x) > PLAUSIBLE_PULL_SIGMA
-    ]
-    if implausible:
-        doubts.append(
-            f"tolerances have implausible pulls [standard deviations]: {', '.join(implausible)}"
-        )
+    doubts += _pull_doubts(tuned)
     is_at_bound = (
         fit.parametrisation.coordinates_at_bound(fit.x) & fit.parametrisation.has_user_bounds
     )
@@ -123,6 +121,38 @@ def _doubts(tuned: CampaignTuning, gap: LevelGap) -> list[str]:
     if len(fit.start_costs) > 1 and fit.agreeing_starts == 1:
         doubts.append(f"only one of {len(fit.start_costs)} starts ended at this minimum")
     return doubts + tuned_loop_remarks(tuned.session.model, tuned.model_fit.theta)
+
+
+def _pull_doubts(tuned: CampaignTuning) -> list[str]:
+    """Return a sentence on tolerances that are pulled beyond what is plausible; none without any.
+
+    What explains the data is named: exchanged channels of a sensor, or the tolerances, if the fit
+    without their bounds leaves next to nothing. Many tolerances make up for much of any fault.
+    """
+    fit, unbounded = tuned.fit, tuned.unbounded_fit
+    strongest = rank_pulls(unbounded.parametrisation, unbounded.x)[:_MAX_NAMES_IN_SENTENCE]
+    implausible = [
+        f"{name} by {abs(x):.1f}" for name, x in strongest if abs(x) > PLAUSIBLE_PULL_SIGMA
+    ]
+    if not implausible:
+        return []
+    sensors = tuned.sensors
+    if exchanged := name_exchanged_channels(sensors.bounded, sensors.campaign):
+        return [exchanged]
+    gap = sensors.gap(sensors.bounded)
+    left = sensors.gap(predict(tuned.session.model, unbounded.theta, sensors.campaign))
+    is_left = left.excess is None or is_gap_visible(_gap_size(left))
+    if fit is not unbounded and is_left and _gap_size(left) > _MAX_LEFT_GAP * _gap_size(gap):
+        return [
+            "tolerances have implausible pulls, but a gap remains with them too: they rather make "
+            "up for another fault"
+        ]
+    return [f"tolerances have implausible pulls [standard deviations]: {', '.join(implausible)}"]
+
+
+def _gap_size(gap: Gap) -> float:
+    """Return the mean square of a gap beyond the noise, or of the error where no noise is known."""
+    return (gap.error or 0.0) ** 2 if gap.excess is None else gap.excess**2 - 1
 
 
 def _starts(fit: Fit) -> list[StartRow]:

@@ -180,6 +180,16 @@ def _wrong_models():
         [{"command": tune, "exit_code": 3, "says": ["masses and inertias of the model by 1000"]}],
         {**array_files(values, coherence, model=True), "model.xml": grams},
     )
+    reversed_channel = values.copy()
+    reversed_channel[:, 4] *= -1
+    write_case(
+        "advice/reversed_channel",
+        "a channel reads with the wrong sign, and the model is right",
+        "the channel is named, and no other tolerance is blamed",
+        [{"command": [*tune, "--no-pictures"], "says": ["acc5 reads as if", "channel tz is -tz"],
+          "never": ["implausible"]}],
+        array_files(reversed_channel, coherence, model=True),
+    )  # fmt: skip
     decibels = 20 * np.log10(np.abs(values) / 1e-6) * np.exp(1j * np.angle(values))
     write_case(
         "advice/decibels_with_phase",
