@@ -5,7 +5,7 @@ Each proven fault becomes a hypothesis. It corrects the channels if the correcti
 exchange, delay, mounting), or releases tolerances that a fit must find (gain, axes, place).
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 
@@ -58,24 +58,33 @@ class SensorChecks:
         faults: proven faults.
         alive: campaign without useless channels: dead ones, those that read noise alone, and those
             with an unknown fault or on another body than drawn.
-        campaign: ``alive`` without the channels of gross faults, any of which ruins a fit.
+        campaign: ``alive`` without the channels of gross faults, any of which ruins a fit; what
+            reciprocity proves is corrected instead.
+        reciprocal: those of the faults that reciprocity proves.
     """
 
     bodies: tuple[BodyCheck, ...]
     faults: tuple[Fault, ...]
     alive: Campaign
     campaign: Campaign
+    reciprocal: tuple[Fault, ...] = ()
 
     @property
     def gross(self) -> tuple[Fault, ...]:
-        """Exchanged channels and opposite signs, which every set of causes has."""
-        return tuple(fault for fault in self.faults if fault.effect in GROSS)
+        """Exchanged channels, opposite signs and unreciprocal ones, which every set has."""
+        return tuple(
+            fault for fault in self.faults if fault.effect in GROSS or fault in self.reciprocal
+        )
 
     @property
     def small(self) -> tuple[Fault, ...]:
         """Faults of some size, which compete with all other hypotheses."""
         taken_out = (*GROSS, *_USELESS)
-        return tuple(fault for fault in self.faults if fault.effect not in taken_out)
+        return tuple(
+            fault
+            for fault in self.faults
+            if fault.effect not in taken_out and fault not in self.reciprocal
+        )
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -116,17 +125,27 @@ def check_sensors(campaign: Campaign, settings: DiagnosisSettings, doubt: str = 
             for key, fault in proven.items()
             if key[0] in (BENDS, *GROSS) or key in constant
         }
-    if reciprocity := check_reciprocity(campaign, doubt):
-        proven = {key_of(fault): fault for fault in reciprocity.faults(campaign)} | proven
+    reciprocity = check_reciprocity(campaign, doubt)
+    unreciprocal = () if reciprocity is None else reciprocity.faults(campaign)
+    reciprocal = [fault for fault in unreciprocal if key_of(fault) not in proven]
+    proven |= {key_of(fault): fault for fault in reciprocal}
     faults = tuple(fault for fault in proven.values() if _is_credible(fault, campaign, silent))
     useless = [fault for fault in faults if fault.effect in _USELESS]
     audible = mask_channels(campaign, lambda dof: dof.positive in silent) if silent else campaign
-    gross = [fault for fault in faults if fault.effect in (*GROSS, *_USELESS)]
+    gross = [
+        fault for fault in faults if fault.effect in (*GROSS, *_USELESS) and fault not in reciprocal
+    ]
     moved = {check.moved.phrase: None for check in bodies if check.moved is not None}
     remarks = (f"{phrase}; its channels were left out of the diagnosis" for phrase in moved)
     audible = replace(audible, remarks=(*audible.remarks, *remarks))
+    corrections = (_find_correction(fault, campaign) for fault in reciprocal)
+    right = reduce(lambda c, correct: correct(c), filter(None, corrections), audible)
     return SensorChecks(
-        bodies, faults, _remove_channels(audible, useless), _remove_channels(audible, gross)
+        bodies,
+        faults,
+        _remove_channels(audible, useless),
+        _remove_channels(right, gross),
+        tuple(reciprocal),
     )
 
 
@@ -175,6 +194,8 @@ def build_fault_hypothesis(
     bodies: Sequence[str] = (),
     correct_campaign: Campaign | None = None,
     frequency_ratio: float = 1.0,
+    *,
+    is_certain: bool = False,
 ) -> Hypothesis | None:
     """Return the hypothesis of a fault; None if it is no effect of the catalogue.
 
@@ -184,37 +205,48 @@ def build_fault_hypothesis(
         bodies: all bodies that bend, if the fault is the bending of one of them.
         correct_campaign: campaign without wrong channels; the whole campaign if None.
         frequency_ratio: start of the frequency of a mode, relative to its highest peak.
+        is_certain: whether the size is that of the fault, and no fit finds it.
     """
     if fault.effect == BENDS:
         campaign = correct_campaign or session.campaign
         return build_bending_hypothesis(fault, bodies, session, campaign, frequency_ratio)
-    base = Hypothesis(fault.effect, fault.location, fault.dof)
     site = fault.location.partition(":")[2]
-    concerns = match_channels(fault.location, fault.dof)
-    if fault.effect in RELEASED:
+    if fault.effect in RELEASED and not is_certain:
         tolerance, stated = RELEASED[fault.effect]
         prefix = f"{site}.{tolerance}_"
         names = name_vector(prefix) if fault.dof is None else (dict(list_gains(site))[fault.dof],)
         hypothesis = release_tolerance(fault.effect, fault.location, fault.dof, names, stated)
         values = np.ravel(fault.parameters[stated]).tolist()
         return replace(hypothesis, begin=dict(zip(names, values, strict=True)))
-    if fault.effect == "sensor_polarity":
-        return replace(base, correct=lambda c: divide_channels(c, concerns, read_inverted))
-    if fault.effect == "sensor_swap":
-        pairs = _list_pairs(fault, session.campaign)
-        return replace(base, correct=lambda c: exchange_channels(c, pairs))
-    reading = _find_reading(fault)
-    if reading is None:
+    correct = _find_correction(fault, session.campaign)
+    if correct is None:
         return None
-    return replace(
-        base,
-        correct=lambda c: divide_channels(c, concerns, reading),
+    return Hypothesis(
+        fault.effect,
+        fault.location,
+        fault.dof,
+        correct=correct,
         state=lambda _: dict(fault.parameters),
     )
 
 
+def _find_correction(fault: Fault, campaign: Campaign) -> Callable[[Campaign], Campaign] | None:
+    """Return what corrects the channels of a sensor; None for another kind of fault."""
+    concerns = match_channels(fault.location, fault.dof)
+    if fault.effect == "sensor_polarity":
+        return lambda c: divide_channels(c, concerns, read_inverted)
+    if fault.effect == "sensor_swap":
+        pairs = _list_pairs(fault, campaign)
+        return lambda c: exchange_channels(c, pairs)
+    reading = _find_reading(fault)
+    return None if reading is None else lambda c: divide_channels(c, concerns, reading)
+
+
 def _find_reading(fault: Fault) -> Reading | None:
     """Return the reading of a faulty channel per motion; None for another kind of fault."""
+    if fault.effect == "sensor_gain":
+        gain = _read_number(fault.parameters["gain"])
+        return lambda freq_hz: np.full(len(freq_hz), gain, np.complex128)
     if fault.effect == "sensor_delay":
         return partial(delay_response, delay=_read_number(fault.parameters["delay"]))
     if fault.effect == "mount_resonance":
