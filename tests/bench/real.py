@@ -44,14 +44,19 @@ _SIZELESS = ("sign", "exchange", "nothing")
 
 
 def run() -> list[dict[str, object]]:
-    """Draw, diagnose and grade what is missing; return the rates of each kind of change."""
-    name = os.environ.get("NAME", "real")
+    """Draw, diagnose and grade what is missing; return the rates of each kind of change.
+
+    ``results/real_before.cases.jsonl`` has the same cases by the engine that knew no reciprocity.
+    """
     limit = int(os.environ.get("LIMIT", CASES))
-    cases(name, range(min(limit, CASES)), _case, int(os.environ.get("JOBS", "1")))
-    rows = list(of(name).values())
-    return [_rates(kind, [row for row in rows if row["kind"] == kind]) for kind in KINDS] + [
-        _rates("all", rows)
-    ]
+    cases("real", range(min(limit, CASES)), _case, int(os.environ.get("JOBS", "1")))
+    rows = []
+    for engine, name in (("before", "real_before"), ("now", "real")):
+        kept = list(of(name).values())
+        for kind in (*KINDS, "all"):
+            chosen = [row for row in kept if kind in (row["kind"], "all")]
+            rows.append({"engine": engine, **_rates(kind, chosen)})
+    return rows
 
 
 def _rates(kind: str, rows: list[dict]) -> dict[str, object]:

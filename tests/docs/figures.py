@@ -14,6 +14,7 @@ from tests.docs import (
     dirty_figures,
     headline_figures,
     level_figures,
+    measured_figures,
     model_figures,
     modes_figures,
     robustness_figures,
@@ -34,4 +35,5 @@ FIGURES: Mapping[str, Callable[[], str]] = {
     **robustness_figures.FIGURES,
     **simulation_figures.FIGURES,
     **level_figures.FIGURES,
+    **measured_figures.FIGURES,
 }
