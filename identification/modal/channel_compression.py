@@ -25,7 +25,7 @@ MAX_WHOLE_VALUES = 1_000_000
 # Sub-bands: a mode that is weak over the whole band may stand out in its own.
 _N_SUB_BANDS = 16
 _N_SCALINGS = 3  # sweeps in which the noise of channels is scaled to one
-_TINY_POWER = 1e-300  # avoids a division by zero
+_LEAST_POWER = 1e-300  # avoids a division by zero
 # Channels per combination from which compression pays; beyond it the FRFs stay as they are.
 _MIN_RATIO = 2
 
@@ -77,7 +77,7 @@ def _signal_combinations(grams: list[tuple[int, Real]], n_in: int) -> Real:
     noise = sum(np.diag(gram) for _, gram in grams)
     scale = np.ones(n_out)
     for _ in range(_N_SCALINGS):
-        scale = scale / np.sqrt(np.maximum(noise, _TINY_POWER))
+        scale = scale / np.sqrt(np.maximum(noise, _LEAST_POWER))
         energy, noise, limit = np.zeros((n_out, n_out)), np.zeros(n_out), np.inf
         for n_lines, gram in grams:
             count = n_lines * n_in
