@@ -24,6 +24,7 @@ from identification.words import Complex, InputError, Real
 _LABVIEW_HEADER_END = "***End_of_Header***"
 _SPECIAL_START, _SPECIAL_END = "***Start_Special***", "***End_Special***"
 _NAMED_SEPARATORS = {"Tab": "\t", "Comma": ","}
+_MAX_COUNT_DIGITS = 7  # of the number of channels: more is no count
 _MAX_SAMPLING_DIFFERENCE = 1e-6  # relative: channels of one section have one sampling
 
 _Rows = list[tuple[int, list[str]]]  # number of the line in the file, and cells
@@ -97,9 +98,9 @@ def _section(form: _Form, rows: _Rows) -> TextTable:
             f"{path}, line {rows[0][0]}: the section has no {_LABVIEW_HEADER_END} with headings "
             "and numbers below it: export it again"
         )
-    count = parse_number(rows[0][1][1]) if len(rows[0][1]) > 1 else None
+    count = "".join(rows[0][1][1:2])
     per_channel = 2 if form.x_columns == "Multi" else 1
-    n_channel = 0 if count is None else int(min(max(count.real, 0), 1e6))
+    n_channel = int(count) if count.isdecimal() and len(count) < _MAX_COUNT_DIGITS else 0
     width = per_channel * n_channel + (form.x_columns != "Multi")
     headings = rows[end + 1][1]
     if n_channel == 0 or len([name for name in headings if name != "Comment"]) != width:

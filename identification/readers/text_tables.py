@@ -9,6 +9,7 @@ the decimal sign. A complex number is written ``0.1-0.2j``, ``0.1-0.2i``, ``(0.1
 import csv
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -127,7 +128,7 @@ def parse_rows(path: Path, rows: Sequence[tuple[int, Sequence[str]]], width: int
 
 def parse_number(cell: str) -> complex | None:
     """Return the real or complex number of a cell; None if it is another text."""
-    if not _ASCII_DIGIT.search(cell) and cell.lower() != "nan":
+    if "_" in cell or (not _ASCII_DIGIT.search(cell) and cell.lower() != "nan"):
         return None
     try:
         return complex(float(cell))  # most cells, fast
@@ -169,10 +170,10 @@ def real_axis(path: Path, lines: Sequence[int], axis: Complex) -> Real:
 
 def split_cells(line: str, separator: str | None) -> list[str]:
     """Return the cells of a line without quotation marks; one empty cell at its end is none."""
+    parts = line.split(separator)
     if separator is not None and '"' in line:
-        parts = next(csv.reader([line], delimiter=separator))
-    else:
-        parts = line.split(separator)
+        with suppress(csv.Error):  # a quotation mark without its end: the cell is no number
+            parts = next(csv.reader([line], delimiter=separator))
     cells = [cell.strip().strip("\"'").strip() for cell in parts]
     return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
 
