@@ -25,7 +25,8 @@ _FRF_PARTS = {
 }
 _DECIBELS = {"db", "decibel", "decibels"}
 _TIME_WORDS = {"time", "t"}
-_FORCE_WORDS = {"force", "hammer", "n", "newton", "lbf"}
+_FREQUENCY_WORDS = {"frequency", "freq", "hz", "khz"}
+_FORCE_WORDS, _FORCE_UNITS = {"force", "hammer"}, {"n", "newton", "lbf"}
 _MAX_TIME_STEP_SPREAD = 1e-2  # relative: what six printed digits leave of steps of a long record
 
 _UNIT_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]{1,20})[\])]\s*$")
@@ -52,7 +53,8 @@ def read_text_arrays(path: Path, columns: Sequence[int | str] | None = None) -> 
     is_labview = path.suffix.lower() == ".lvm"
     tables = read_labview_text(path) if is_labview else (read_text_table(path),)
     chosen = [table if columns is None else _choose(table, columns) for table in tables]
-    if name_words(tables[0].axis_name) & _TIME_WORDS:
+    axis_words = name_words(tables[0].axis_name)
+    if axis_words & _TIME_WORDS and not axis_words & _FREQUENCY_WORDS:
         return _records(chosen, is_force_stated=columns is not None)
     if len(chosen) > 1:
         raise InputError(f"{path} holds {len(chosen)} sections of FRFs: export one to a file")
@@ -95,7 +97,11 @@ def _records(tables: Sequence[TextTable], *, is_force_stated: bool) -> Arrays:
     values = np.array([table.values.T for table in tables])
     if values.imag.any():
         raise InputError(f"{first.path}: its time records are complex: export real numbers")
-    named = [k for k, name in enumerate(first.names) if name_words(name) & _FORCE_WORDS]
+    named = [
+        k
+        for k, name in enumerate(first.names)
+        if name_words(name) & _FORCE_WORDS or _unit(name).lower() in _FORCE_UNITS
+    ]
     force = named[0] if len(named) == 1 and not is_force_stated else 0
     arrays = {
         "force": values.real[:, force],

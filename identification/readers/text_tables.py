@@ -6,6 +6,7 @@ the decimal sign. A complex number is written ``0.1-0.2j``, ``0.1-0.2i``, ``(0.1
 ``//`` is a comment.
 """
 
+import codecs
 import csv
 import re
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import MAX_INPUT_MAGNITUDE, Complex, InputError, Real
-from identification.words.file_access import check_file, read_text
+from identification.words.file_access import check_file, read_bytes
 
 _TEXT_FILE_REMEDY = "name the file of the test"
 _CELL_SEPARATORS = ("\t", ";", ",", None)  # None: blanks
@@ -53,8 +54,11 @@ class TextTable:
 def read_lines(path: Path) -> list[str]:
     """Return the lines of a text file of measured numbers.
 
+    Text that is no UTF-8, such as headings with m/s² from Windows, counts as Latin-1; UTF-16 has a
+    byte-order mark.
+
     Raises:
-        InputError: the file is missing, larger than 256 MiB, or no text.
+        InputError: the file is missing or larger than 256 MiB.
     """
     check_file(path, _TEXT_FILE_REMEDY)
     size = path.stat().st_size
@@ -63,7 +67,15 @@ def read_lines(path: Path) -> list[str]:
             f"{path} has {size / 2**20:.0f} MiB of text, more than {_MAX_TEXT_BYTES >> 20}: save "
             "its numbers as .npz or .mat"
         )
-    return read_text(path, _TEXT_FILE_REMEDY).split("\n")
+    content = read_bytes(path, _TEXT_FILE_REMEDY)
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = content.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def read_text_table(path: Path) -> TextTable:

@@ -97,6 +97,17 @@ def test_a_column_of_row_numbers_without_heading_is_left_out(tmp_path):
     np.testing.assert_array_equal(table.values, VALUES)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
+def test_headings_may_be_written_in_other_encodings(tmp_path, encoding):
+    path = tmp_path / "t.csv"
+    h = COLUMNS[:, 0]
+    body = [f"{f};{a};{b}" for f, a, b in zip(FREQ, h.real, h.imag, strict=True)]
+    text = "\r\n".join(["Frequency [Hz];re [mm/s²/N];im [mm/s²/N]", *body])
+    path.write_bytes(text.encode(encoding))
+    table = read_arrays(path, **ONE)
+    np.testing.assert_allclose(table.values[:, 0, 0], 1e-3 * h, rtol=1e-13)
+
+
 def real_table(path, headings, *columns):
     body = [
         ",".join(f"{v:.17g}" for v in row) for row in np.column_stack([FREQ, *columns]).tolist()
@@ -240,6 +251,13 @@ def test_a_force_that_nothing_names_is_the_first_column_with_a_remark(tmp_path):
     np.testing.assert_allclose(arrays["force"], records()[:, 2], rtol=1e-8)
     np.testing.assert_allclose(arrays["response"], records()[:, :2], rtol=1e-8)
     assert "force_label" not in arrays
+
+
+def test_a_letter_n_in_a_heading_does_not_make_a_force(tmp_path):
+    path = write(tmp_path / "t.csv", ["t,F,acc N1", "0,1,2", "1,3,4", "2,5,7"])
+    arrays = load_arrays(path)
+    np.testing.assert_array_equal(arrays["force"], [[1, 3, 5]])
+    assert arrays["force_label"] == "F"
 
 
 def test_time_in_the_first_column_of_a_csv_makes_a_record(tmp_path):
