@@ -43,7 +43,6 @@ from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.several_inputs import CoherenceKind, resolve_several_inputs
 from identification.readers.uff_frfs import read_uff
 from identification.readers.uff_nodes import site_axes_remarks
-from identification.readers.units import frequency_factor
 from identification.words import (
     Campaign,
     Complex,
@@ -240,13 +239,20 @@ def _tests_of_table(
 def _read_table(file: Path, entry: TestSettings) -> FrfTable:
     """Read the FRFs of one file, with points named as in the file."""
     if is_arrays(file):
-        table = read_arrays(
-            file, **array_description(file, entry), input_spectra=entry.input_spectra
+        return read_arrays(
+            file,
+            **array_description(file, entry),
+            input_spectra=entry.input_spectra,
+            frequency_unit=entry.frequency_unit,
+            columns=entry.columns,
         )
-        hertz, _ = frequency_factor(file, entry.frequency_unit)
-        return replace(table, freq_hz=hertz * table.freq_hz)
     if not is_universal(file):
-        raise InputError(f"{file} is of an unknown kind: give a .uff, .unv, .mat or .npz file")
+        raise InputError(
+            f"{file} is of an unknown kind: give a .uff, .unv, .mat, .npz, .csv, .txt, .dat "
+            "or .lvm file"
+        )
+    if entry.columns is not None:
+        raise InputError(f"{file} is no text file: remove columns from its [[test]]")
     return read_uff(
         file,
         entry.quantity,
