@@ -14,7 +14,6 @@ from tests.docs import (
     dirty_figures,
     headline_figures,
     level_figures,
-    measured_figures,
     model_figures,
     modes_figures,
     robustness_figures,
@@ -35,5 +34,4 @@ FIGURES: Mapping[str, Callable[[], str]] = {
     **robustness_figures.FIGURES,
     **simulation_figures.FIGURES,
     **level_figures.FIGURES,
-    **measured_figures.FIGURES,
 }
