@@ -130,6 +130,20 @@ class Reciprocity:
         sizes = row.sizes(tolerance)
         return {name: size for name, size in sizes.items() if 1 - size[1] < chance}
 
+    def _exchanged_place(self, campaign: Campaign) -> tuple[str, str | None] | None:
+        """Return location and directions of an exchange: of one sensor, or of two whole ones."""
+        labels = [self.rows[number].channel for number in self.exchanged]
+        if not labels or not all(":" in label for label in labels):
+            return None
+        first, second = (Dof.parse(label) for label in labels)
+        axes = first.direction[1:], second.direction[1:]
+        if first.point == second.point:
+            return f"sensor:{first.point}", "+".join(axes)
+        channels = [dof for dof in campaign.outputs if dof.point in (first.point, second.point)]
+        if len(channels) > len(labels) or axes[0] != axes[1]:
+            return None  # of two sensors only some channels are exchanged
+        return f"sensor:{first.point}+{second.point}", None
+
     def faults(self, campaign: Campaign) -> list[Fault]:
         """Return the faults of sensors that compete with all others in a diagnosis.
 
@@ -143,13 +157,8 @@ class Reciprocity:
         if self.doubt or len(hammers) > 1 or len(self.rows) < 3:
             return []
         faults = []
-        if self.exchanged:
-            first, second = (Dof.parse(self.rows[number].channel) for number in self.exchanged)
-            axes = first.direction[1:], second.direction[1:]
-            sites, dof = f"{first.point}+{second.point}", None
-            if first.point == second.point:
-                sites, dof = first.point, "+".join(axes)
-            faults.append(Fault("sensor_swap", f"sensor:{sites}", dof, 1.0, {}, self.excess))
+        if place := self._exchanged_place(campaign):
+            faults.append(Fault("sensor_swap", *place, 1.0, {}, self.excess))
         for row in self.rows:
             if ":" not in row.channel:  # the sensors of a body
                 continue

@@ -19,6 +19,7 @@ from identification.words import (
 
 FREQ_HZ = np.linspace(2.0, 60.0, 800)
 NOISE = 0.003  # of the largest FRF at each line
+OTHERS = ("acc2:+ty", "acc3:+ty")
 GAINS, DELAYS = np.array([1.0, 1.12, 0.97]), np.array([0.0, 4e-4, 0.0])
 
 
@@ -129,6 +130,17 @@ def test_an_exchange_is_of_channels_or_of_hits(side):
     assert "acc2:+tx and acc3:+tx are exchanged, or the hits there" in sentence
     (fault,) = found.faults(campaign)
     assert (fault.effect, fault.location) == ("sensor_swap", "sensor:acc2+acc3")
+
+
+def test_an_exchange_of_some_channels_of_two_sensors_is_a_remark_alone():
+    rng = np.random.default_rng(8)
+    campaign = campaign_of(chain(rng)[:, [0, 2, 1]], rng)
+    test = campaign.tests[0]
+    frf = replace(test.estimate.frf, outputs=(Dof("acc1", "+tx"), *map(Dof.parse, OTHERS)))
+    found = check_reciprocity(campaign)
+    more = replace(test, estimate=replace(test.estimate, frf=frf))
+    assert found.remarks(campaign.tolerance)
+    assert found.faults(replace(campaign, tests=(*campaign.tests, more))) == []
 
 
 def test_a_reversed_channel_is_found():
