@@ -68,7 +68,7 @@ def large_test_table() -> str:
             significant(row["core s"], 2),
             significant(row["peak GB"], 2),
         )
-        for row in bench_rows("large_test")
+        for row in bench_rows("large_identify")
     ]
     header = ("Channels x references x lines", "Modes found", "Extra", "Error / deviation")
     return table((*header, "Core seconds", "Peak memory [GB]"), rows)
@@ -76,13 +76,13 @@ def large_test_table() -> str:
 
 def large_test_size() -> str:
     """Return the size of the largest test in words."""
-    row = bench_rows("large_test")[-1]
+    row = bench_rows("large_identify")[-1]
     return f"{row['channels']} channels, {row['references']} references and {row['lines']} lines"
 
 
 def large_test_figure(key: str) -> str:
     """Return core seconds or peak memory of the largest test."""
-    return significant(bench_rows("large_test")[-1][key], 2)
+    return significant(bench_rows("large_identify")[-1][key], 2)
 
 
 def machine_size_table() -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.helpers.large_hammer_test import N_MODES, write_large_test
+from tests.helpers.large_hammer import N_MODES, write_large_test
 
 SIZES = ((69, 3, 801), (150, 6, 3200), (300, 12, 6400))  # channels, references, lines
 SEED = 7101
