@@ -49,7 +49,7 @@ _MAX_UNRECIPROCAL = 0.3  # over the motion of the drive points: 1 is that of unr
 
 @dataclass(frozen=True, eq=False)
 class _Reading:
-    """What reads the motion along a reference.
+    """Channel or channels that read the motion along a reference.
 
     Args:
         reference: its label.
@@ -266,17 +266,17 @@ def _model(fitted: Real, omega: Real, incidence: Real) -> Complex:
 
 
 def _blocks(weight: Real, logarithm: Complex, omega: Real, incidence: Real) -> tuple[Real, Real]:
-    """Return normal equations of g and d over blocks of equal weight: matrices, right-hand sides.
+    """Return the normal equations of g and d over blocks of equally many ratios.
 
     Returns:
-        (n_block, 2, n, n) and (n_block, 2, n).
+        Matrices (n_block, 2, n, n) and right-hand sides (n_block, 2, n).
     """
     total = np.cumsum((weight > 0).sum(axis=1))
     edges = np.searchsorted(total, total[-1] * np.arange(BLOCKS) / BLOCKS)
-    left = np.stack([weight, weight * omega**2], axis=1)
-    right = np.stack([weight * logarithm.real, -weight * omega * logarithm.imag], axis=1)
-    left, right = (np.add.reduceat(each, edges, axis=0) for each in (left, right))
-    return np.einsum("bkp,pi,pj->bkij", left, incidence, incidence), right @ incidence
+    weights = np.stack([weight, weight * omega**2], axis=1)
+    weighted = np.stack([weight * logarithm.real, -weight * omega * logarithm.imag], axis=1)
+    weights, weighted = (np.add.reduceat(each, edges, axis=0) for each in (weights, weighted))
+    return np.einsum("bkp,pi,pj->bkij", weights, incidence, incidence), weighted @ incidence
 
 
 def _solve(sums: tuple[Real, Real], kept: Real) -> Real:

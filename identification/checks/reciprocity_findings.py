@@ -1,4 +1,4 @@
-"""What reciprocity finds: ratios of gains, differences of delays, signs and exchanges, in words."""
+"""Findings of the reciprocity check: gains, delays, signs, exchanges; sentences and faults."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -71,7 +71,7 @@ def _probability(size: float, deviation: float, usual: float) -> float:
 
 @dataclass(frozen=True)
 class Reciprocity:
-    """What reciprocity says of the channels and hits of a campaign.
+    """Result of the reciprocity check of a campaign.
 
     Args:
         rows: one for each reference.

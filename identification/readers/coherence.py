@@ -50,12 +50,12 @@ def check_coherence(file: Path, table: FrfTable) -> FrfTable:
     if table.coherence is None:
         return table
     values = np.asarray(table.coherence)
-    known = np.isfinite(values) & table.measured
-    if not known.any():
+    given = np.isfinite(values) & table.measured
+    if not given.any():
         return table
-    low, high = values.min(where=known, initial=np.inf), values.max(where=known, initial=-np.inf)
+    low, high = values.min(where=given, initial=np.inf), values.max(where=given, initial=-np.inf)
     if high - low < _MAX_EQUAL_SPREAD:
-        return _without_coherence(file, table, float(values[known][0]))
+        return _without_coherence(file, table, float(values[given][0]))
     outside = ((values < 0) | (values > 1)) & table.measured
     if not outside.any():
         return table

@@ -32,7 +32,7 @@ _Rows = list[tuple[int, list[str]]]  # number of the line in the file, and cells
 
 @dataclass(frozen=True)
 class _Form:
-    """What the header of a file says of all its sections."""
+    """Layout that the header of a file gives to all its sections."""
 
     path: Path
     separator: str

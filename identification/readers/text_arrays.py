@@ -72,10 +72,10 @@ def _choose(table: TextTable, columns: Sequence[int | str]) -> TextTable:
             fitting = [k for k, name in enumerate(table.names) if column in {name, bare[k]}]
         if len(fitting) != 1:
             count = "no column" if not fitting else f"{len(fitting)} columns"
-            known = [name or k for k, name in enumerate(table.names, start=1)]
+            headings = [name or k for k, name in enumerate(table.names, start=1)]
             raise InputError(
                 f"{table.path} has {count} {column!r} beside {table.axis_name or 'the first'} "
-                f"(there are {shorten_names(known)}): correct columns in its [[test]]"
+                f"(there are {shorten_names(headings)}): correct columns in its [[test]]"
             )
         places += fitting
     names = tuple(table.names[place] for place in places)

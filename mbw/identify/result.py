@@ -141,8 +141,8 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
 
 def _reciprocity_rows(campaign: Campaign) -> list[ReciprocityRow]:
     """Return what reciprocity says of channels and hits whose gains are known."""
-    known = leave_out_unknown_gains(campaign)
-    reciprocity = None if known is None else check_reciprocity(known)
+    comparable = leave_out_unknown_gains(campaign)
+    reciprocity = None if comparable is None else check_reciprocity(comparable)
     return [ReciprocityRow(**vars(row)) for row in reciprocity.rows] if reciprocity else []
 
 

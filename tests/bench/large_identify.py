@@ -34,19 +34,19 @@ def _row(n_out: int, n_in: int, lines: int) -> dict[str, object]:
         if child.returncode:
             raise RuntimeError(f"mbw identify ended with {child.returncode}")
         modes = json.loads((place / "out" / "modes.json").read_text("utf-8"))["modes"]
-    found = np.array([[mode["frequency"], mode["damping"]] for mode in modes])
+    identified = np.array([[mode["frequency"], mode["damping"]] for mode in modes])
     deviation = np.array([[mode["frequency_sd"], mode["damping_sd"]] for mode in modes])
     # The nearest mode in frequency and damping, each relative.
-    nearest = (np.abs(found[:, None] / true - 1) ** 2 @ [100.0, 1.0]).argmin(axis=0)
-    errors = (found[nearest] - true) / deviation[nearest]
-    right = (np.abs(found[nearest] / true - 1) < [0.01, 0.2]).all(axis=1)
+    nearest = (np.abs(identified[:, None] / true - 1) ** 2 @ [100.0, 1.0]).argmin(axis=0)
+    errors = (identified[nearest] - true) / deviation[nearest]
+    right = (np.abs(identified[nearest] / true - 1) < [0.01, 0.2]).all(axis=1)
     return {
         "channels": n_out,
         "references": n_in,
         "lines": lines,
         "modes": N_MODES,
         "found": int(right.sum()),
-        "extra": len(found) - int(right.sum()),
+        "extra": len(identified) - int(right.sum()),
         "rms error over deviation": float(np.sqrt((errors[right] ** 2).mean())),
         "core s": used.ru_utime + used.ru_stime,
         "peak GB": used.ru_maxrss / 1e6,

@@ -39,12 +39,12 @@ def _campaigns() -> dict[str, Path]:
         "tower.open": ("tower/open", None),
         "tower.sealed": ("tower/sealed", None),
     }
-    found = {"tower.unchanged": ROOT / "assets" / "tower"}
+    campaigns = {"tower.unchanged": ROOT / "assets" / "tower"}
     for group, (folder, names) in groups.items():
         for path in sorted((FOLDERS / folder).glob("*/campaign.toml")):
             if names is None or path.parent.name in names:
-                found[f"{group}.{path.parent.name}"] = path.parent
-    return found
+                campaigns[f"{group}.{path.parent.name}"] = path.parent
+    return campaigns
 
 
 def _diagnose(folder: Path, target: Path) -> None:

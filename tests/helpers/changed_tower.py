@@ -133,8 +133,8 @@ def _dynamic_change(change, omega):
         places[int(where[-1]) - 1] = 1.0
         pull = -sizes["mass"] * omega**2 + 0j
     if change.effect == "appendage":
-        own = 2 * np.pi * sizes["frequency"]
-        spring = own**2 + 2j * sizes["damping"] * own * omega
+        resonance = 2 * np.pi * sizes["frequency"]
+        spring = resonance**2 + 2j * sizes["damping"] * resonance * omega
         pull = pull * spring / (spring - omega**2)
     if change.effect == "parallel_path":
         for name, sign in zip(where.split("-"), (-1.0, 1.0), strict=True):
