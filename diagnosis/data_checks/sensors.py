@@ -5,19 +5,13 @@ Each proven fault becomes a hypothesis. It corrects the channels if the correcti
 exchange, delay, mounting), or releases tolerances that a fit must find (gain, axes, place).
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import reduce
 
 import numpy as np
 
-from diagnosis.corrections import (
-    Reading,
-    divide_channels,
-    exchange_channels,
-    mask_channels,
-    match_channels,
-)
+from diagnosis.corrections import find_correction, mask_channels, match_channels
 from diagnosis.data_checks.bending_bodies import (
     GROSS,
     RELEASED,
@@ -28,8 +22,7 @@ from diagnosis.data_checks.bending_bodies import (
 )
 from diagnosis.effects.flexible_body import build_bending_hypothesis
 from diagnosis.effects.points import list_gains, name_vector
-from diagnosis.effects.sensor_polarity import read_inverted
-from diagnosis.hypothesis import Hypothesis, Value, release_tolerance
+from diagnosis.hypothesis import Hypothesis, release_tolerance
 from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.settings import DiagnosisSettings
 from identification import (
@@ -37,12 +30,10 @@ from identification import (
     Fault,
     check_bodies,
     check_reciprocity,
-    delay_response,
     duplicate_channels,
-    mount_response,
     noise_only_channels,
 )
-from identification.words import Campaign, Dof, Output
+from identification.words import Campaign, Output
 from tuning import Session
 
 _UNKNOWN = "sensor_unknown"
@@ -138,7 +129,7 @@ def check_sensors(campaign: Campaign, settings: DiagnosisSettings, doubt: str = 
     moved = {check.moved.phrase: None for check in bodies if check.moved is not None}
     remarks = (f"{phrase}; its channels were left out of the diagnosis" for phrase in moved)
     audible = replace(audible, remarks=(*audible.remarks, *remarks))
-    corrections = (_find_correction(fault, campaign) for fault in reciprocal)
+    corrections = (find_correction(fault, campaign) for fault in reciprocal)
     right = reduce(lambda c, correct: correct(c), filter(None, corrections), audible)
     return SensorChecks(
         bodies,
@@ -218,7 +209,7 @@ def build_fault_hypothesis(
         hypothesis = release_tolerance(fault.effect, fault.location, fault.dof, names, stated)
         values = np.ravel(fault.parameters[stated]).tolist()
         return replace(hypothesis, begin=dict(zip(names, values, strict=True)))
-    correct = _find_correction(fault, session.campaign)
+    correct = find_correction(fault, session.campaign)
     if correct is None:
         return None
     return Hypothesis(
@@ -227,45 +218,4 @@ def build_fault_hypothesis(
         fault.dof,
         correct=correct,
         state=lambda _: dict(fault.parameters),
-    )
-
-
-def _find_correction(fault: Fault, campaign: Campaign) -> Callable[[Campaign], Campaign] | None:
-    """Return what corrects the channels of a sensor; None for another kind of fault."""
-    concerns = match_channels(fault.location, fault.dof)
-    if fault.effect == "sensor_polarity":
-        return lambda c: divide_channels(c, concerns, read_inverted)
-    if fault.effect == "sensor_swap":
-        pairs = _list_pairs(fault, campaign)
-        return lambda c: exchange_channels(c, pairs)
-    reading = _find_reading(fault)
-    return None if reading is None else lambda c: divide_channels(c, concerns, reading)
-
-
-def _find_reading(fault: Fault) -> Reading | None:
-    """Return the reading of a faulty channel per motion; None for another kind of fault."""
-    if fault.effect == "sensor_gain":
-        gain = _read_number(fault.parameters["gain"])
-        return lambda freq_hz: np.full(len(freq_hz), gain, np.complex128)
-    if fault.effect == "sensor_delay":
-        return partial(delay_response, delay=_read_number(fault.parameters["delay"]))
-    if fault.effect == "mount_resonance":
-        frequency, damping = (_read_number(fault.parameters[k]) for k in ("frequency", "damping"))
-        return lambda freq_hz: mount_response(freq_hz, frequency, damping)
-    return None
-
-
-def _read_number(value: Value) -> float:
-    return value if isinstance(value, float) else value[0]
-
-
-def _list_pairs(fault: Fault, campaign: Campaign) -> tuple[tuple[Dof, Dof], ...]:
-    """Return the pairs of exchanged channels: two of one sensor, or all of two sensors."""
-    sites = fault.location.partition(":")[2].split("+")
-    if len(sites) == 1:
-        first, second = str(fault.dof).split("+")
-        return ((Dof.parse(f"{sites[0]}:+{first}"), Dof.parse(f"{sites[0]}:+{second}")),)
-    axes = [dof.direction[1:] for dof in campaign.outputs if dof.point == sites[0]]
-    return tuple(
-        (Dof.parse(f"{sites[0]}:+{axis}"), Dof.parse(f"{sites[1]}:+{axis}")) for axis in axes
     )
