@@ -1,73 +1,57 @@
 """``make same BASE=commit``: show that a version computes what an earlier one did.
 
-Both versions identify, tune and diagnose the same campaigns on this machine, with the same
-dependencies. Every key and every number of every JSON file that they write must agree, digit by
-digit; sentences may change and are printed side by side. FRFs must take the same time within 5 %.
-What BASE wrote is kept in ``.same/``, so that a second comparison runs the new version alone.
+Both versions run the calls of ``calls.toml`` on this machine, with the same dependencies: every
+verb, on the assets and on the open campaigns of ``../shared``. Every key and number of JSON, every
+array, every line of MJCF, CSV and TOML and every exit code must agree, digit by digit; sentences
+may change and are printed side by side. What is meant to differ stands in ``allowed.toml``. FRFs
+must take the same time within 5 %.
+
+What BASE wrote is kept in ``.same/``. Groups of the new version that are done are kept too while
+no source file changes, so that an interrupted comparison goes on from where it was.
 """
 
 import argparse
-import filecmp
 import json
 import shutil
 import sys
+import time
+import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from tests.regression.results import changed_numbers, compare_files, show_difference
-from tests.regression.versions import (
-    ROOT,
-    Version,
-    check_out,
-    install_effects,
-    working_tree,
-)
+from tests.regression.compare import Difference, compare_folders, is_allowed
+from tests.regression.versions import ROOT, Version, check_out, install_effects, working_tree
 
+HERE = Path(__file__).parent
 WORK = ROOT / ".same"
-OPEN_CAMPAIGNS = ROOT.parent / "shared" / "campaigns" / "open"
+OPEN = ROOT.parent / "shared" / "campaigns" / "open"
+OPEN_VERBS = ("identify", "tune", "diagnose")
+WITH_EFFECTS = {"inerter"}  # groups for which the example of a user's effect is installed
+GROUPS_AT_ONCE = 2
+WITH_RESULTS = {0, 1, 4}  # exit codes of calls that end with results
 SLOWER = 1.05  # largest ratio of times that counts as equal
 FRF_ROUNDS = 3
-VERBS = {"identify": "modes.json", "tune": "tuned.json", "diagnose": "verdict.json"}
-CODES = "exit_codes.json"
-STATION = "assets/microstation/station.xml"
-DRAWN = {
-    "inerter": (STATION, "--seed", "424201", "--node", "11", "--effect", "inerter"),
-    "protocol": ("tree", "--seed", "424202", "--effect", "mass_error", "--drawn-protocol"),
-}
+DONE = "done.json"
 
-
-@dataclass(frozen=True)
-class Work:
-    """One campaign and how it is run.
-
-    Attributes:
-        name: of its folder of results.
-        campaign: its folder.
-        with_effects: whether the example of a user's effect is installed.
-    """
-
-    name: str
-    campaign: Path
-    with_effects: bool = False
+Groups = dict[str, dict[str, str]]
 
 
 def main() -> int:
     """Compare the working tree with a commit; return 0 if both compute the same."""
+    groups = read_groups()
     parser = argparse.ArgumentParser(prog="make same", description=__doc__)
     parser.add_argument("base", help="commit to compare with")
-    parser.add_argument("--only", nargs="*", help="names of campaigns, or frf; default: all")
+    parser.add_argument("--only", nargs="*", help="names of groups, or frf; default: all")
     chosen = parser.parse_args()
-    names = {*DRAWN, "demo", "frf", *(path.name for path in OPEN_CAMPAIGNS.glob("*"))}
-    if unknown := sorted(set(chosen.only or []) - names):
-        parser.error(f"no campaign {', '.join(unknown)}; there are {', '.join(sorted(names))}")
+    if unknown := sorted(set(chosen.only or []) - {*groups, "frf"}):
+        parser.error(f"no group {', '.join(unknown)}; there are {', '.join([*groups, 'frf'])}")
+    names = [name for name in groups if not chosen.only or name in chosen.only]
     base, now = check_out(chosen.base, WORK), working_tree(WORK)
     effects = install_effects(base.root / "assets" / "inerter_effect", WORK / "effects")
-    faults = list(_draw(base, now))
-    for work in _campaigns(base, chosen.only):
-        for version in (base, now):
-            _run(version, work, effects, keep=version is base)
-        faults += _compare(base.results / work.name, now.results / work.name, work.name)
+    with ThreadPoolExecutor(GROUPS_AT_ONCE) as pool:
+        pairs = pool.map(lambda name: _run_both(base, now, name, groups[name], effects), names)
+        faults = [fault for name in pairs for fault in _report(base, now, name)]
     if not chosen.only or "frf" in chosen.only:
         faults += _frf_times(base, now)
     for fault in faults:
@@ -76,77 +60,76 @@ def main() -> int:
     return 1 if faults else 0
 
 
-def _campaigns(base: Version, only: list[str] | None) -> Iterator[Work]:
-    yield from (
-        work
-        for work in (
-            Work("demo", base.root / "assets" / "demo"),
-            *(Work(name, base.results / "drawn" / name, name == "inerter") for name in DRAWN),
-            *(Work(path.name, path) for path in sorted(OPEN_CAMPAIGNS.glob("*"))),
-        )
-        if not only or work.name in only
-    )
+def read_groups() -> Groups:
+    """Return the calls of each group, by name; open campaigns are groups of their own."""
+    groups: Groups = tomllib.loads((HERE / "calls.toml").read_text(encoding="utf-8"))
+    for path in sorted(OPEN.glob("*/campaign.toml")):
+        campaign = path.parent
+        groups[campaign.name] = {verb: f"mbw {verb} {campaign}" for verb in OPEN_VERBS}
+    return groups
 
 
-def _draw(base: Version, now: Version) -> Iterator[str]:
-    """Draw campaigns by both versions; yield those whose files differ."""
-    for name, (model, *options) in DRAWN.items():
-        folders = [version.results / "drawn" / name for version in (base, now)]
-        for version, folder in zip((base, now), folders, strict=True):
-            if version is now:
-                shutil.rmtree(folder, ignore_errors=True)
-            if not folder.is_dir():
-                code = version.python("-m", "truth", model, folder, *options)
-                if code:
-                    yield f"drawing {name} ended with exit code {code}"
-        files = {
-            str(path.relative_to(folder))
-            for folder in folders
-            for path in folder.rglob("*")
-            if path.is_file()
-        }
-        same, _, _ = filecmp.cmpfiles(*folders, sorted(files), shallow=False)
-        yield from (f"drawn {name}/{file}" for file in sorted(files - set(same)))
+def _run_both(base: Version, now: Version, name: str, calls: dict[str, str], effects: Path) -> str:
+    """Run what is not done of a group by both versions; return its name."""
+    for version in (base, now):
+        _run(version, base.root, name, calls, effects)
+    return name
 
 
-def _run(version: Version, work: Work, effects: Path, *, keep: bool) -> None:
-    """Identify, tune and diagnose one campaign; exit codes go beside the results."""
-    folder = version.results / work.name
-    done = folder / CODES
-    if keep and done.is_file():
+def _run(version: Version, tree: Path, name: str, calls: dict[str, str], effects: Path) -> None:
+    """Run the calls of a group where all versions run them, and keep what they wrote.
+
+    Args:
+        version: whose commands are called.
+        tree: source tree whose assets are read.
+        name: of the group.
+        calls: words of each call, by its name.
+        effects: folder with the package of a user's effect.
+    """
+    folder, running = version.results / name, WORK / "running" / name
+    state = {"source": version.state(), "calls": calls}
+    done = folder / DONE
+    if done.is_file() and json.loads(done.read_text(encoding="utf-8"))["state"] == state:
         return
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    codes = {}
-    for verb in VERBS:
-        options = ["--jobs", "2"] if verb == "diagnose" else []
-        call = ("-m", "mbw", verb, work.campaign, "--out", folder / verb, "--quiet", *options)
-        codes[verb] = version.python(*call, effects=effects if work.with_effects else None)
-    done.write_text(json.dumps(codes), encoding="utf-8")
+    for path in (folder, running):
+        shutil.rmtree(path, ignore_errors=True)
+    running.mkdir(parents=True)
+    start, codes = time.monotonic(), {}
+    for call, words in calls.items():
+        module, *rest = words.format(tree=tree, here=running).split()
+        if module == "mbw":
+            rest += ["--out", str(running / call), "--json", f"{running / call}.json", "--quiet"]
+        log = version.results / f"{name}.txt"
+        uses = effects if name in WITH_EFFECTS else None
+        codes[call] = version.python("-m", module, *rest, log=log, effects=uses)
+    shutil.move(running, folder)
+    row = {"state": state, "codes": codes, "seconds": round(time.monotonic() - start)}
+    done.write_text(json.dumps(row), encoding="utf-8")
 
 
-def _compare(before: Path, after: Path, name: str) -> Iterator[str]:
-    """Yield what differs in the JSON files of one campaign; print sentences that changed."""
-    names = [
-        {str(path.relative_to(folder)) for path in folder.rglob("*.json")}
-        for folder in (before, after)
-    ]
-    yield from (f"{name}/{file} is missing on one side" for file in sorted(names[0] ^ names[1]))
-    codes = json.loads((before / CODES).read_text(encoding="utf-8"))
-    for verb, file in VERBS.items():
-        # A verb may end with another code, such as 4 for not converged; its file must be there.
-        if f"{verb}/{file}" not in names[0]:
-            yield f"{name}: {verb} of BASE ended with exit code {codes[verb]} and no {file}"
-    for file in sorted(names[0] & names[1]):
-        for difference in compare_files(before / file, after / file):
-            text = f"{name}/{file} {show_difference(difference)}"
-            if not difference.is_sentence:
-                yield text
-            elif any(changed_numbers(difference)):
-                yield f"numbers in a sentence: {text}"
-            else:
-                print(text)
-    print(f"{name}: {len(names[0] & names[1])} JSON files compared", flush=True)
+def _report(base: Version, now: Version, name: str) -> Iterator[str]:
+    """Yield what differs in a group and may not; print sentences and what is meant."""
+    folders = [version.results / name for version in (base, now)]
+    rows = [json.loads((folder / DONE).read_text(encoding="utf-8")) for folder in folders]
+    differences = list(compare_folders(*folders, ignored={DONE}))
+    for call in rows[1]["codes"]:
+        ends = [row["codes"].get(call) for row in rows]
+        if ends[0] not in WITH_RESULTS:
+            yield f"{name}/{call} of BASE ended with exit code {ends[0]}: see {base.results}"
+        if ends[0] != ends[1]:
+            differences.append(Difference(call, "exit code", *map(str, ends)))
+    allowed = tomllib.loads((HERE / "allowed.toml").read_text(encoding="utf-8"))["allowed"]
+    for difference in differences:
+        reason = is_allowed(f"{name}/{difference.file}", difference.place, allowed)
+        if difference.is_sentence:
+            print(f"{name}/{difference}")
+        elif reason is not None:
+            print(f"allowed  {name}/{difference.file}, {difference.place}: {reason}")
+        else:
+            yield f"{name}/{difference}"
+    count = sum(path.is_file() for path in folders[1].rglob("*"))
+    codes = " ".join(f"{call} {code}" for call, code in rows[1]["codes"].items())
+    print(f"{name}: {count} files, {rows[1]['seconds']} s, exit codes: {codes}", flush=True)
 
 
 def _frf_times(base: Version, now: Version) -> Iterator[str]:
@@ -159,8 +142,8 @@ def _frf_times(base: Version, now: Version) -> Iterator[str]:
     best: list[dict[str, float]] = [{}, {}]
     for _ in range(FRF_ROUNDS):
         for version, times in zip((base, now), best, strict=True):
-            path = version.results / "frf.json"
-            if version.python("-c", code.format(path=str(path))):
+            path, log = version.results / "frf.json", version.results / "frf.txt"
+            if version.python("-c", code.format(path=str(path)), log=log):
                 yield "the FRF bench failed"
                 return
             for row in json.loads(path.read_text(encoding="utf-8")):

@@ -9,6 +9,7 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("identification", "mbmodel", "tuning", "diagnosis", "truth", "mbw", "mbworkbench")
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,15 @@ class Version:
     root: Path
     results: Path
 
-    def python(self, *arguments: str | Path, effects: Path | None = None) -> int:
+    def state(self) -> str:
+        """Return a hash of every source file: other ones may compute something else."""
+        digest = hashlib.sha256()
+        for package in PACKAGES:
+            for path in sorted((self.root / package).rglob("*.py")):
+                digest.update(str(path.relative_to(self.root)).encode() + path.read_bytes())
+        return digest.hexdigest()[:16]
+
+    def python(self, *arguments: str | Path, log: Path, effects: Path | None = None) -> int:
         """Run this version's Python with these arguments and return its exit code.
 
         The tree precedes the installed packages on the path, so that both versions import the
@@ -31,17 +40,18 @@ class Version:
 
         Args:
             arguments: of ``python``.
+            log: file to which what it prints is added.
             effects: folder with an installed package of effects, if one is used.
         """
         path = [str(self.root), *([str(effects)] if effects else [])]
         settings = {"PYTHONPATH": os.pathsep.join(path), "OMP_NUM_THREADS": "1"}
         call = [sys.executable, *map(str, arguments)]
-        with (self.results / "log.txt").open("a", encoding="utf-8") as log:
-            log.write(f"{' '.join(call)}\n")
-            log.flush()
+        with log.open("a", encoding="utf-8") as file:
+            file.write(f"{' '.join(call)}\n")
+            file.flush()
             environment = {**os.environ, **settings}
             return subprocess.run(
-                call, cwd=self.root, env=environment, stdout=log, stderr=log, check=False
+                call, cwd=self.root, env=environment, stdout=file, stderr=file, check=False
             ).returncode
 
 
@@ -66,7 +76,7 @@ def check_out(commit: str, work: Path) -> Version:
 
 def working_tree(work: Path) -> Version:
     """Return the tree that this file belongs to, with whatever is not committed."""
-    return Version(ROOT, _made(work / "now"))
+    return Version(ROOT, _made(work / "now" / f"results-{_dependencies()}"))
 
 
 def install_effects(source: Path, folder: Path) -> Path:
