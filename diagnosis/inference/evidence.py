@@ -10,6 +10,7 @@ from math import log
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.inference.calibration import Calibration
+from identification.readers.result_files import ResultFile
 from identification.words import VarianceSource
 from tuning import is_gap_visible
 
@@ -182,7 +183,7 @@ class ForceGain(_Row):
     share: float = 0.0
 
 
-class Evidence(_Row):
+class Evidence(ResultFile, _Row):
     """Evidence of a verdict.
 
     Args:

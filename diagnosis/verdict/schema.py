@@ -4,6 +4,7 @@ from pydantic import BaseModel, ConfigDict
 
 from diagnosis.hypothesis import Ends, Value
 from diagnosis.verdict.established import Spread, Word
+from identification.readers.result_files import ResultFile
 from tuning.files.schema import ChannelGainRow
 
 
@@ -101,7 +102,7 @@ class RemarkRow(_Row):
     closed: float | None
 
 
-class Verdict(_Row):
+class Verdict(ResultFile, _Row):
     """Content of verdict.json."""
 
     verdict: Word

@@ -8,6 +8,7 @@ import numpy as np
 from identification.readers.matlab5 import read_matlab5
 from identification.readers.matlab73 import read_matlab73
 from identification.readers.numpy_archive import read_archive
+from identification.readers.result_files import check_format
 from identification.readers.text_arrays import read_text_arrays
 from identification.words import InputError
 from identification.words.file_access import check_file
@@ -47,7 +48,8 @@ def load_arrays(path: Path, columns: Sequence[int | str] | None = None) -> dict[
             if _is_version_73(path):
                 version, read = "is MATLAB v7.3 and ", read_matlab73
         content = read(path)
-    except InputError:  # of the folder for temporary files
+        check_format(_stated_format(content.pop("format", None)), path)
+    except InputError:  # of the folder for temporary files, or of a newer format
         raise
     except Exception as error:  # on corrupt bytes the readers raise errors of many types
         reason = " ".join(str(error).split()).replace("\0", "")
@@ -55,6 +57,12 @@ def load_arrays(path: Path, columns: Sequence[int | str] | None = None) -> dict[
             f"{path} {version}cannot be read ({reason or type(error).__name__}): save it again"
         ) from error
     return {name: value for name, value in content.items() if name and not name.startswith("__")}
+
+
+def _stated_format(value: object) -> object:
+    """Return the format that an array file states; None if it states none."""
+    number = np.asarray(value)
+    return int(number.item()) if number.size == 1 and number.dtype.kind in "iuf" else None
 
 
 def _is_version_73(path: Path) -> bool:

@@ -11,6 +11,7 @@ from unicodedata import category
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from identification.readers.result_files import check_format
 from identification.words import MAX_INPUT_MAGNITUDE, InputError
 from identification.words.file_access import read_text
 
@@ -47,14 +48,16 @@ Turn = Annotated[
 
 
 def read_toml(path: Path, model: type[TomlModel]) -> TomlModel:
-    """Read a TOML file and check every key against a model.
+    """Read a TOML file and check every key against a model; ``format`` may stand in any.
 
     Raises:
-        InputError: the file is missing or not UTF-8, its syntax is wrong (with the line), or a key
-            is unknown or has a wrong value.
+        InputError: the file is missing or not UTF-8, its syntax is wrong (with the line), a key is
+            unknown or has a wrong value, or its format is newer.
     """
+    content = load_toml(path)
+    check_format(content.pop("format", None), path)
     try:
-        return model.model_validate(load_toml(path))
+        return model.model_validate(content)
     except ValidationError as error:
         raise InputError(f"{path}: {_describe_first_error(error, model)}") from error
 

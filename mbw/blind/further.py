@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from identification.readers.result_files import FORMAT
 from identification.words import InputError
 from mbmodel import load_machine
 from mbmodel.geometry.surfaces import machine_geometry
@@ -90,6 +91,7 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
             for number, gain in enumerate(helpful[:confirm])
         ]
         rows = {
+            "format": FORMAT,
             "gains": [asdict(gain) for gain in gains],
             "confirmed": [asdict(row) for row in confirmed],
         }

@@ -15,6 +15,7 @@ from diagnosis.effects.proven_by_data import PROVEN
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.refits.measured import choose_stride
 from diagnosis.settings import SETTINGS
+from identification.readers.result_files import FORMAT
 from identification.words import InputError
 from mbmodel import load_machine
 from mbmodel.geometry.surfaces import machine_geometry
@@ -188,6 +189,7 @@ def write(
     machine = load_machine(path)
     table = size_table(sizes, confirmed)
     rows = {
+        "format": FORMAT,
         "sizes": [asdict(row) for row in sizes],
         "confirmed": [asdict(row) for row in confirmed],
     }

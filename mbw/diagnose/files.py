@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from diagnosis import Diagnosis, Verdict
 from diagnosis.inference.evidence import Evidence
-from identification.readers.result_files import read_result_arrays, read_result_json
+from identification.readers.result_files import (
+    read_result_arrays,
+    read_result_json,
+    write_result_arrays,
+)
 from identification.words import InputError, Real
 from mbmodel import WrittenModel, write_model
 from mbw.diagnose.machine_rows import restore_machine
@@ -37,7 +39,7 @@ def write_files(result: StoredDiagnosis, folder: Path) -> None:
     rows = {VERDICT: result.verdict, EVIDENCE: result.evidence, SHOWN: result.shown}
     for name, row in rows.items():
         (folder / name).write_text(row.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    np.savez_compressed(folder / ARRAYS, allow_pickle=False, **result.arrays)
+    write_result_arrays(folder / ARRAYS, result.arrays)
 
 
 @dataclass(frozen=True)

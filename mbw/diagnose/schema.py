@@ -2,6 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict
 
+from identification.readers.result_files import ResultFile
 from identification.words import Quantity, VarianceSource
 from mbw.identify.schema import FaultRow
 from tuning.files.schema import InputRow
@@ -132,7 +133,7 @@ class EstablishedRow(_Row):
     closed: float | None
 
 
-class ShownFile(_Row):
+class ShownFile(ResultFile, _Row):
     """Content of ``diagnosis.json``.
 
     Args:

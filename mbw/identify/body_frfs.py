@@ -9,6 +9,7 @@ import scipy.io
 
 from identification import reduce_to_bodies, reduction_covariance
 from identification.modal import MeasuredFrfs
+from identification.readers.result_files import write_result_arrays
 from identification.readers.uff_frfs_write import number_bodies, write_uff_frfs
 from identification.words import DERIVATIVE_ORDER, Frf, FrfEstimate, Layout, Real
 from mbw.page.numbers import frf_unit
@@ -71,18 +72,17 @@ def write_body_frfs(reduced: BodyFrfs, layout: Layout, decay: float, folder: Pat
         "centres": layout.centres,
         "window_decay": decay,
     }
-    np.savez(
-        folder / BODY_NPZ,
-        allow_pickle=False,
-        freq_hz=frf.freq_hz,
-        frf=frf.values,
-        variance=reduced.estimate.variance,
-        covariance=reduced.covariance,
-        quantity=np.array(frf.quantity),
-        units=np.array(units),
+    arrays = {
+        "freq_hz": frf.freq_hz,
+        "frf": frf.values,
+        "variance": reduced.estimate.variance,
+        "covariance": reduced.covariance,
+        "quantity": np.array(frf.quantity),
+        "units": np.array(units),
         **{name: np.array(texts) for name, texts in labels.items()},
         **shared,
-    )
+    }
+    write_result_arrays(folder / BODY_NPZ, arrays)
     content = {
         "freqs": frf.freq_hz.reshape(-1, 1),
         "FRFs": np.moveaxis(frf.values, 0, 2),

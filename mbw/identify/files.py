@@ -9,7 +9,11 @@ import numpy as np
 import scipy.io
 
 from identification.modal import ScaledModes, full_matrix_model
-from identification.readers.result_files import read_result_arrays, read_result_json
+from identification.readers.result_files import (
+    read_result_arrays,
+    read_result_json,
+    write_result_arrays,
+)
 from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
 from identification.words import (
     Dof,
@@ -38,7 +42,7 @@ NAMES = (
 def write_files(result: IdentificationResult, folder: Path) -> None:
     """Write all files but the page into an existing folder."""
     (folder / MODES_JSON).write_text(result.summary.model_dump_json(indent=1) + "\n", "utf-8")
-    np.savez(folder / MODES_NPZ, allow_pickle=False, **result.arrays)
+    write_result_arrays(folder / MODES_NPZ, result.arrays)
     _write_csv(folder / "modes.csv", _mode_rows(result))
     _write_csv(folder / "shapes.csv", _shape_rows(result))
     _write_csv(folder / "synthesis.csv", _synthesis_rows(result))
@@ -94,14 +98,13 @@ def write_full_matrix(result: IdentificationResult, folder: Path) -> None:
         .synthesise(arrays["freq_hz"], quantity)
         .values
     )
-    np.savez(
-        folder / FULL_NPZ,
-        allow_pickle=False,
-        freq_hz=arrays["freq_hz"],
-        frf=values.astype(np.complex64),
-        channels=arrays["outputs"],
-        quantity=arrays["quantity"],
-    )
+    content = {
+        "freq_hz": arrays["freq_hz"],
+        "frf": values.astype(np.complex64),
+        "channels": arrays["outputs"],
+        "quantity": arrays["quantity"],
+    }
+    write_result_arrays(folder / FULL_NPZ, content)
 
 
 def _modal_model(result: IdentificationResult) -> ModalModel:

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
+from identification.readers.result_files import ResultFile
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -73,7 +75,7 @@ class IdentifiedModeRow(BaseModel):
     body_shape_imaginary: list[Finite]
     by_hand: SingleModeRow
     scale_sd: Finite | None = None
-    doubtful: list[str] = []
+    doubtful: list[str] = Field(default_factory=list)
 
 
 class FaultRow(BaseModel):
@@ -121,10 +123,10 @@ class SolidRow(BaseModel):
     words: str
     frequency: list[Finite]
     deviation: list[Finite]
-    faults: list[FaultRow] = []
+    faults: list[FaultRow] = Field(default_factory=list)
     more: bool = False
     twins: list[tuple[str, str]] = []
-    unseen: list[str] = []
+    unseen: list[str] = Field(default_factory=list)
 
 
 class KeptHit(BaseModel):
@@ -252,7 +254,7 @@ class ReciprocityRow(BaseModel):
     delay_sd: Finite
 
 
-class IdentifiedModesFile(BaseModel):
+class IdentifiedModesFile(ResultFile):
     """Content of ``modes.json``.
 
     Args:
@@ -305,9 +307,9 @@ class IdentifiedModesFile(BaseModel):
     beside_band: int
     compared_with: str
     modes: list[IdentifiedModeRow]
-    solid: list[SolidRow] = []
-    hits: list[HitsRow] = []
-    setups: list[str] = []
+    solid: list[SolidRow] = Field(default_factory=list)
+    hits: list[HitsRow] = Field(default_factory=list)
+    setups: list[str] = Field(default_factory=list)
     levels: LevelCheckRow | None = None
-    reciprocity: list[ReciprocityRow] = []
-    remarks: list[str] = []
+    reciprocity: list[ReciprocityRow] = Field(default_factory=list)
+    remarks: list[str] = Field(default_factory=list)

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
+from identification.readers.result_files import ResultFile
+
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -47,7 +49,7 @@ class StrongestRow(BaseModel):
     gain_db: Number
 
 
-class TipsFile(BaseModel):
+class TipsFile(ResultFile):
     """Content of ``tips.json``.
 
     Args:

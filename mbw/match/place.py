@@ -12,6 +12,7 @@ import typer
 
 from identification.matching import shapes_at_channels
 from identification.readers.layout import read_layout
+from identification.readers.result_files import FORMAT
 from identification.readers.sites_table import SITES_HEADER, read_sites, sites_layout
 from identification.shapes import (
     Shapes,
@@ -110,7 +111,9 @@ def run(
         SCREEN.say(remark)
     assessment = _assess(shapes, shapes.numbers, layout, dofs)
     if outputs.json is not None:
-        write_json(json.dumps(assessment, indent=1, allow_nan=False), outputs.json)
+        write_json(
+            json.dumps({"format": FORMAT, **assessment}, indent=1, allow_nan=False), outputs.json
+        )
     _say(assessment)
 
 

@@ -18,7 +18,11 @@ from identification.matching import (
     fit_mode_circles,
     match_by_ratios,
 )
-from identification.readers.result_files import read_result_arrays, read_result_json
+from identification.readers.result_files import (
+    read_result_arrays,
+    read_result_json,
+    write_result_arrays,
+)
 from identification.shapes import MassCheck, RigidModes, Shapes, distinguish_modes
 from identification.words import Integers
 from mbw.match.circles import circle_arrays, circle_row
@@ -207,7 +211,7 @@ def _hand_row(estimate: HandEstimate, spectra: ImpactSpectra) -> HandRow:
 def write_result(result: MatchResult, folder: Path) -> None:
     """Write all files but the page into an existing folder."""
     (folder / MATCH_JSON).write_text(result.summary.model_dump_json(indent=1) + "\n", "utf-8")
-    np.savez_compressed(folder / MATCH_NPZ, allow_pickle=False, **result.arrays)
+    write_result_arrays(folder / MATCH_NPZ, result.arrays)
 
 
 def read_result(path: Path) -> MatchResult:

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
+from identification.readers.result_files import ResultFile
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -96,7 +98,7 @@ class MassRow(BaseModel):
     remark: str
 
 
-class MatchFile(BaseModel):
+class MatchFile(ResultFile):
     """Content of ``match.json``.
 
     Args:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
+from identification.readers.result_files import write_result_arrays
 from identification.words import InputError
 
 
@@ -31,6 +32,6 @@ def write_named_arrays(
             scipy.io.savemat(target, {**arrays, **cells})
         else:
             words = {key: np.array(value) for key, value in texts.items()}
-            np.savez_compressed(target, allow_pickle=False, **arrays, **words)
+            write_result_arrays(target, {**arrays, **words})
     except OSError as error:
         raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error

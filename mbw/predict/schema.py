@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
+from identification.readers.result_files import ResultFile
 from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.schema import BudgetRow, StrutsRow
 
@@ -261,7 +262,7 @@ PlantRow = (
 )
 
 
-class PredictedModesFile(BaseModel):
+class PredictedModesFile(ResultFile):
     """Content of the JSON file of ``mbw predict --json``.
 
     Args:

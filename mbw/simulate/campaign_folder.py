@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 
+from identification.readers.result_files import FORMAT, write_result_arrays
 from identification.words import Records, Tolerance
 from mbmodel import NonlinearJoint, RecordedFile, VirtualTest
 from mbw.simulate.hammer_plan import PlannedTest
@@ -36,7 +37,10 @@ def write_campaign(
     files = planned.plan.files
     for file in files:
         _write_records(place / file.file, test.records[file.file])
-    blocks = [f'{_CAMPAIGN_HEAD}model = "{MODEL}"\n', *(_test_block(file) for file in files)]
+    blocks = [
+        f'{_CAMPAIGN_HEAD}format = {FORMAT}\nmodel = "{MODEL}"\n',
+        *(_test_block(file) for file in files),
+    ]
     (place / CAMPAIGN).write_text(
         "\n".join([*blocks, _tolerance_table(planned.stated)]), encoding="utf-8"
     )
@@ -56,7 +60,7 @@ def _write_records(target: Path, records: Iterable[Records]) -> None:
     if target.suffix == ".mat":
         scipy.io.savemat(target, arrays, do_compression=True)
     else:
-        np.savez_compressed(target, allow_pickle=False, **arrays)
+        write_result_arrays(target, arrays)
 
 
 def _test_block(file: RecordedFile) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
+from identification.readers.result_files import write_result_arrays
 from identification.words import DERIVATIVE_ORDER, InputError, Quantity, Real, UsageError
 from identification.words.csv_cells import write_csv
 from identification.words.file_access import check_file
@@ -199,4 +200,4 @@ def write_response(target: Path, time_s: Real, columns: Sequence[tuple[str, str,
         columns_of_mat = {"time_s": time_s[:, None], "labels": np.array(labels, object)}
         scipy.io.savemat(target, {**arrays, **columns_of_mat})
     else:
-        np.savez_compressed(target, allow_pickle=False, labels=np.array(labels), **arrays)
+        write_result_arrays(target, {"labels": np.array(labels), **arrays})

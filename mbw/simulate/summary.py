@@ -2,12 +2,14 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from identification.readers.result_files import ResultFile
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class SimulationSummary(BaseModel):
+class SimulationSummary(ResultFile):
     """Summary of ``mbw simulate``.
 
     Args:

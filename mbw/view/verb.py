@@ -4,8 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
 
+from identification.readers.result_files import ResultFile
 from identification.words import InputError, UsageError
 from mbmodel import Machine, as_drawn, load_machine, machine_geometry, shapes_at
 from mbmodel.geometry.viewer import open_viewer, refuse_missing_display
@@ -17,7 +18,7 @@ from mbw.messages import SCREEN
 from mbw.predict.prediction import Prediction, predict
 
 
-class ViewedState(BaseModel):
+class ViewedState(ResultFile):
     """What ``mbw view`` shows.
 
     Args:

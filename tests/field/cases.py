@@ -141,7 +141,8 @@ def _run_command(command: list[str], folder: Path) -> None:
     os.environ["COLUMNS"] = "100"
     for number, name in enumerate(_STREAMS, start=1):
         os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT), number)
-    sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))
+    # Those of pytest write elsewhere.
+    sys.stdout, sys.stderr = (os.fdopen(number, "w", closefd=False) for number in (1, 2))
     sys.argv = ["mbw", *command]
     mbw.command.main()
 

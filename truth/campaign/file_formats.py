@@ -49,7 +49,7 @@ def model_xml(drawing: Station) -> str:
 
 def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: Tolerance) -> str:
     """Return the campaign's description with every test and every tolerance."""
-    lines = [f'model = "{model}"', ""]
+    lines = ["format = 1", f'model = "{model}"', ""]
     for take in files:
         lines += [
             "[[test]]",

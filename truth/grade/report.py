@@ -109,7 +109,10 @@ def to_json(report: Report) -> str:
 
     Numbers that do not exist are null; there is no NaN.
     """
-    return json.dumps(asdict(report), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return (
+        json.dumps({"format": 1, **asdict(report)}, indent=1, allow_nan=False, ensure_ascii=False)
+        + "\n"
+    )
 
 
 def _judged(read: Read, marks: Marks, verdict: Verdict | None) -> Judged:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from identification.readers.campaign_toml import read_settings
-from identification.readers.result_files import read_result_json
+from identification.readers.result_files import ResultFile, read_result_json
 from identification.words import Controller, InputError, Loop, PortSum, UsageError, parse_port
 from mbmodel import Machine
 from tuning.control_loops.read_loops import read_loops
@@ -39,7 +39,7 @@ class LoopRow(BaseModel):
     period: float = 0.0
 
 
-class LoopsFile(BaseModel):
+class LoopsFile(ResultFile):
     """Content of loops.json: the loops that were closed during the test."""
 
     model_config = ConfigDict(extra="forbid")

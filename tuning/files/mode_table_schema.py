@@ -2,6 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict
 
+from identification.readers.result_files import ResultFile
 from tuning.files.schema import InputRow, ModelModeRow, ParameterRow
 
 
@@ -69,7 +70,7 @@ class TableFitRow(_TableRow):
     agreeing_starts: int
 
 
-class ModeTableFile(_TableRow):
+class ModeTableFile(ResultFile, _TableRow):
     """Content of mode_table.json.
 
     ``determined`` names the parameters whose ``ratio`` is below 0.5. ``modes_without_row`` are

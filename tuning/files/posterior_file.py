@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.readers.result_files import read_result_arrays
+from identification.readers.result_files import read_result_arrays, write_result_arrays
 from identification.words import InputError, Integers, Real
 from mbmodel import Model, ParameterPosterior
 from tuning.parametrisation.parametrisation import Parametrisation
@@ -55,19 +55,18 @@ def machine_posterior(
 
 def write_posterior(posterior: ParameterPosterior, target: Path) -> None:
     """Write posterior.npz."""
-    np.savez_compressed(
-        target,
-        allow_pickle=False,
-        names=np.array(posterior.names),
-        parameters=np.array(posterior.parameters),
-        values=posterior.values,
-        coordinate_of=posterior.coordinate_of,
-        scale=posterior.scale,
-        is_logarithmic=posterior.is_logarithmic,
-        covariance=posterior.covariance,
-        error_floor=np.array(posterior.error_floor),
-        discrepancy=np.array(posterior.discrepancy),
-    )
+    arrays = {
+        "names": np.array(posterior.names),
+        "parameters": np.array(posterior.parameters),
+        "values": posterior.values,
+        "coordinate_of": posterior.coordinate_of,
+        "scale": posterior.scale,
+        "is_logarithmic": posterior.is_logarithmic,
+        "covariance": posterior.covariance,
+        "error_floor": np.array(posterior.error_floor),
+        "discrepancy": np.array(posterior.discrepancy),
+    }
+    write_result_arrays(target, arrays)
 
 
 def read_posterior(path: Path) -> ParameterPosterior:

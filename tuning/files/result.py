@@ -9,7 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.readers.result_files import read_result_arrays, read_result_json
+from identification.readers.result_files import (
+    read_result_arrays,
+    read_result_json,
+    write_result_arrays,
+)
 from identification.words import Campaign, Complex, InputError, Real
 from mbmodel import NOT_WRITTEN, Model, WrittenModel, model_modes, write_model
 from tuning.assessment.gap import Gap, block_error_shares, relative_change
@@ -230,7 +234,7 @@ def write_result(
     model, theta = tuned.session.model, tuned.model_fit.theta
     with write_atomically(folder) as place:
         written = write_model(model, theta, place / TUNED_MJCF, final_folder(place))
-        np.savez_compressed(place / FRF_NPZ, allow_pickle=False, **_arrays(tuned))
+        write_result_arrays(place / FRF_NPZ, _arrays(tuned))
         summary = summarise_tuning(tuned, remaining, written)
         (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
         write_loops(model.machine.loops, place / LOOPS_JSON)

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from identification.readers.result_files import ResultFile
 from identification.words import Quantity
 
 ResidualKind = Literal["modal", "log"]
@@ -218,7 +219,7 @@ class ShareRow(_Row):
     excess: float
 
 
-class TunedFile(_Row):
+class TunedFile(ResultFile, _Row):
     """Content of tuned.json.
 
     ``residuals`` are the residuals that were minimised, in order, with FRFs ``at`` sensors or
