@@ -10,7 +10,6 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -91,11 +90,23 @@ def compare_files(before: Path, after: Path) -> Iterator[Difference]:
         yield from compare_arrays(*(_read_arrays(path) for path in (before, after)))
     elif kind in LINES:
         lines = [path.read_text(encoding="utf-8").splitlines() for path in (before, after)]
-        for number, pair in enumerate(zip_longest(*lines, fillvalue=""), start=1):
-            if _DATE.sub("", pair[0]) != _DATE.sub("", pair[1]):
-                yield _difference(f"line {number}", *pair)
+        yield from compare_lines(*([_DATE.sub("", line) for line in each] for each in lines))
     else:
         yield Difference("", "bytes", *(f"{path.stat().st_size}" for path in (before, after)))
+
+
+def compare_lines(before: Sequence[str], after: Sequence[str]) -> Iterator[Difference]:
+    """Yield the lines that changed, came or went; the place is the first of them.
+
+    Args:
+        before: lines of the earlier version.
+        after: lines of the later version.
+    """
+    matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
+    for kind, start, end, first, last in matcher.get_opcodes():
+        if kind != "equal":
+            place = f"line {start + 1}" if end > start else "(new line)"
+            yield _difference(place, list(before[start:end]), list(after[first:last]))
 
 
 def _read_arrays(path: Path) -> dict[str, np.ndarray]:
@@ -115,7 +126,7 @@ def compare_arrays(
         after: arrays of the later version, by name.
     """
     if list(before) != list(after):
-        yield _difference("(keys)", list(before), list(after))
+        yield _difference(_name_keys(before, after), list(before), list(after))
     for name in (name for name in before if name in after):
         first, second = before[name], after[name]
         kinds = [f"{array.dtype}{array.shape}" for array in (first, second)]
@@ -123,6 +134,16 @@ def compare_arrays(
             yield Difference("", name, *kinds)
         elif _bits(first) != _bits(second):
             yield Difference("", name, "values", _largest_change(first, second))
+
+
+def _name_keys(before: Mapping[str, object], after: Mapping[str, object]) -> str:
+    """Return which keys came and went, such as ``(keys +format -old)``; their order may differ."""
+    came = [f"+{key}" for key in after if key not in before]
+    went = [f"-{key}" for key in before if key not in after]
+    order = (
+        [] if [k for k in before if k in after] == [k for k in after if k in before] else ["order"]
+    )
+    return f"(keys {' '.join(came + went + order)})"
 
 
 def _bits(array: np.ndarray) -> object:
@@ -152,7 +173,9 @@ def compare_values(before: object, after: object, place: str = "") -> Iterator[D
     """
     if isinstance(before, dict) and isinstance(after, dict):
         if list(before) != list(after):
-            yield _difference(f"{place} (keys)".lstrip(), list(before), list(after))
+            yield _difference(
+                f"{place} {_name_keys(before, after)}".lstrip(), list(before), list(after)
+            )
         for key in (key for key in before if key in after):
             yield from compare_values(before[key], after[key], f"{place}.{key}".lstrip("."))
     elif isinstance(before, list) and isinstance(after, list):

@@ -10,6 +10,7 @@ from tests.regression.compare import (
     changed_numbers,
     compare_arrays,
     compare_folders,
+    compare_lines,
     compare_values,
     is_allowed,
 )
@@ -108,3 +109,14 @@ def test_every_verb_with_results_is_called():
         "place",
         "blind",
     } <= words
+
+
+def test_a_new_line_and_a_new_key_are_named_alone():
+    (line,) = compare_lines(["a", "b"], ["format = 1", "a", "b"])
+    assert line.place == "(new line)"
+    (other,) = compare_lines(["a", "b"], ["a", "c"])
+    assert other.place == "line 2"
+    (keys,) = compare_values({"a": 1}, {"format": 1, "a": 1})
+    assert keys.place == "(keys +format)"
+    (order,) = compare_values({"a": 1, "b": 2}, {"b": 2, "a": 1})
+    assert order.place == "(keys order)"
