@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test check docs figures bench field same sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
+.PHONY: demo test check docs figures bench field same versions sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
@@ -35,9 +35,13 @@ bench: $(VENV)/.installed-bench
 field: $(VENV)/.installed-test
 	$(BIN)/python -m tests.field $(ONLY)
 
-# Shows that this tree computes what the commit BASE did: every number of every JSON file alike.
+# Shows that this tree computes what the commit BASE did, by every verb: numbers, arrays, models.
 same: $(VENV)/.installed-test
 	$(BIN)/python -m tests.regression $(BASE) $(if $(ONLY),--only $(ONLY))
+
+# Wheel and sdist in empty environments of each Python at hand, with README's lines and the demo.
+versions: $(VENV)/.installed-test
+	$(BIN)/python -m tests.versions
 
 # Verdicts on campaigns whose answers nobody here knows: made once, committed, never tuned to.
 sealed: $(VENV)/.installed
