@@ -23,18 +23,22 @@ from mbmodel.export.comparison import StateSpaceComparison, compare_state_space
 from mbmodel.export.discrete import SampledSystem, discretise
 from mbmodel.export.linear_response import respond_linearly
 from mbmodel.export.state_space import StateSpaceExport, export_state_space, state_space
+from mbmodel.export.system_matrices import SystemMatrices
 from mbmodel.frf.force_entries import ForceEntries
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
-from mbmodel.frf.port_units import CONTROL, input_unit, output_quantity, output_unit
-from mbmodel.frf.ports import parse_input, parse_output
-from mbmodel.frf.request import FrfRequest
 from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import WORLD, Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
 from mbmodel.mjcf.edit import Addition, Edit, MjcfLack, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
+from mbmodel.mjcf.written_file import (
+    NOT_WRITTEN,
+    WrittenModel,
+    refuse_difference,
+    write_copy,
+)
 from mbmodel.model import Model, as_drawn
 from mbmodel.modes.closed_loop_modes import closed_loop_dynamics
 from mbmodel.modes.common_motions import weighted_motions
@@ -74,8 +78,10 @@ from mbmodel.parts import (
     spring_parts,
 )
 from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, spring_law_part
+from mbmodel.ports.port_units import CONTROL, input_unit, output_quantity, output_unit
+from mbmodel.ports.ports import parse_input, parse_output
+from mbmodel.ports.request import FrfRequest
 from mbmodel.reduction.control_plant import ControlPlant, make_control_plant
-from mbmodel.reduction.matrices import SystemMatrices
 from mbmodel.reduction.truncation import ReducedSystem, Reduction, ReductionMethod, reduce_system
 from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
@@ -98,12 +104,7 @@ from mbmodel.uncertainty.uncertain_plant import UncertainPlant, measure_lft_erro
 from mbmodel.variants.variant_parts import with_variants
 from mbmodel.virtual_test.hammer_test import VirtualTest, strike
 from mbmodel.virtual_test.plan import HammerTestPlan, HitScatter, Noise, RecordedFile
-from mbmodel.writing.written_file import (
-    NOT_WRITTEN,
-    WrittenModel,
-    refuse_difference,
-    write_copy,
-)
+from mbmodel.writing.model_edits import held_parameters, model_edits
 from mbmodel.writing.written_model import write_model
 
 silence_mujoco_log()
@@ -197,6 +198,7 @@ __all__ = [
     "frf_bands",
     "hammer_gain_parts",
     "hammer_parts",
+    "held_parameters",
     "input_unit",
     "joint_coupling_writer",
     "joint_parts",
@@ -209,6 +211,7 @@ __all__ = [
     "make_control_plant",
     "measure_lft_error",
     "mjcf_files",
+    "model_edits",
     "model_modes",
     "modes_of_matrices",
     "modes_with_laws",

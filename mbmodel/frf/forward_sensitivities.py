@@ -18,7 +18,6 @@ from identification.words import Complex, Integers, Mask, Real
 from mbmodel.frf.force_entries import FORCE_TARGETS, ForceEntries
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.motion_sources import MotionSources
-from mbmodel.frf.point_channels import NO_CHANNELS, PointChannels, group_by_point
 from mbmodel.frf.slope_matrix import SlopeMatrix, as_slice
 from mbmodel.frf.slope_stacks import (
     TermsByTarget,
@@ -31,6 +30,7 @@ from mbmodel.frf.solution import FrfSolution
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
 from mbmodel.parts import Change
+from mbmodel.ports.point_channels import NO_CHANNELS, PointChannels, group_by_point
 
 Slopes = Sequence[tuple[Change, ...]]
 

@@ -9,10 +9,10 @@ from scipy.sparse.csgraph import connected_components
 
 from identification.words import DIRECTIONS, Complex, Mask, Output, Real
 from mbmodel.assembly import Assembly
-from mbmodel.frf.ports import apply_point_changes, find_ports
 from mbmodel.model import Model
 from mbmodel.modes.closed_loop_modes import modes_of_assembly
 from mbmodel.modes.matrix_modes import Modes, normalise_shapes
+from mbmodel.ports.ports import apply_point_changes, find_ports
 from mbmodel.spatial import transport
 
 # Relative M-norm: a closer motion lies in the span of the motions at rest.

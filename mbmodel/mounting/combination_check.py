@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import mujoco
 
 from identification.words import InputError
-from mbmodel.writing.compiled_values import compare_compiled
-from mbmodel.writing.difference import MAX_RELATIVE_DIFFERENCE, Difference
+from mbmodel.mjcf.compiled_values import compare_compiled
+from mbmodel.mjcf.difference import MAX_RELATIVE_DIFFERENCE, Difference
 
 _COUNTED = {
     "joints": "njnt",

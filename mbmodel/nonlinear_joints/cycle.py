@@ -7,8 +7,8 @@ import numpy as np
 
 from identification.words import Real
 from mbmodel.mjcf.keyframes import DRAWING, pose_data
+from mbmodel.mjcf.names import joint_coordinate
 from mbmodel.mjcf.read import compile_with_remarks
-from mbmodel.simulation.time_model import joint_coordinate
 
 
 def cycle_joint(path: Path, joint: str, places: Real) -> Real:

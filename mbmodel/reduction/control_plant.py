@@ -12,9 +12,9 @@ from identification.words import Complex, Real, UsageError
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.discrete import discretise
 from mbmodel.export.state_space import export_state_space
-from mbmodel.frf.request import FrfRequest
+from mbmodel.export.system_matrices import SystemMatrices
 from mbmodel.model import Model
-from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.ports.request import FrfRequest
 from mbmodel.reduction.order_choice import reduce_by_bound, reduce_within_interval
 from mbmodel.reduction.truncation import ReducedSystem, ReductionMethod, reduce_system
 from mbmodel.uncertainty.frf_bands import FrfBands

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg
 
 from identification.words import Integers, Real
-from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.export.system_matrices import SystemMatrices
 
 _MAX_CONDITION = 1e9  # of the modal matrix: beyond it modes nearly coincide
 

@@ -12,7 +12,7 @@ so that no reduction may touch them.
 import numpy as np
 import scipy.linalg
 
-from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.export.system_matrices import SystemMatrices
 
 # Of the largest pole: a pole of smaller size is that of a rigid mode. A double pole at zero comes
 # out as the root of the rounding, 1e-8 of the largest pole.

@@ -24,7 +24,7 @@ import numpy as np
 import scipy.linalg
 
 from identification.words import Real, UsageError
-from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.export.system_matrices import SystemMatrices
 from mbmodel.reduction.modal_coordinates import ModalSystem, find_modal_coordinates
 from mbmodel.reduction.stable_part import split_stable_part
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from identification.words import Complex, Real
 from mbmodel.frf.linearised import Evaluator
-from mbmodel.frf.request import FrfRequest
+from mbmodel.ports.request import FrfRequest
 from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 from mbmodel.uncertainty.parameter_posterior import PosteriorOfModel
 

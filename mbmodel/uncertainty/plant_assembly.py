@@ -8,8 +8,8 @@ from identification.words import Integers, Real, UsageError
 from mbmodel.export.branch_states import branch_states
 from mbmodel.export.state_space import first_order_form
 from mbmodel.frf.linearised import Evaluator, Linearised
-from mbmodel.frf.request import FrfRequest
 from mbmodel.parts import Part, PartContext
+from mbmodel.ports.request import FrfRequest
 from mbmodel.uncertainty.matrix_slopes import part_slopes
 from mbmodel.uncertainty.parameter_posterior import PosteriorOfModel
 from mbmodel.uncertainty.uncertain_plant import UncertainPlant

@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identification.words import Integers, Mask, Real
+from mbmodel.export.system_matrices import SystemMatrices
 from mbmodel.frf.linearised import Evaluator
-from mbmodel.frf.request import FrfRequest
-from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.ports.request import FrfRequest
 from mbmodel.uncertainty.parameter_posterior import PosteriorOfModel
 
 if TYPE_CHECKING:

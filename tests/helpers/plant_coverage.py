@@ -10,12 +10,12 @@ from identification.words import Real
 from mbmodel import FrfRequest, frf_bands, load_machine, machine_model
 from mbmodel.uncertainty.frf_bands import NORMAL_QUANTILE_95, FrfBands
 from truth import Plan, write_campaign
-from truth.campaign.draw import stream
 from truth.campaign.virtual_test import Subject, draw_subject, measure_subject
 from truth.machine.dynamics import motion_row
 from truth.machine.ports import joint_row, plant_receptance, point_row
 from truth.machine.rig import Prepared
 from truth.machine.station import Complex, Station
+from truth.random_streams import stream
 from tuning import open_session, read_posterior, tune
 from tuning.files.result import TUNED_MJCF, write_result
 

@@ -19,7 +19,7 @@ from identification.words import (
     UsageError,
 )
 from mbmodel import Machine, input_unit, output_unit, parse_input, parse_output
-from mbmodel.frf.signal_rows import is_floor
+from mbmodel.ports.signal_rows import is_floor
 from tuning.error_budget.controller import controller_from_system
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from identification.words import Complex, InputError, Loop, Real
 from mbmodel import Model
-from mbmodel.export.delay_fraction import DelayFraction
+from mbmodel.control_loops.delay_fraction import DelayFraction
 from tuning.control_loops.sampling import sampling_period
 from tuning.control_loops.stability import growing_pole
 from tuning.error_budget.definition import BudgetDefinition

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from identification.words import Complex, Real, poles_in_s
-from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.export.system_matrices import SystemMatrices
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.words import Quantity, Real
 from mbmodel import FrfRequest, Model, export_state_space
-from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.export.system_matrices import SystemMatrices
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_algebra import PortMap
 

@@ -23,7 +23,7 @@ import numpy as np
 from identification.words import Complex, Loop, Real, between_multiples, zero_order_hold
 from mbmodel import Model
 from mbmodel.export.discrete import SampledSystem, discretise, split_delay
-from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.export.system_matrices import SystemMatrices
 from tuning.control_loops.sampling import sampling_period
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.joined_states import LoopStates, join_loops

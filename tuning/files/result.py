@@ -11,7 +11,7 @@ import numpy as np
 
 from identification.readers.result_files import read_result_arrays, read_result_json
 from identification.words import Campaign, Complex, InputError, Real
-from mbmodel import NOT_WRITTEN, Model, WrittenModel, model_modes, write_model
+from mbmodel import NOT_WRITTEN, Model, WrittenModel, held_parameters, model_modes, write_model
 from tuning.assessment.gap import Gap, block_error_shares, relative_change
 from tuning.assessment.model_error import estimate_model_error
 from tuning.campaign_tuning import CampaignTuning, Comparison
@@ -255,7 +255,7 @@ def not_held_error(model: Model, theta: Real, campaign: Campaign) -> float | Non
         theta: parameters in SI; (n_parameter,).
         campaign: its tests.
     """
-    held = predict(model, model.select_held(theta), campaign)
+    held = predict(model, held_parameters(model, theta), campaign)
     return relative_change(held, predict(model, theta, campaign))
 
 

@@ -6,7 +6,7 @@ its tension when it is tuned stiffer: it stretches less.
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 import mujoco
 import numpy as np
@@ -15,9 +15,9 @@ from identification.words import Real
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
 from mbmodel.moving_equilibrium.posed_machine import machine_at_pose
 from mbmodel.parts import BodyPart, JointPart, Part, PartContext, SpringPart
+from mbmodel.posed_model import PosedModel
 
-if TYPE_CHECKING:
-    from mbmodel.model import Model
+ModelT = TypeVar("ModelT", bound=PosedModel)
 
 
 def is_static(part: Part) -> bool:
@@ -25,7 +25,7 @@ def is_static(part: Part) -> bool:
     return isinstance(part, SpringPart | BodyPart | JointPart)
 
 
-def static_parameters(model: "Model", theta: Real) -> Real:
+def static_parameters(model: PosedModel, theta: Real) -> Real:
     """Return the parameters of theta on which the equilibrium depends, one after the other."""
     chosen = [
         values
@@ -35,7 +35,7 @@ def static_parameters(model: "Model", theta: Real) -> Real:
     return np.concatenate([*chosen, np.zeros(0)])
 
 
-def static_edits(model: "Model", theta: Real) -> list[Edit | Addition | NotInMjcf]:
+def static_edits(model: PosedModel, theta: Real) -> list[Edit | Addition | NotInMjcf]:
     """Return what static Parts write into the MJCF at theta."""
     return [
         edit
@@ -45,7 +45,7 @@ def static_edits(model: "Model", theta: Real) -> list[Edit | Addition | NotInMjc
     ]
 
 
-def model_at_rest(model: "Model", theta: Real) -> "Model":
+def model_at_rest(model: ModelT, theta: Real) -> ModelT:
     """Return a model at its static equilibrium at theta.
 
     Args:
@@ -62,7 +62,7 @@ def model_at_rest(model: "Model", theta: Real) -> "Model":
     return model_at_pose(model, theta, changed, statics.find_pose(changed))
 
 
-def model_at_pose(model: "Model", theta: Real, changed: mujoco.MjModel, position: Real) -> "Model":
+def model_at_pose(model: ModelT, theta: Real, changed: mujoco.MjModel, position: Real) -> ModelT:
     """Return a model at a pose, at rest or not.
 
     MuJoCo's Jacobian holds what the Parts of joints add to T. It is taken off here, since these

@@ -1,8 +1,8 @@
 """Units of ports: what an output reads, and what one unit of an input is."""
 
 from identification.words import Input, Output, Quantity, Signal
-from mbmodel.frf.signal_rows import find_sensor, is_floor, turns
 from mbmodel.machine import Machine
+from mbmodel.ports.signal_rows import find_sensor, is_floor, turns
 
 CONTROL = "control"  # the unit of a motor's control, which an MJCF does not state
 _MOTION_UNITS: dict[Quantity, tuple[str, str]] = {  # along and about an axis

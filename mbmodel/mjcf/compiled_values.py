@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 
 from identification.words import Real
+from mbmodel.mjcf.difference import MAX_RELATIVE_DIFFERENCE, Difference
 from mbmodel.mjcf.edit import Addition, Edit
 from mbmodel.mjcf.names import actuator_name, body_name, joint_name, tendon_name
-from mbmodel.writing.difference import MAX_RELATIVE_DIFFERENCE, Difference
 
 _Values = dict[tuple[str, str], Real]  # by name of the element and attribute
 

@@ -15,18 +15,18 @@ from identification.words import (
     Signal,
     UsageError,
 )
-from mbmodel.frf.point_channels import NO_CHANNELS, group_by_point
-from mbmodel.frf.request import FrfRequest
-from mbmodel.frf.signal_rows import (
+from mbmodel.linearisation.motors import ActuatorGain
+from mbmodel.machine import Machine
+from mbmodel.parts import Change
+from mbmodel.ports.point_channels import NO_CHANNELS, group_by_point
+from mbmodel.ports.request import FrfRequest
+from mbmodel.ports.signal_rows import (
     find_axle,
     find_sensor,
     is_floor,
     point_rows,
     refuse_point_without_direction,
 )
-from mbmodel.linearisation.motors import ActuatorGain
-from mbmodel.machine import Machine
-from mbmodel.parts import Change
 
 
 @dataclass(frozen=True, eq=False)
