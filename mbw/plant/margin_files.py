@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Loop
-from mbw.predict.named_arrays import write_named_arrays
+from mbw.named_arrays import write_named_arrays
 from tuning.control_loops.loop_gain_lines import single_loop_gains
 from tuning.control_loops.margin_values import LoopMargins
 from tuning.error_budget.loop_margins import PlantMargins

@@ -17,7 +17,7 @@ from mbmodel import (
     measure_lft_error,
     sample_frfs,
 )
-from mbw.predict.named_arrays import write_named_arrays
+from mbw.named_arrays import write_named_arrays
 from mbw.predict.plant_state_space import port_texts
 from mbw.predict.schema import UncertainPlantRow, WeightRow
 from tuning import read_result

@@ -14,7 +14,7 @@ from mbmodel import (
     make_control_plant,
     output_unit,
 )
-from mbw.predict.named_arrays import write_named_arrays
+from mbw.named_arrays import write_named_arrays
 from mbw.predict.plant_request import PlantRequest
 from mbw.predict.schema import ReductionRow
 
