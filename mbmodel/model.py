@@ -9,22 +9,14 @@ from identification.words import Condition, Integers, Mask, Real
 from mbmodel.assembly import Assembly
 from mbmodel.machine import Machine
 from mbmodel.moving_equilibrium.kept_equilibria import KeptEquilibria
-from mbmodel.parts import AddedPart, Change, PartContext, spring_parts
+from mbmodel.parts import AddedPart, Change, PartContext, body_parts, joint_parts, spring_parts
 from mbmodel.posed_model import PosedModel
 from mbmodel.variants.variant_parts import parts_in_variant
 
 
 @dataclass(frozen=True, eq=False)
 class Model(PosedModel):
-    """A machine and its Parts, whose equilibrium follows theta and whose tests have variants.
-
-    Args:
-        machine: at its nominal static equilibrium.
-        parts: in the order of theta.
-
-    Raises:
-        ValueError: two parameters with one name.
-    """
+    """A machine and its Parts, whose equilibrium follows theta and whose tests have variants."""
 
     def for_test(self, condition: Condition | None) -> "Model":
         """Return the model of a test: that of the machine's variant in which it was made.
@@ -133,3 +125,12 @@ class Model(PosedModel):
 def as_drawn(machine: Machine) -> Model:
     """Return the nominal model ("as drawn"): its Parts are the springs and dampers of the MJCF."""
     return Model(machine, spring_parts(machine))
+
+
+def machine_model(machine: Machine) -> Model:
+    """Return the nominal model with everything of the machine that a fit can vary as Parts.
+
+    Args:
+        machine: from a tuned MJCF.
+    """
+    return Model(machine, (*spring_parts(machine), *body_parts(machine), *joint_parts(machine)))

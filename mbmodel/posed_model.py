@@ -10,8 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.words import Condition, Real, UsageError
-from mbmodel.assembly import Assembly, Matrices, add_product, frequency_dependent_term
-from mbmodel.coefficients import kinematics_and_coefficients, nominal_coefficients
+from mbmodel.assembly import (
+    Assembly,
+    Matrices,
+    add_product,
+    frequency_dependent_term,
+    kinematics_and_coefficients,
+    nominal_coefficients,
+)
 from mbmodel.control_loops.loop_part import LoopPart, loop_parts
 from mbmodel.machine import Machine
 from mbmodel.parts import Change, ConditionalPart, Parameter, Part, PartContext

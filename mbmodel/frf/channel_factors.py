@@ -7,7 +7,7 @@ import numpy as np
 from identification.words import Complex, Output, Real
 from mbmodel.assembly import frequency_dependent_core
 from mbmodel.parts import Change
-from mbmodel.ports.point_channels import group_by_point
+from mbmodel.ports.ports import group_by_point
 
 
 def output_factor(

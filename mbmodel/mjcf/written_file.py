@@ -14,8 +14,7 @@ from uuid import uuid4
 import mujoco
 
 from identification.words import ConvergenceError, InputError, WorkbenchError
-from mbmodel.mjcf.compiled_values import compare_compiled
-from mbmodel.mjcf.difference import Difference
+from mbmodel.mjcf.difference import Difference, compare_compiled
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import compile_with_remarks
 

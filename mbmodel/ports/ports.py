@@ -9,6 +9,7 @@ from identification.words import (
     DERIVATIVE_ORDER,
     Dof,
     Input,
+    Integers,
     Output,
     Port,
     Real,
@@ -18,7 +19,6 @@ from identification.words import (
 from mbmodel.linearisation.motors import ActuatorGain
 from mbmodel.machine import Machine
 from mbmodel.parts import Change
-from mbmodel.ports.point_channels import NO_CHANNELS, group_by_point
 from mbmodel.ports.request import FrfRequest
 from mbmodel.ports.signal_rows import (
     find_axle,
@@ -27,6 +27,51 @@ from mbmodel.ports.signal_rows import (
     point_rows,
     refuse_point_without_direction,
 )
+
+
+@dataclass(frozen=True, eq=False)
+class PointChannels:
+    """The labels at one point.
+
+    Args:
+        rows: their numbers among all labels; (n,).
+        axes: axis 0..5 of each; (n,).
+        signs: sign of each; 0 for a signal, which is no single direction of the point; (n,).
+    """
+
+    rows: Integers
+    axes: Integers
+    signs: Real
+
+    @property
+    def selection(self) -> Real:
+        """1 where a label reads a direction, whatever its sign; (n, 6)."""
+        return np.eye(6)[self.axes]
+
+    @property
+    def directions(self) -> Real:
+        """Signed direction of each label; (n, 6)."""
+        return self.signs[:, None] * self.selection
+
+
+NO_CHANNELS = PointChannels(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))
+
+
+def group_by_point(labels: Sequence[Port]) -> dict[str, PointChannels]:
+    """Return the labels at each point.
+
+    Args:
+        labels: outputs or inputs.
+    """
+    members: dict[str, list[tuple[int, int, int]]] = {}
+    for row, label in enumerate(labels):
+        sign = label.sign if isinstance(label, Dof) else 0
+        members.setdefault(label.point, []).append((row, label.axis, sign))
+    groups = {}
+    for point, of_point in members.items():
+        rows, axes, signs = np.array(of_point).T
+        groups[point] = PointChannels(rows, axes, signs.astype(float))
+    return groups
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,6 @@ A label ``<point>:<direction>`` is a row of the layout. A signal is one of
 import numpy as np
 
 from identification.words import (
-    DIRECTIONS,
     JOINT_PREFIX,
     Dof,
     Layout,
@@ -162,8 +161,3 @@ def turns(machine: Machine, port: Port) -> bool:
     if isinstance(port, Signal) and port.is_joint:
         return find_axle(machine, port).turns
     return port.is_rotation
-
-
-def direction_name(port: Port) -> str:
-    """Return tx ... rz of a port with a direction, empty without one."""
-    return DIRECTIONS[port.axis] if isinstance(port, Dof) or port.is_directed else ""

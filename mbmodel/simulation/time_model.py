@@ -75,11 +75,6 @@ class TimeModel:
     encoder_columns: Integers
     rest: Real
 
-    @property
-    def channel_count(self) -> int:
-        """Number of channels: six for each probe, then one for each encoder."""
-        return PROBE_CHANNELS * len(self.probe_columns) + len(self.encoder_columns)
-
 
 def build_time_model(
     machine: Machine,

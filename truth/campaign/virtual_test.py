@@ -7,7 +7,6 @@ from functools import partial
 from types import MappingProxyType
 
 from truth.background.draw import Background, draw_background
-from truth.campaign.array_file import array_bytes
 from truth.campaign.background_sizing import size_background
 from truth.campaign.cause import Cause, Draws, draw_effects
 from truth.campaign.draw import (
@@ -26,6 +25,7 @@ from truth.campaign.file_formats import (
     MESH_FOLDER,
     MODEL_FOLDER,
     answer_toml,
+    array_bytes,
     campaign_toml,
     dirt_toml,
     model_xml,

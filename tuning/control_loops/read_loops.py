@@ -20,7 +20,7 @@ from identification.words import (
 )
 from mbmodel import Machine, input_unit, output_unit, parse_input, parse_output
 from mbmodel.ports.signal_rows import is_floor
-from tuning.error_budget.controller import controller_from_system
+from tuning.control_loops.controller import controller_from_system
 
 
 def read_loops(
