@@ -17,30 +17,32 @@ from mbmodel.additions import (
 from mbmodel.assembly import Matrices
 from mbmodel.compliance.flexible_body import BendingMode, add_bending_mode
 from mbmodel.compliance.released_directions import RigidDirection, release_rigid_directions
-from mbmodel.control_loops.loop_part import LoopPart, loop_parts, with_loops
+from mbmodel.control_loops.loop_part import with_loops
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.comparison import StateSpaceComparison, compare_state_space
-from mbmodel.export.discrete import SampledSystem, discretise
+from mbmodel.export.discrete import discretise
 from mbmodel.export.linear_response import respond_linearly
-from mbmodel.export.state_space import StateSpaceExport, export_state_space, state_space
-from mbmodel.frf.force_entries import ForceEntries
-from mbmodel.frf.forward_sensitivities import ForwardSensitivities
+from mbmodel.export.state_space import export_state_space, state_space
+from mbmodel.export.system_matrices import SystemMatrices
+from mbmodel.frf.forward_sensitivities import ForceEntries, ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
-from mbmodel.frf.port_units import CONTROL, input_unit, output_quantity, output_unit
-from mbmodel.frf.ports import parse_input, parse_output
-from mbmodel.frf.request import FrfRequest
 from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import WORLD, Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
 from mbmodel.mjcf.edit import Addition, Edit, MjcfLack, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
-from mbmodel.model import Model, as_drawn
+from mbmodel.mjcf.written_file import (
+    NOT_WRITTEN,
+    WrittenModel,
+    refuse_difference,
+    write_copy,
+)
+from mbmodel.model import Model, as_drawn, machine_model
 from mbmodel.modes.closed_loop_modes import closed_loop_dynamics
-from mbmodel.modes.common_motions import weighted_motions
 from mbmodel.modes.energy_shares import EnergyShares, energy_shares
 from mbmodel.modes.matrix_modes import Modes, modes_of_matrices
-from mbmodel.modes.model_modes import model_modes, shapes_at
+from mbmodel.modes.model_modes import model_modes, shapes_at, weighted_motions
 from mbmodel.modes.modes_with_laws import modes_with_laws
 from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
 from mbmodel.mounting.combine import Combined, MountedStage, combine
@@ -66,7 +68,6 @@ from mbmodel.parts import (
     SensorPart,
     SpringPart,
     body_parts,
-    channel_parts,
     hammer_gain_parts,
     hammer_parts,
     joint_parts,
@@ -74,36 +75,16 @@ from mbmodel.parts import (
     spring_parts,
 )
 from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, spring_law_part
-from mbmodel.reduction.control_plant import ControlPlant, make_control_plant
-from mbmodel.reduction.matrices import SystemMatrices
-from mbmodel.reduction.truncation import ReducedSystem, Reduction, ReductionMethod, reduce_system
+from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
+from mbmodel.ports.ports import parse_input, parse_output
+from mbmodel.ports.request import FrfRequest
 from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
 from mbmodel.spatial import rotation_matrix, transport
-from mbmodel.uncertainty.alternatives import AlternativePlants
-from mbmodel.uncertainty.frf_bands import (
-    NORMAL_QUANTILE_95,
-    FrfBands,
-    frf_bands,
-    sample_frfs,
-)
-from mbmodel.uncertainty.minimum_phase_bound import MinimumPhaseFilter, bound_magnitudes
-from mbmodel.uncertainty.parameter_posterior import (
-    ParameterPosterior,
-    PosteriorOfModel,
-    machine_model,
-)
-from mbmodel.uncertainty.plant_assembly import assemble_uncertain_plant
-from mbmodel.uncertainty.uncertain_plant import UncertainPlant, measure_lft_error
 from mbmodel.variants.variant_parts import with_variants
 from mbmodel.virtual_test.hammer_test import VirtualTest, strike
 from mbmodel.virtual_test.plan import HammerTestPlan, HitScatter, Noise, RecordedFile
-from mbmodel.writing.written_file import (
-    NOT_WRITTEN,
-    WrittenModel,
-    refuse_difference,
-    write_copy,
-)
+from mbmodel.writing.model_edits import held_parameters, model_edits
 from mbmodel.writing.written_model import write_model
 
 silence_mujoco_log()
@@ -111,27 +92,23 @@ silence_mujoco_log()
 __all__ = [
     "COMBINED_NAME",
     "CONTROL",
-    "NORMAL_QUANTILE_95",
     "NOT_WRITTEN",
     "STAGE_COPY_NAME",
     "WORLD",
     "AddedPart",
     "Addition",
-    "AlternativePlants",
     "ApproximatedLaw",
     "BendingMode",
     "Change",
     "ChannelPart",
     "Combined",
     "ConstantLoss",
-    "ControlPlant",
     "DryFriction",
     "Edit",
     "EnergyShares",
     "Evaluator",
     "ForceEntries",
     "ForwardSensitivities",
-    "FrfBands",
     "FrfRequest",
     "GapSpring",
     "HammerGainPart",
@@ -142,11 +119,9 @@ __all__ = [
     "LateForce",
     "Linearised",
     "LinearisedModes",
-    "LoopPart",
     "Machine",
     "MachineGeometry",
     "Matrices",
-    "MinimumPhaseFilter",
     "MjcfLack",
     "ModeEvaluator",
     "Model",
@@ -157,36 +132,25 @@ __all__ = [
     "NotInMjcf",
     "Offset",
     "Parameter",
-    "ParameterPosterior",
     "Part",
     "PartContext",
     "PointMass",
     "PolynomialSpring",
-    "PosteriorOfModel",
     "RecordedFile",
-    "ReducedSystem",
-    "Reduction",
-    "ReductionMethod",
     "Relaxation",
     "RigidDirection",
-    "SampledSystem",
     "SensorPart",
     "Spring",
     "SpringPart",
     "StateSpaceComparison",
-    "StateSpaceExport",
     "SystemMatrices",
     "TimeResponse",
     "TimeStep",
-    "UncertainPlant",
     "VirtualTest",
     "WrittenModel",
     "add_bending_mode",
     "as_drawn",
-    "assemble_uncertain_plant",
     "body_parts",
-    "bound_magnitudes",
-    "channel_parts",
     "closed_loop_dynamics",
     "combine",
     "compare_state_space",
@@ -194,37 +158,32 @@ __all__ = [
     "discretise",
     "energy_shares",
     "export_state_space",
-    "frf_bands",
     "hammer_gain_parts",
     "hammer_parts",
+    "held_parameters",
     "input_unit",
     "joint_coupling_writer",
     "joint_parts",
     "linearise",
     "link_elements",
     "load_machine",
-    "loop_parts",
     "machine_geometry",
     "machine_model",
-    "make_control_plant",
-    "measure_lft_error",
     "mjcf_files",
+    "model_edits",
     "model_modes",
     "modes_of_matrices",
     "modes_with_laws",
-    "output_quantity",
     "output_unit",
     "parent_bodies",
     "parse_input",
     "parse_output",
     "read_nonlinear_joints",
-    "reduce_system",
     "refuse_difference",
     "release_rigid_directions",
     "released_joint_elements",
     "respond_linearly",
     "rotation_matrix",
-    "sample_frfs",
     "sensor_parts",
     "shapes_at",
     "simulate",

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError, Real
-from mbmodel.linearisation.check import check_linear_model
+from mbmodel.linear_model_check import check_linear_model
 from mbmodel.linearisation.drawing import read_drawing
 from mbmodel.linearisation.equilibrium import find_equilibrium
 from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping

@@ -1,83 +1,22 @@
-"""A model: a machine with its Parts, assembled to an equation of motion at given parameters."""
+"""A model: a machine with its Parts, at the equilibrium and in the variant of each test."""
 
-from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate, pairwise
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.words import Condition, Integers, Mask, Real, UsageError
-from mbmodel.assembly import Assembly, Matrices, add_product, frequency_dependent_term
-from mbmodel.coefficients import kinematics_and_coefficients, nominal_coefficients
-from mbmodel.control_loops.loop_part import LoopPart, loop_parts
+from identification.words import Condition, Integers, Mask, Real
+from mbmodel.assembly import Assembly
 from mbmodel.machine import Machine
-from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
 from mbmodel.moving_equilibrium.kept_equilibria import KeptEquilibria
-from mbmodel.parts import (
-    AddedPart,
-    Change,
-    ConditionalPart,
-    Parameter,
-    Part,
-    PartContext,
-    spring_parts,
-)
+from mbmodel.parts import AddedPart, Change, PartContext, body_parts, joint_parts, spring_parts
+from mbmodel.posed_model import PosedModel
 from mbmodel.variants.variant_parts import parts_in_variant
-from mbmodel.writing.model_edits import held_parameters, model_edits
-
-T = TypeVar("T", bound=np.generic)
-
-_SLOTS = "joint", "body", "path", "output", "point"
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
-    """A machine and the Parts that act on it.
-
-    The vector theta lists the parameters of all Parts, Part by Part, in SI units.
-
-    Control loops of the machine act beside the Parts, without parameters.
-
-    Args:
-        machine: at its static equilibrium.
-        parts: in the order of theta.
-
-    Raises:
-        ValueError: two parameters with one name.
-    """
-
-    machine: Machine
-    parts: tuple[Part, ...]
-
-    def __post_init__(self) -> None:
-        """Check that the names of parameters are unique."""
-        names = [parameter.name for parameter in self.parameters]
-        repeated = sorted(name for name, count in Counter(names).items() if count > 1)
-        if repeated:
-            raise ValueError(f"parameters with the same name: {', '.join(repeated)}: rename one")
-
-    @cached_property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters in the order of theta."""
-        return tuple(parameter for part in self.parts for parameter in part.parameters)
-
-    @cached_property
-    def drawn(self) -> Real:
-        """Theta of the drawing, the nominal model; (n_parameter,)."""
-        return np.array([parameter.drawn for parameter in self.parameters])
-
-    @cached_property
-    def locations(self) -> tuple[str, ...]:
-        """Location of each parameter."""
-        return tuple(part.location for part in self.parts for _ in part.parameters)
-
-    @cached_property
-    def loops(self) -> tuple[LoopPart, ...]:
-        """Known Parts of the control loops that are closed around the machine."""
-        return loop_parts(self.machine)
+class Model(PosedModel):
+    """A machine and its Parts, whose equilibrium follows theta and whose tests have variants."""
 
     def for_test(self, condition: Condition | None) -> "Model":
         """Return the model of a test: that of the machine's variant in which it was made.
@@ -106,44 +45,13 @@ class Model:
         """Models of variants that tests have asked for, by name."""
         return {}
 
-    def split_parameters(self, theta: NDArray[T]) -> tuple[NDArray[T], ...]:
-        """Split theta, or any array of its shape, into one array per Part.
-
-        Args:
-            theta: (n_parameter,).
-
-        Raises:
-            UsageError: a length that is not that of the model's theta.
-        """
-        if np.shape(theta) != (len(self.parameters),):
-            raise UsageError(
-                f"theta has shape {np.shape(theta)}, expected ({len(self.parameters)},)"
-            )
-        return tuple(theta[span] for span in self._spans)
-
-    @cached_property
-    def _spans(self) -> tuple[slice, ...]:
-        """Slice of theta for each Part."""
-        ends = accumulate((len(part.parameters) for part in self.parts), initial=0)
-        return tuple(slice(*both) for both in pairwise(ends))
-
     @cached_property
     def _part_numbers(self) -> Integers:
         """Number of the Part of each parameter; (n_parameter,)."""
         return np.repeat(np.arange(len(self.parts)), [len(part.parameters) for part in self.parts])
 
     @cached_property
-    def _conditional(self) -> tuple[ConditionalPart, ...]:
-        """Parts that act in some tests only."""
-        return tuple(part for part in self.parts if isinstance(part, ConditionalPart))
-
-    @cached_property
-    def _coefficients_as_drawn(self) -> Real:
-        """Coefficients of s^0, s^1, s^2 without any Part; (3, nv, nv)."""
-        return nominal_coefficients(self.machine, self.machine.jacobian)
-
-    @cached_property
-    def _kept_equilibria(self) -> KeptEquilibria:
+    def _kept_equilibria(self) -> "KeptEquilibria[Model]":
         """Last equilibria, and slopes through them."""
         return KeptEquilibria(self)
 
@@ -161,7 +69,7 @@ class Model:
         return self._kept_equilibria.at_rest(theta)
 
     def assemble(self, theta: Real, condition: Condition | None = None) -> Assembly:
-        """Assemble T, M, C, K and the changes at sensors and hammer.
+        """Assemble as the machine of the test, at its equilibrium.
 
         Args:
             theta: parameters in SI; (n_parameter,).
@@ -173,59 +81,7 @@ class Model:
         posed = self.for_test(condition).at_rest(theta)
         if posed is not self:
             return posed.assemble(theta, condition)
-        context = PartContext(self.machine, condition)
-        by_slot: dict[str, list[Change]] = {slot: [] for slot in _SLOTS}
-        input_changes: dict[int, list[Change]] = {}
-        frequency_dependent = [
-            (change, loop.location)
-            for loop in self.loops
-            for change in loop.changes(np.zeros(0), context)
-        ]
-        for number, values in enumerate(self.split_parameters(theta)):
-            for change in self.parts[number].changes(values, context):
-                if change.slot == "input":
-                    input_changes.setdefault(number, []).append(change)
-                elif change.shape is not None and change.slot != "output":
-                    names = [parameter.name for parameter in self.parts[number].parameters]
-                    owner = [*names, self.parts[number].location][0]
-                    frequency_dependent += [(change, owner)] if change.core.any() else []
-                else:
-                    by_slot[change.slot if change.slot in by_slot else "point"].append(change)
-        jacobian, total = kinematics_and_coefficients(
-            self.machine, self._coefficients_as_drawn, by_slot["path"], by_slot["body"]
-        )
-        for change in by_slot["joint"]:
-            add_product(total, change.left, change.core, change.right)
-        stiffness, damping, mass = total
-        return Assembly(
-            self.machine,
-            jacobian,
-            Matrices(mass, damping, stiffness),
-            tuple(by_slot["body"]),
-            tuple(by_slot["point"]),
-            tuple(
-                replace(frequency_dependent_term(change, jacobian), owner=owner)
-                for change, owner in frequency_dependent
-            ),
-            {number: tuple(changes) for number, changes in input_changes.items()},
-            tuple(by_slot["output"]),
-        )
-
-    def acting_fractions(self, condition: Condition | None) -> tuple[float, ...]:
-        """Return the fraction of each conditional Part that acts in a test, in their order."""
-        return tuple(part.acts(condition) for part in self._conditional)
-
-    def matrices(self, theta: Real, condition: Condition | None = None) -> Matrices:
-        """Assemble M, C and K at theta; see ``assemble``."""
-        return self.assemble(theta, condition).matrices
-
-    def edits(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
-        """Return what theta asks to write into the MJCF, and what the MJCF cannot hold.
-
-        Args:
-            theta: parameters in SI; (n_parameter,).
-        """
-        return model_edits(self, theta)
+        return super().assemble(theta, condition)
 
     def without_small_sizes(self, theta: Real) -> Real:
         """Return the parameters without sizes of added Parts that count as nothing.
@@ -239,14 +95,6 @@ class Model:
             for part, value in values
         ]
         return np.concatenate([*stated, np.zeros(0)])
-
-    def select_held(self, theta: Real) -> Real:
-        """Return the parameters that the MJCF holds once theta is written; (n_parameter,).
-
-        Args:
-            theta: parameters in SI; (n_parameter,).
-        """
-        return held_parameters(self, theta)
 
     def slopes(
         self, theta: Real, condition: Condition | None = None, chosen: Mask | None = None
@@ -277,3 +125,12 @@ class Model:
 def as_drawn(machine: Machine) -> Model:
     """Return the nominal model ("as drawn"): its Parts are the springs and dampers of the MJCF."""
     return Model(machine, spring_parts(machine))
+
+
+def machine_model(machine: Machine) -> Model:
+    """Return the nominal model with everything of the machine that a fit can vary as Parts.
+
+    Args:
+        machine: from a tuned MJCF.
+    """
+    return Model(machine, (*spring_parts(machine), *body_parts(machine), *joint_parts(machine)))

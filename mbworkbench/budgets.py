@@ -9,19 +9,19 @@ from mbworkbench.labels import AnyPath, as_path
 from mbworkbench.model import MachineModel, read_model
 from mbworkbench.tables import html_table
 from tuning.control_loops.loops_file import choose_loops, known_loops
-from tuning.error_budget.budget_remarks import budget_sentences
-from tuning.error_budget.loop_margins import PlantMargins
-from tuning.error_budget.machine_files import (
+from tuning.files.result import TUNED_JSON
+from tuning.plant.error_budget.budget_remarks import budget_sentences
+from tuning.plant.error_budget.loop_margins import PlantMargins
+from tuning.plant.error_budget.machine_files import (
     model_with_posterior,
     tuned_file,
     tuning_beside,
 )
-from tuning.error_budget.plant_budget import PlantBudget, plant_budget
-from tuning.error_budget.read_definition import read_definition
-from tuning.error_budget.sampling_images import image_sentences
-from tuning.error_budget.variant_margins import VariantMargins
-from tuning.files.result import TUNED_JSON
-from tuning.variant_model import read_variant_model
+from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
+from tuning.plant.error_budget.read_definition import read_definition
+from tuning.plant.error_budget.sampling_images import image_sentences
+from tuning.plant.error_budget.variant_margins import VariantMargins
+from tuning.plant.variant_model import read_variant_model
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,19 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Quantity, Real
-from mbmodel import (
-    ControlPlant,
-    FrfBands,
-    FrfRequest,
-    PosteriorOfModel,
-    UncertainPlant,
-    assemble_uncertain_plant,
-    frf_bands,
-    load_machine,
-    machine_model,
-    make_control_plant,
-    with_loops,
-)
+from mbmodel import FrfRequest, load_machine, machine_model, with_loops
 from mbworkbench.labels import (
     AnyLabel,
     AnyPath,
@@ -28,15 +16,23 @@ from mbworkbench.labels import (
     parse_inputs,
     parse_outputs,
 )
-from tuning import read_posterior
-from tuning.assessment.found_lags import (
+from tuning import PosteriorOfModel, read_posterior
+from tuning.control_loops.loops_file import choose_loops, known_loops
+from tuning.files.found_lags import (
     found_lag_remarks,
     moved_sensor_remark,
     untested_band_remark,
 )
-from tuning.control_loops.loops_file import choose_loops, known_loops
-from tuning.error_budget.machine_files import tuned_file
 from tuning.files.result import TUNED_JSON
+from tuning.plant import (
+    ControlPlant,
+    FrfBands,
+    UncertainPlant,
+    assemble_uncertain_plant,
+    frf_bands,
+    make_control_plant,
+)
+from tuning.plant.error_budget.machine_files import tuned_file
 
 
 @dataclass(frozen=True, eq=False)

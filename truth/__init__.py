@@ -19,7 +19,7 @@ from truth.campaign.further_tests import (
     list_further_tests,
     rank_gains,
 )
-from truth.campaign.linearised_test import LinearisedTest, linearise_test
+from truth.campaign.linearised_test import linearise_test
 from truth.campaign.measured import StatedTest, locate_tests
 from truth.campaign.place_names import check_choice, find_place
 from truth.campaign.protocol import Protocol, draw_protocol
@@ -40,7 +40,6 @@ __all__ = [
     "Choice",
     "DrawnCase",
     "FurtherGain",
-    "LinearisedTest",
     "OwnTest",
     "Plan",
     "Protocol",

@@ -11,13 +11,24 @@ from tuning.assessment.gap import (
     summarise_gaps,
 )
 from tuning.assessment.held_out import HeldOutFits, block_width, fit_held_out
-from tuning.assessment.model_error import ModelError, estimate_model_error
-from tuning.assessment.parameter_confidence import ParameterConfidence, estimate_confidence
+from tuning.assessment.parameter_confidence import (
+    NORMAL_QUANTILE_95,
+    ParameterConfidence,
+    estimate_confidence,
+)
+from tuning.assessment.parameter_posterior import ParameterPosterior, PosteriorOfModel
 from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
 from tuning.assessment.residual_statistics import ResidualStatistics, residual_statistics
-from tuning.campaign_tuning import CampaignTuning, ProgressCallbacks, select_stages, tune
+from tuning.campaign_tuning import (
+    CampaignTuning,
+    FrfPlace,
+    ProgressCallbacks,
+    ResidualKind,
+    select_stages,
+    tune,
+)
 from tuning.files.input_files import fingerprint
-from tuning.files.posterior_file import POSTERIOR_NPZ, machine_posterior, read_posterior
+from tuning.files.posterior_file import POSTERIOR_NPZ, read_posterior
 from tuning.files.result import (
     LevelFrfs,
     TuningResult,
@@ -25,15 +36,16 @@ from tuning.files.result import (
     write_atomically,
     write_result,
 )
-from tuning.files.schema import FrfPlace, ResidualKind, TunedFile
+from tuning.files.schema import TunedFile
 from tuning.fitting.checkpoint import CHECKPOINT_FILE, Checkpoint
-from tuning.fitting.error_floor_fit import FloorFit, FloorSchedule, fit_at_error_floor
+from tuning.fitting.error_floor_fit import FloorSchedule, fit_at_error_floor
 from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
 from tuning.fitting.stage_search import GAUSS_NEWTON
 from tuning.fitting.stages import STAGES, Stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.modal_misfit import modes_in_band, select_modes
+from tuning.misfit.model_error import estimate_model_error
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
 from tuning.session import Session, open_campaign, open_session
@@ -44,6 +56,7 @@ __all__ = [
     "CHECKPOINT_FILE",
     "GAUSS_NEWTON",
     "MIN_VISIBLE_EXCESS",
+    "NORMAL_QUANTILE_95",
     "POSTERIOR_NPZ",
     "STAGES",
     "TOLERANCE_BOUND_SIGMA",
@@ -53,7 +66,6 @@ __all__ = [
     "Checkpoint",
     "Fit",
     "FitProgress",
-    "FloorFit",
     "FloorSchedule",
     "FrfPlace",
     "Gap",
@@ -61,9 +73,10 @@ __all__ = [
     "LevelFrfs",
     "Minimum",
     "Misfit",
-    "ModelError",
     "ParameterConfidence",
+    "ParameterPosterior",
     "Parametrisation",
+    "PosteriorOfModel",
     "ProgressCallbacks",
     "ResidualKind",
     "ResidualStatistics",
@@ -83,7 +96,6 @@ __all__ = [
     "fit_held_out",
     "gap_at_bodies",
     "is_gap_visible",
-    "machine_posterior",
     "mean_channel_variance",
     "modes_in_band",
     "open_campaign",

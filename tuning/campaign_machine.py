@@ -7,7 +7,7 @@ from identification import correct_layout
 from identification.readers.campaign_toml import CampaignSettings
 from identification.words import Campaign, InputError, UsageError
 from mbmodel import Machine, load_machine, with_loops
-from mbmodel.frf.ports import find_ports
+from mbmodel.ports.ports import find_ports
 from tuning.control_loops.read_loops import read_loops
 from tuning.control_loops.stability import check_nominal_loops
 

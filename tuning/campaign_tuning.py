@@ -5,11 +5,13 @@ The gap of these predictions is computed by ``tuning.assessment.gap`` (``Compari
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from identification.words import Campaign, Complex, ModalModel, Real
 from mbmodel import Model
+from tuning.assessment.findings import GainRow
 from tuning.assessment.frf_bands import magnitude_deviations
 from tuning.assessment.further_tests import rank_further_tests
 from tuning.assessment.gap import (
@@ -27,7 +29,6 @@ from tuning.assessment.parameter_confidence import (
     estimate_confidence,
 )
 from tuning.assessment.plant_confidence import PlantConfidence, estimate_plant_confidence
-from tuning.files.schema import FrfPlace, GainRow, ResidualKind
 from tuning.fitting.checkpoint import Checkpoint
 from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
 from tuning.fitting.stages import LAST_STAGE, STAGES, Stage
@@ -35,6 +36,9 @@ from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalStage
 from tuning.session import Session
 from tuning.solvers.nlopt_solver import TUNING_ALGORITHM
+
+ResidualKind = Literal["modal", "log"]
+FrfPlace = Literal["sensors", "bodies"]
 
 
 @dataclass(frozen=True, eq=False)

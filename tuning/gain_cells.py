@@ -26,7 +26,7 @@ from identification.words import (
     Test,
 )
 from mbmodel import Machine, as_drawn
-from mbmodel.frf.ports import find_ports
+from mbmodel.ports.ports import find_ports
 from tuning.misfit.batch import predict
 
 GainNode = tuple[str, str | None]  # location and direction of an unknown gain

@@ -11,8 +11,8 @@ from diagnosis.refits.refit import Refit, map_values
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from identification.words import Campaign, Real
-from mbmodel import NORMAL_QUANTILE_95
 from tuning import (
+    NORMAL_QUANTILE_95,
     STAGES,
     ParameterConfidence,
     Parametrisation,

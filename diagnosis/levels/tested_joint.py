@@ -13,7 +13,7 @@ from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_sti
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Complex, Integers, Real
 from mbmodel.assembly import FrequencyDependentTerm, Matrices
-from mbmodel.frf.ports import apply_point_changes, find_ports
+from mbmodel.ports.ports import apply_point_changes, find_ports
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from diagnosis.algorithm import Diagnosis
 from tuning import estimate_confidence
-from tuning.files.gain_rows import channel_gain_rows
+from tuning.files.parameter_rows import channel_gain_rows
 from tuning.files.schema import ChannelGainRow
 
 

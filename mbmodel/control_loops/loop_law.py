@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Controller, Real, UsageError
-from mbmodel.export.delay_fraction import DelayFraction
+from mbmodel.control_loops.delay_fraction import DelayFraction
 
 # A controller that integrates has no value at s = 0; there it is taken at this real s [rad/s], far
 # below the bandwidth of any loop.

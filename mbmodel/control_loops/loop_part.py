@@ -24,10 +24,10 @@ import numpy as np
 
 from identification.words import Loop, Real, UsageError
 from mbmodel.control_loops.loop_law import LoopLaw, continuous_equivalent
-from mbmodel.frf.ports import find_ports
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import MjcfLack, NotInMjcf
 from mbmodel.parts import Change, Parameter, PartContext
+from mbmodel.ports.ports import find_ports
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.words import Complex, Integers, Real
+from mbmodel.control_loops.delay_fraction import DelayFraction
 from mbmodel.control_loops.loop_law import LoopFraction, LoopLaw
-from mbmodel.export.delay_fraction import DelayFraction
 from mbmodel.export.maxwell_branches import fit_maxwell_branches
 from mbmodel.export.rational_function import HasStates, RationalFunction
 from mbmodel.export.vector_fitting import fit_poles_and_residues

@@ -9,8 +9,8 @@ from identification.words import Complex, Input, Output, UsageError
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.state_space import export_state_space
 from mbmodel.frf.linearised import Evaluator
-from mbmodel.frf.request import FrfRequest
 from mbmodel.model import Model
+from mbmodel.ports.request import FrfRequest
 
 # Of the largest peak of all FRFs: an FRF below it is zero but for rounding, and its own peak is no
 # measure of an error.

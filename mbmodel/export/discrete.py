@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg
 
 from identification.words import InputError, Real
-from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.export.system_matrices import SystemMatrices
 
 _MAX_DELAY_PERIODS = 10_000  # of an input: each period is a state
 _WHOLE_PERIOD_SHARE = 1e-9  # of a period: a fraction nearer to a whole period is rounding

@@ -8,8 +8,8 @@ from scipy.interpolate import CubicSpline
 
 from identification.words import Real, UsageError
 from mbmodel.export.state_space import state_space
-from mbmodel.frf.request import FrfRequest
 from mbmodel.model import Model
+from mbmodel.ports.request import FrfRequest
 
 # Band in which laws such as losses and delays are approximated: a cubic spline follows signals up
 # to a tenth of the sampling rate.

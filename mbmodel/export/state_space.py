@@ -11,9 +11,9 @@ import numpy as np
 from identification.words import DERIVATIVE_ORDER, Integers, Real, UsageError
 from mbmodel.assembly import Assembly
 from mbmodel.export.branch_states import ApproximatedLaw, BranchStates, branch_states
-from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
-from mbmodel.frf.request import FrfRequest
 from mbmodel.model import Model
+from mbmodel.ports.ports import Ports, apply_point_changes, find_ports
+from mbmodel.ports.request import FrfRequest
 
 if TYPE_CHECKING:
     import control

@@ -6,8 +6,8 @@ import numpy as np
 
 from identification.words import Complex, Output, Real
 from mbmodel.assembly import frequency_dependent_core
-from mbmodel.frf.point_channels import group_by_point
 from mbmodel.parts import Change
+from mbmodel.ports.ports import group_by_point
 
 
 def output_factor(

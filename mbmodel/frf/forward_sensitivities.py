@@ -11,14 +11,13 @@ readings; ``columns`` multiplies by these at the end.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
-from mbmodel.frf.force_entries import FORCE_TARGETS, ForceEntries
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.motion_sources import MotionSources
-from mbmodel.frf.point_channels import NO_CHANNELS, PointChannels, group_by_point
 from mbmodel.frf.slope_matrix import SlopeMatrix, as_slice
 from mbmodel.frf.slope_stacks import (
     TermsByTarget,
@@ -31,10 +30,29 @@ from mbmodel.frf.solution import FrfSolution
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
 from mbmodel.parts import Change
+from mbmodel.ports.ports import NO_CHANNELS, PointChannels, group_by_point
 
 Slopes = Sequence[tuple[Change, ...]]
 
 _MAX_ADJOINT_BYTES = 128 * 2**20  # of adjoint solutions that are kept for all lines
+FORCE_TARGETS: tuple[Literal["force"], Literal["load"]] = ("force", "load")
+
+
+@dataclass(frozen=True, eq=False)
+class ForceEntries:
+    """Entries of pseudo-forces or loads that are not zero, real and imaginary parts apart.
+
+    Args:
+        target: ``force`` on the joints' coordinates, or ``load`` on the bodies.
+        coordinates: coordinate of each entry, in rising order; (n_entry,).
+        parameters: number of its parameter among the chosen; (n_entry,).
+        values: (n_entry, n_line, n_in, 2).
+    """
+
+    target: Literal["force", "load"]
+    coordinates: Integers
+    parameters: Integers
+    values: Real
 
 
 @dataclass(frozen=True, eq=False)

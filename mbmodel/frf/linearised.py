@@ -21,8 +21,6 @@ from identification.words import Complex, Condition, Frf, Integers, Mask, Real, 
 from mbmodel.frf.adjoint import gradient
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.modal_form import ModalForm, modal_form
-from mbmodel.frf.ports import Ports, apply_point_changes, find_ports, with_orders
-from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solution import (
     FrfSolution,
     floor_forces_of_loops,
@@ -33,6 +31,8 @@ from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
 from mbmodel.machine import Machine
 from mbmodel.model import Model
+from mbmodel.ports.ports import Ports, apply_point_changes, find_ports, with_orders
+from mbmodel.ports.request import FrfRequest
 
 # Difference of the modal form from elimination, relative to each coordinate's peak.
 _MAX_MODAL_ERROR = 1e-10

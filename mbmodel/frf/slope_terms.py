@@ -29,10 +29,10 @@ import numpy as np
 
 from identification.words import Complex, Real
 from mbmodel.frf.channel_factors import input_factor, output_selection
-from mbmodel.frf.ports import direction_selection
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.linearisation.gravity import gravity_slope
 from mbmodel.parts import Change
+from mbmodel.ports.ports import direction_selection
 
 Target = Literal["force", "load", "motion", "readout"]
 SourceName = Literal["joints", "relative", "absolute", "body_loads", "inputs", "floor"]

@@ -9,11 +9,11 @@ from identification.words import Complex, Condition, Real
 from mbmodel.assembly import Assembly
 from mbmodel.frf.channel_factors import input_factor, output_factor
 from mbmodel.frf.modal_form import real_times
-from mbmodel.frf.ports import FurtherTerms, Ports
-from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
 from mbmodel.model import Model
+from mbmodel.ports.ports import FurtherTerms, Ports
+from mbmodel.ports.request import FrfRequest
 
 
 @dataclass(frozen=True, eq=False)

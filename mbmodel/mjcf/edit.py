@@ -9,9 +9,8 @@ from xml.dom import minidom
 
 from identification.words import node_number
 from mbmodel.mjcf.asset_paths import redirect_paths
-from mbmodel.mjcf.expand import expand_mjcf
-from mbmodel.mjcf.flatten import parse_xml
-from mbmodel.mjcf.keyframe_edit import extend_keyframes
+from mbmodel.mjcf.expand import expand_mjcf, parse_xml
+from mbmodel.mjcf.keyframes import extend_keyframes
 
 ElementKind = Literal["spring", "joint", "site", "inertial", "hit"]
 Values = Mapping[str, str | float | Sequence[float]]

@@ -1,4 +1,4 @@
-"""Expanded MJCF: one file without anything that a compiler would still change.
+"""MJCF as one file: with its included files in it, or expanded as a compiler would change it.
 
 MuJoCo writes a compiled specification so that each element states its own values: included and
 attached files, replicas and classes of defaults are resolved, bodies state their inertia, joints
@@ -12,10 +12,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from xml.dom import minidom
+from xml.parsers.expat import ExpatError
 
 import mujoco
 import numpy as np
 
+from identification.words import InputError
 from mbmodel.mjcf.names import actuator_name, body_name, joint_name, tendon_name
 from mbmodel.mjcf.read import compile_with_remarks
 
@@ -98,3 +100,50 @@ def _all_digits() -> Iterator[None]:
         yield
     finally:
         setter(before)
+
+
+def flatten_mjcf(source: Path) -> minidom.Document:
+    """Return an MJCF with the content of its included files in place of their ``<include>``.
+
+    MuJoCo looks for included files from the folder of the main file, and pastes what stands inside
+    their top-level element.
+
+    Args:
+        source: the main file, which ``read_source_files`` has accepted.
+
+    Raises:
+        InputError: a file cannot be read any more.
+    """
+    document = parse_xml(source)
+    while includes := document.getElementsByTagName("include"):
+        for include in includes:
+            parent = include.parentNode
+            if not isinstance(parent, minidom.Element):
+                raise InputError(f"{source}: its first element is <include>: write <mujoco>")
+            content = root_element(parse_xml(source.parent / include.getAttribute("file")))
+            for child in tuple(content.childNodes):
+                parent.insertBefore(document.importNode(child, True), include)
+            parent.removeChild(include)
+    return document
+
+
+def root_element(document: minidom.Document) -> minidom.Element:
+    """Return the top-level element of a document."""
+    if document.documentElement is None:
+        raise ValueError("an XML document has no top-level element")
+    return document.documentElement
+
+
+def parse_xml(path: Path) -> minidom.Document:
+    """Return the XML document of a file, which has been read before.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        InputError: it cannot be read any more.
+    """
+    try:
+        return minidom.parse(str(path))
+    except (OSError, ExpatError) as error:
+        raise InputError(f"{path} cannot be read again ({error}): restore the file") from error

@@ -2,6 +2,8 @@
 
 import mujoco
 
+from identification.words import UsageError
+
 # Kind of the elements that some equality constraints tie; of the others MuJoCo states it.
 _ELEMENT_OF_EQUALITY = {
     "joint": mujoco.mjtObj.mjOBJ_JOINT,
@@ -44,6 +46,25 @@ def coordinate_names(model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(
         name if count[name] == 1 else f"{name}.{k - start[name]}" for k, name in enumerate(names)
     )
+
+
+def joint_coordinate(compiled: mujoco.MjModel, name: str) -> int:
+    """Return the number of a slide's or hinge's coordinate.
+
+    Raises:
+        UsageError: there is no such joint.
+    """
+    single = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+    coordinates = {
+        joint_name(compiled, joint): int(compiled.jnt_dofadr[joint])
+        for joint in range(compiled.njnt)
+        if mujoco.mjtJoint(compiled.jnt_type[joint]) in single
+    }
+    if name not in coordinates:
+        raise UsageError(
+            f"{name!r} is no slide or hinge of the model: choose one of {', '.join(coordinates)}"
+        )
+    return coordinates[name]
 
 
 def geom_name(model: mujoco.MjModel, geom: int) -> str:

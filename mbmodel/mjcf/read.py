@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 
 from identification.words import InputError
-from mbmodel.meshes.compile import SpecChange, compile_with_meshes
+from mbmodel.mjcf.compile import SpecChange, compile_with_meshes
 from mbmodel.mjcf.refusals import refuse_unlinearisable
 from mbmodel.mjcf.source_files import named_files, read_source_files
 

@@ -9,10 +9,11 @@ from scipy.sparse.csgraph import connected_components
 
 from identification.words import DIRECTIONS, Complex, Mask, Output, Real
 from mbmodel.assembly import Assembly
-from mbmodel.frf.ports import apply_point_changes, find_ports
+from mbmodel.machine import Machine
 from mbmodel.model import Model
 from mbmodel.modes.closed_loop_modes import modes_of_assembly
 from mbmodel.modes.matrix_modes import Modes, normalise_shapes
+from mbmodel.ports.ports import apply_point_changes, find_ports
 from mbmodel.spatial import transport
 
 # Relative M-norm: a closer motion lies in the span of the motions at rest.
@@ -139,3 +140,33 @@ def shapes_at(model: Model, theta: Real, modes: Modes, outputs: Sequence[Output]
     readout = ports.readout @ assembly.jacobian + ports.joint_readout
     shapes: Complex = readout @ modes.shapes
     return shapes
+
+
+def weighted_motions(
+    machine: Machine, modes: Modes, bodies: Sequence[str], weights: Machine
+) -> Complex:
+    """Return mode shapes as motions of some bodies, weighted by the square root of their mass.
+
+    The motions are those at the centres of mass of the machine that weighs, since an added mass
+    moves the centre. With W'W = Mb the mass matrix of the bodies, a^H b of two weighted shapes is
+    phi_a^H Mb phi_b. The MAC of weighted shapes thus is the normalised cross-orthogonality (Ewins
+    2000, ch. 5): translations in m and rotations in rad count by the energy that they carry.
+
+    Args:
+        machine: whose modes they are.
+        modes: of the machine.
+        bodies: names of bodies of both machines.
+        weights: machine whose masses weigh.
+
+    Returns:
+        W T phi; (6 n_bodies, n_mode).
+    """
+    rows = []
+    for body in bodies:
+        number, weighing = machine.layout.bodies.index(body), weights.layout.bodies.index(body)
+        arm = weights.layout.centres[weighing] - machine.layout.centres[number]
+        mass = weights.body_mass[6 * weighing :][:6, 6 * weighing :][:, :6]
+        motion = transport(arm) @ machine.jacobian[6 * number :][:6]
+        rows.append(np.linalg.cholesky(mass).T @ motion @ modes.shapes)
+    motions: Complex = np.concatenate(rows)
+    return motions

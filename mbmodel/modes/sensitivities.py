@@ -27,8 +27,6 @@ import numpy as np
 from identification.words import Complex, Integers, Mask, Output, Real, Signal, UsageError
 from mbmodel.assembly import Assembly
 from mbmodel.frf.adjoint import gradient
-from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
-from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.frf.solver import Solver
 from mbmodel.model import Model
@@ -36,6 +34,8 @@ from mbmodel.modes.closed_loop_modes import modes_of_assembly
 from mbmodel.modes.matrix_modes import Modes
 from mbmodel.modes.nonlinear_eigenproblem import LawProblem
 from mbmodel.parts import Change
+from mbmodel.ports.ports import Ports, apply_point_changes, find_ports
+from mbmodel.ports.request import FrfRequest
 
 _MIN_POLE_DISTANCE = 1e-7  # relative: closer poles coincide, and their shapes have no derivative
 _ASYMMETRY = 1e-9  # of the largest entry: what rounding leaves of symmetric matrices

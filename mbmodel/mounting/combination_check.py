@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import mujoco
 
 from identification.words import InputError
-from mbmodel.writing.compiled_values import compare_compiled
-from mbmodel.writing.difference import MAX_RELATIVE_DIFFERENCE, Difference
+from mbmodel.mjcf.difference import MAX_RELATIVE_DIFFERENCE, Difference, compare_compiled
 
 _COUNTED = {
     "joints": "njnt",

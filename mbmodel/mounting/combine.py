@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from identification.words import ConvergenceError, InputError, Real
 from mbmodel.machine import Machine
 from mbmodel.machine_loading import load_machine
+from mbmodel.mjcf.difference import Difference
 from mbmodel.mjcf.read import compile_mjcf
 from mbmodel.mounting.combination_check import compare_combination
 from mbmodel.mounting.combined_file import CombinedFile
 from mbmodel.mounting.place import Offset, PointMass, find_pose
-from mbmodel.writing.difference import Difference
 
 _MAX_UNSEEN_TURN = 1e-6  # of a site's axes against the world [rad]: more needs a remark
 

@@ -10,8 +10,7 @@ from identification.words import InputError
 from mbmodel.machine import Machine
 from mbmodel.mjcf.asset_paths import redirect_paths
 from mbmodel.mjcf.edit import Element, Values, make_element
-from mbmodel.mjcf.expand import expand_mjcf
-from mbmodel.mjcf.flatten import flatten_mjcf, root_element
+from mbmodel.mjcf.expand import expand_mjcf, flatten_mjcf, root_element
 from mbmodel.mounting.joined_keyframes import join_keyframes
 from mbmodel.mounting.name_clashes import choose_prefix, find_names, free_name
 from mbmodel.mounting.place import BodyPose

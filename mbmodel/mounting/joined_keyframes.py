@@ -5,8 +5,7 @@ import numpy as np
 
 from identification.words import Real
 from mbmodel.mjcf.edit import Element, Values
-from mbmodel.mjcf.keyframe_edit import joint_number_behind
-from mbmodel.mjcf.keyframes import HOME
+from mbmodel.mjcf.keyframes import HOME, joint_number_behind
 
 
 def join_keyframes(

@@ -5,8 +5,7 @@ from pathlib import Path
 from xml.dom import minidom
 
 from identification.words import InputError
-from mbmodel.mjcf.expand import expand_mjcf
-from mbmodel.mjcf.flatten import flatten_mjcf, root_element
+from mbmodel.mjcf.expand import expand_mjcf, flatten_mjcf, root_element
 
 # Sections in which the machine's own settings count; keyframes are those of both together.
 _MACHINE_SECTIONS = ("option", "visual", "statistic", "size", "keyframe")

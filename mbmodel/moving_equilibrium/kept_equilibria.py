@@ -1,33 +1,35 @@
 """The last equilibria of a model and the slopes through them, which tests of one fit share."""
 
-from typing import TYPE_CHECKING
+from typing import Generic
 
 import numpy as np
 
 from identification.words import Condition, Mask, Real
-from mbmodel.moving_equilibrium.posed_model import is_static, model_at_rest, static_parameters
+from mbmodel.moving_equilibrium.model_at_rest import (
+    ModelT,
+    is_static,
+    model_at_rest,
+    static_parameters,
+)
 from mbmodel.moving_equilibrium.slopes import equilibrium_slopes
 from mbmodel.parts import Change
-
-if TYPE_CHECKING:
-    from mbmodel.model import Model
 
 _N_KEPT = 4  # a fit returns to the point before the last step, and to the nominal values
 
 
-class KeptEquilibria:
+class KeptEquilibria(Generic[ModelT]):
     """Models at rest and slopes through the equilibrium, the last ones of each.
 
     Args:
         model: whose machine has its statics.
     """
 
-    def __init__(self, model: "Model") -> None:
+    def __init__(self, model: ModelT) -> None:
         self._model = model
-        self._rests: dict[bytes, Model] = {}
+        self._rests: dict[bytes, ModelT] = {}
         self._slopes: dict[tuple[bytes, bytes, tuple[float, ...]], list[tuple[Change, ...]]] = {}
 
-    def at_rest(self, theta: Real) -> "Model":
+    def at_rest(self, theta: Real) -> ModelT:
         """Return the model at its static equilibrium; itself at the nominal values.
 
         Args:
@@ -70,7 +72,8 @@ class KeptEquilibria:
         )
         if key not in self._slopes:
             _drop_oldest(self._slopes)
-            self._slopes[key] = equilibrium_slopes(model, theta, condition, moving)
+            pose = self.at_rest(theta).machine.pose
+            self._slopes[key] = equilibrium_slopes(model, theta, condition, moving, pose)
         return self._slopes[key]
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from identification.words import Real
 from mbmodel.linearisation.statics import Statics, is_preloaded
 from mbmodel.machine import Machine
-from mbmodel.model import Model
 from mbmodel.moving_equilibrium.slopes import EquilibriumPoint
 from mbmodel.parts import Parameter, body_parts, spring_parts
+from mbmodel.posed_model import PosedModel
 
 # Of a column of T, and of an entry of K over the root of the two diagonal entries: what an e-fold
 # of every stiffness and mass may change by moving the equilibrium. A fit changes them by a tenth of
@@ -47,8 +47,8 @@ def with_statics(
 
 def _largest_change(machine: Machine, statics: Statics) -> float:
     """Return the largest relative change of T or K through the equilibrium."""
-    model = Model(machine, spring_parts(machine) + body_parts(machine))
-    point = EquilibriumPoint(model, model.drawn, statics)
+    model = PosedModel(machine, spring_parts(machine) + body_parts(machine))
+    point = EquilibriumPoint(model, model.drawn, statics, machine.pose)
     columns = [
         point.force_slopes(part, values) * [_reach(parameter) for parameter in part.parameters]
         for part, values in zip(model.parts, model.split_parameters(model.drawn), strict=True)

@@ -16,7 +16,6 @@ the derivatives at fixed q are differences as well: off its zero, it moves the b
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -27,15 +26,14 @@ from mbmodel.assembly import Assembly
 from mbmodel.linearisation.gravity import gravity_slope
 from mbmodel.linearisation.statics import Statics
 from mbmodel.linearisation.tendon_slopes import FOURTH_ORDER_WEIGHTS
-from mbmodel.moving_equilibrium.posed_model import (
+from mbmodel.machine import Pose
+from mbmodel.moving_equilibrium.model_at_rest import (
     is_static,
     model_at_pose,
     static_edits,
 )
 from mbmodel.parts import Change, JointPart, Parameter, Part, PartContext
-
-if TYPE_CHECKING:
-    from mbmodel.model import Model
+from mbmodel.posed_model import PosedModel
 
 # m or rad: of central differences of fourth order. Truncation is 1e-10 over a length of 0.3 m,
 # rounding 1e-8 of the tension of wires, whose curvature is a difference itself.
@@ -65,15 +63,20 @@ class EquilibriumPoint:
     Args:
         model: whose machine has its statics.
         theta: parameters in SI; (n_parameter,).
+        statics: of the machine.
+        pose: of the machine at rest; None at its nominal rest.
         condition: of the test, or None.
     """
 
     def __init__(
-        self, model: "Model", theta: Real, statics: Statics, condition: Condition | None = None
+        self,
+        model: PosedModel,
+        theta: Real,
+        statics: Statics,
+        pose: Pose | None,
+        condition: Condition | None = None,
     ) -> None:
         self.model, self.theta, self.condition, self.statics = model, theta, condition, statics
-        posed = model.at_rest(theta)
-        pose = posed.machine.pose
         self.position = statics.pose if pose is None else pose.position
         self.changed = statics.with_edits(static_edits(model, theta))
         self.assembly = self._assembly_at(theta, self.changed, self.position)
@@ -191,7 +194,11 @@ def _differentiate(assembly_at: Callable[[float], Assembly]) -> Derivative:
 
 
 def equilibrium_slopes(
-    model: "Model", theta: Real, condition: Condition | None, chosen_of_parts: Sequence[Mask]
+    model: PosedModel,
+    theta: Real,
+    condition: Condition | None,
+    chosen_of_parts: Sequence[Mask],
+    pose: Pose | None,
 ) -> list[tuple[Change, ...]]:
     """Return what each Part's parameters change through the equilibrium, beside its own slopes.
 
@@ -200,12 +207,13 @@ def equilibrium_slopes(
         theta: parameters in SI; (n_parameter,).
         condition: of the test, or None.
         chosen_of_parts: parameters of interest, Part by Part.
+        pose: of the machine at rest; None at its nominal rest.
     """
     statics = model.machine.statics
     added: list[tuple[Change, ...]] = [() for _ in model.parts]
     if statics is None:
         return added
-    point = EquilibriumPoint(model, theta, statics, condition)
+    point = EquilibriumPoint(model, theta, statics, pose, condition)
     numbers = [
         number
         for number, (part, mask) in enumerate(zip(model.parts, chosen_of_parts, strict=True))

@@ -10,6 +10,7 @@ from mbmodel.mjcf.edit import Addition, Edit
 from mbmodel.mjcf.names import joint_name
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.mjcf.tendons import is_fixed_tendon
+from mbmodel.mjcf.written_file import refuse_difference, write_copy
 from mbmodel.nonlinear_joints.laws import (
     PRELOAD_STIFFNESS_RATIO,
     DryFriction,
@@ -18,7 +19,6 @@ from mbmodel.nonlinear_joints.laws import (
     NonlinearJoint,
     PolynomialSpring,
 )
-from mbmodel.writing.written_file import refuse_difference, write_copy
 
 _SINGLE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
 # Part of a joint that each law replaces.

@@ -13,11 +13,11 @@ import mujoco
 import numpy as np
 
 from identification.words import Dof, Input, Real, Signal, UsageError, shorten_names
-from mbmodel.frf.ports import find_ports, parse_input
-from mbmodel.frf.signal_rows import is_floor
 from mbmodel.machine import Machine
-from mbmodel.mjcf.names import actuator_name
-from mbmodel.simulation.time_model import TimeModel, joint_coordinate
+from mbmodel.mjcf.names import actuator_name, joint_coordinate
+from mbmodel.ports.ports import find_ports, parse_input
+from mbmodel.ports.signal_rows import is_floor
+from mbmodel.simulation.time_model import TimeModel
 
 JOINT_PREFIX = "joint:"  # of labels of joints, such as joint:ty_tx
 _CONTROL, _JOINT_FORCE, _WRENCH = (

@@ -16,7 +16,6 @@ from mbmodel.linearisation.force_slopes import compute_forces, net_force
 from mbmodel.linearisation.spin import spin_velocity
 from mbmodel.machine import Machine
 from mbmodel.mjcf.keyframes import pose_data
-from mbmodel.mjcf.names import joint_name
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.mjcf.stages import stage_bodies
 
@@ -75,11 +74,6 @@ class TimeModel:
     probe_columns: Integers
     encoder_columns: Integers
     rest: Real
-
-    @property
-    def channel_count(self) -> int:
-        """Number of channels: six for each probe, then one for each encoder."""
-        return PROBE_CHANNELS * len(self.probe_columns) + len(self.encoder_columns)
 
 
 def build_time_model(
@@ -225,22 +219,3 @@ def _add_encoders(spec: mujoco.MjSpec, encoders: Sequence[str]) -> None:
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
             objname=name,
         )
-
-
-def joint_coordinate(compiled: mujoco.MjModel, name: str) -> int:
-    """Return the number of a slide's or hinge's coordinate.
-
-    Raises:
-        UsageError: there is no such joint.
-    """
-    single = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
-    coordinates = {
-        joint_name(compiled, joint): int(compiled.jnt_dofadr[joint])
-        for joint in range(compiled.njnt)
-        if mujoco.mjtJoint(compiled.jnt_type[joint]) in single
-    }
-    if name not in coordinates:
-        raise UsageError(
-            f"{name!r} is no slide or hinge of the model: choose one of {', '.join(coordinates)}"
-        )
-    return coordinates[name]

@@ -1,21 +1,18 @@
 """Edits of the MJCF that hold the parameters of a model, and the parameters that it then holds."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identification.words import Real
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
 from mbmodel.parts import AddedPart, BodyPart, ConditionalPart, JointPart, Part, body_parts
-
-if TYPE_CHECKING:
-    from mbmodel.model import Model
+from mbmodel.posed_model import PosedModel
 
 _PartValues = Sequence[tuple[Part, Real]]
 
 
-def model_edits(model: "Model", theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
+def model_edits(model: PosedModel, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
     """Return what theta asks to write into the MJCF, and what the MJCF cannot hold.
 
     Args:
@@ -38,7 +35,9 @@ def model_edits(model: "Model", theta: Real) -> tuple[Edit | Addition | NotInMjc
     return tuple(_at_tuned_joint(model, edit, values_of_parts) for edit in edits)
 
 
-def split_edits(model: "Model", theta: Real) -> tuple[list[Edit | Addition], list[Edit | Addition]]:
+def split_edits(
+    model: PosedModel, theta: Real
+) -> tuple[list[Edit | Addition], list[Edit | Addition]]:
     """Return the edits of the linear machine, and those of laws that act in tests alone.
 
     Args:
@@ -60,7 +59,7 @@ def split_edits(model: "Model", theta: Real) -> tuple[list[Edit | Addition], lis
     return linear, laws
 
 
-def held_parameters(model: "Model", theta: Real) -> Real:
+def held_parameters(model: PosedModel, theta: Real) -> Real:
     """Return the parameters that the MJCF holds once theta is written; (n_parameter,).
 
     Args:
@@ -78,7 +77,7 @@ def held_parameters(model: "Model", theta: Real) -> Real:
     return np.concatenate([*held, np.zeros(0)])
 
 
-def _values_of_parts(model: "Model", theta: Real) -> list[tuple[Part, Real]]:
+def _values_of_parts(model: PosedModel, theta: Real) -> list[tuple[Part, Real]]:
     """Return each Part with its parameters."""
     return list(zip(model.parts, model.split_parameters(theta), strict=True))
 
@@ -93,7 +92,7 @@ def _added_inertias(values_of_parts: _PartValues) -> dict[str, Real]:
 
 
 def _at_tuned_joint(
-    model: "Model", edit: Edit | Addition | NotInMjcf, values_of_parts: _PartValues
+    model: PosedModel, edit: Edit | Addition | NotInMjcf, values_of_parts: _PartValues
 ) -> Edit | Addition | NotInMjcf:
     """Move an additional joint with the tuned joints of its stage; return other edits."""
     if not isinstance(edit, Addition) or edit.element.tag != "joint":

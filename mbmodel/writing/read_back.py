@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from identification.words import DIRECTIONS, Complex, Dof, Real
 from mbmodel.assembly import Assembly
-from mbmodel.frf.ports import direction_selection
 from mbmodel.machine import Machine
+from mbmodel.mjcf.difference import MAX_RELATIVE_DIFFERENCE, Difference
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.model import Model, as_drawn
 from mbmodel.mujoco_start import mujoco_path
-from mbmodel.writing.difference import MAX_RELATIVE_DIFFERENCE, Difference
+from mbmodel.ports.ports import direction_selection
 
 T = TypeVar("T", bound=np.generic)
 

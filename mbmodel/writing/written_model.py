@@ -5,13 +5,13 @@ from pathlib import Path
 
 from identification.words import Real
 from mbmodel.machine_loading import load_machine
+from mbmodel.mjcf.difference import Difference
 from mbmodel.mjcf.edit import NotInMjcf
 from mbmodel.mjcf.read import compile_with_remarks
+from mbmodel.mjcf.written_file import WrittenModel, compare_with, in_place, write_and_compare
 from mbmodel.model import Model
-from mbmodel.writing.difference import Difference
-from mbmodel.writing.model_edits import split_edits
+from mbmodel.writing.model_edits import held_parameters, model_edits, split_edits
 from mbmodel.writing.read_back import compare_machines, compare_masses
-from mbmodel.writing.written_file import WrittenModel, compare_with, in_place, write_and_compare
 
 
 def write_model(
@@ -31,9 +31,9 @@ def write_model(
     Raises:
         InputError: the source cannot be read any more.
     """
-    not_held = tuple(edit for edit in model.edits(theta) if isinstance(edit, NotInMjcf))
+    not_held = tuple(edit for edit in model_edits(model, theta) if isinstance(edit, NotInMjcf))
     changes, laws = split_edits(model, theta)
-    nominal, held = _following(model), model.select_held(theta)
+    nominal, held = _following(model), held_parameters(model, theta)
 
     def compare(path: Path) -> Difference | None:
         written = load_machine(path, key=model.machine.keyframe)

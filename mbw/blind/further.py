@@ -91,7 +91,6 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
             for number, gain in enumerate(helpful[:confirm])
         ]
         rows = {
-            "format": FORMAT,
             "gains": [asdict(gain) for gain in gains],
             "confirmed": [asdict(row) for row in confirmed],
         }
@@ -103,7 +102,9 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
         )
         with output.write() as place:
             (place / FURTHER_PAGE).write_text(page, encoding="utf-8")
-            (place / FURTHER_JSON).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+            (place / FURTHER_JSON).write_text(
+                json.dumps({"format": FORMAT, **rows}, indent=1) + "\n", encoding="utf-8"
+            )
             (place / FURTHER_TEXT).write_text(table, encoding="utf-8")
         SCREEN.say(f"further tests in {folder / FURTHER_JSON}")
         SCREEN.say(f"pictures in {(folder / FURTHER_PAGE).as_uri()}")

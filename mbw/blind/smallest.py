@@ -189,13 +189,14 @@ def write(
     machine = load_machine(path)
     table = size_table(sizes, confirmed)
     rows = {
-        "format": FORMAT,
         "sizes": [asdict(row) for row in sizes],
         "confirmed": [asdict(row) for row in confirmed],
     }
     page = render(rows, machine.layout, machine_geometry(machine), title_of(Path(model)))
     with output.write() as place:
-        (place / SMALLEST_JSON).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        (place / SMALLEST_JSON).write_text(
+            json.dumps({"format": FORMAT, **rows}, indent=1) + "\n", encoding="utf-8"
+        )
         (place / SMALLEST_TEXT).write_text(table, encoding="utf-8")
         (place / SMALLEST_PAGE).write_text(page, encoding="utf-8")
     SCREEN.say(f"smallest sizes in {output.path.absolute() / SMALLEST_JSON}")

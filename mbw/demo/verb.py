@@ -13,12 +13,12 @@ from identification.modal import ModeChoices, ModeCriteria
 from mbw.assets import asset_path
 from mbw.band import check_band
 from mbw.diagnose import verb as diagnose
-from mbw.diagnose.files import PAGE, VERDICT
 from mbw.files import check_json_target
 from mbw.identify import verb as identify
 from mbw.identify.files import PAGE as MODES_PAGE
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
+from mbw.results.diagnosed_files import PAGE, VERDICT
 from mbw.tune import verb as tune
 from mbw.tune.page import PAGE as TUNED_PAGE
 

@@ -7,7 +7,6 @@ from diagnosis.verdict.schema import CauseRow, Verdict
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.gap_sentences import NOT_SHOWN, WHY_NOT_SHOWN, held_out_sentence
 from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
-from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.sentences import (
     UNEXPLAINED,
     capitalise,
@@ -20,6 +19,7 @@ from mbw.diagnose.sentences import (
 )
 from mbw.page.html import badge
 from mbw.page.numbers import format_percent
+from mbw.results.diagnosed_files import StoredDiagnosis
 
 _MAX_EXCESS = 1.5  # gap with the cause over the noise; beyond, the cause is not all
 _MIN_SECOND_PROBABILITY = 0.1  # of a second cause that the headline names

@@ -7,7 +7,7 @@ import numpy as np
 
 from diagnosis import Diagnosis
 from diagnosis.effects.passive_matrix import build_passive
-from mbw.diagnose.schema import Point
+from mbw.results.diagnosed_schema import Point
 
 _ENTRY = re.compile(r"\.link\d+\.(?:stiffness|axes)_([xyz]{1,2})$")
 _MIN_STIFFNESS_RATIO = 2.0  # of the two largest principal stiffnesses; below, no axis stands out

@@ -10,9 +10,7 @@ from identification.words import Real, split_label
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.headline import badges, doubts, lead
 from mbw.diagnose.link_axis import axis_words
-from mbw.diagnose.machine_rows import restore_machine
-from mbw.diagnose.result import STEPS, StoredDiagnosis, twin_locations
-from mbw.diagnose.schema import PlaceRow
+from mbw.diagnose.result import STEPS, twin_locations
 from mbw.diagnose.sentences import place_name, sensor_check_sentences
 from mbw.diagnose.tables import causes_section, hypotheses_section
 from mbw.gain_text import gain_table
@@ -26,6 +24,9 @@ from mbw.page.html import (
 )
 from mbw.page.numbers import format_percent, frf_unit
 from mbw.page.picture import picture_data
+from mbw.results.diagnosed_files import StoredDiagnosis
+from mbw.results.diagnosed_schema import PlaceRow
+from mbw.results.machine_rows import restore_machine
 
 _MAX_PLACE_BARS = 12  # locations of the bar chart, unless the verdict names more
 _STEP_COLOURS = dict(zip(STEPS, ("#98a2b3", "#d9822b", "#1f6fb8"), strict=True))

@@ -1,7 +1,6 @@
 """Result of ``mbw diagnose``: rows and arrays of its files and its page."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,14 +14,13 @@ from diagnosis import (
     load_catalogue,
 )
 from diagnosis.estimates.held_out_gap import HeldOutGap
-from diagnosis.inference.evidence import Evidence
 from diagnosis.verdict.schema import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NOT_WRITTEN, Machine, WrittenModel, machine_geometry
 from mbw.diagnose.link_axis import link_axis
-from mbw.diagnose.machine_rows import machine_rows, place_row
 from mbw.diagnose.pulled_tolerance import pull_sentence
-from mbw.diagnose.schema import (
+from mbw.results.diagnosed_files import StoredDiagnosis
+from mbw.results.diagnosed_schema import (
     CentresRow,
     ChannelRow,
     DiagnosedTestRow,
@@ -31,38 +29,13 @@ from mbw.diagnose.schema import (
     ShownFile,
     StepsRow,
 )
-from mbw.identify.solid import fault_row
+from mbw.results.fault_rows import fault_row
+from mbw.results.machine_rows import machine_rows, place_row
 from tuning import gap_at_bodies, predict
 from tuning.files.input_files import input_rows
 
 STEPS = ("as drawn", "re-tuned", "with the effect")
 Cell = tuple[int, Dof]  # index of a test in the campaign, and an output of it
-
-
-@dataclass(frozen=True, eq=False)
-class StoredDiagnosis:
-    """Diagnosis as its folder holds it.
-
-    Args:
-        verdict: content of verdict.json.
-        evidence: content of evidence.json, the evidence of the verdict.
-        shown: content of diagnosis.json, names and labels.
-        arrays: content of diagnosis.npz. FRFs are (n_freq, n_channel): ``measured``, ``retuned``
-            and ``after``, the last without columns if there is no cause; ``noise`` is one standard
-            deviation; ``corrected`` is the measurement without the effect, (n_freq, n_corrected).
-            ``retuned_excess``, ``retuned_error``, ``after_excess`` and ``after_error`` are
-            (n_channel,), nan if unknown; so is ``channel_noise``.
-    """
-
-    verdict: Verdict
-    evidence: Evidence
-    shown: ShownFile
-    arrays: dict[str, Any]
-
-    @property
-    def has_after(self) -> bool:
-        """Whether there are FRFs with the effect."""
-        return bool(self.arrays["after"].size)
 
 
 def collect_result(

@@ -14,7 +14,7 @@ from mbw.diagnose.effect_parameters import (
     parameter_words,
     parameters_that_may_be_zero,
 )
-from mbw.diagnose.schema import ShownFile
+from mbw.results.diagnosed_schema import ShownFile
 
 UNEXPLAINED = (
     "the model lacks something, and no effect of the catalogue is established as its cause"

@@ -17,8 +17,6 @@ from mbw.diagnose.effect_parameters import (
 from mbw.diagnose.fitted_sets import fitted_rows
 from mbw.diagnose.level_sentences import level_sentences
 from mbw.diagnose.link_axis import axis_words
-from mbw.diagnose.result import StoredDiagnosis
-from mbw.diagnose.schema import PlaceRow
 from mbw.diagnose.sentences import (
     confounded_sentences,
     format_probability,
@@ -28,6 +26,8 @@ from mbw.diagnose.sentences import (
     untested_sentences,
 )
 from mbw.page.numbers import format_percent
+from mbw.results.diagnosed_files import StoredDiagnosis
+from mbw.results.diagnosed_schema import PlaceRow
 
 _MAX_SCORE_ROWS = 12  # hypotheses of the table of scores
 _MAX_SET_ROWS = 16  # sets of causes in the table of refits

@@ -8,16 +8,7 @@ from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
 from diagnosis.effects import check_others
 from mbmodel import refuse_difference
 from mbw.band import check_band
-from mbw.diagnose.files import (
-    AUGMENTED,
-    CHECKPOINT,
-    NAMES,
-    PAGE,
-    SHOWN,
-    VERDICT,
-    write_augmented,
-    write_files,
-)
+from mbw.diagnose.augmented import write_augmented
 from mbw.diagnose.fitted_sets import key_words
 from mbw.diagnose.gap_sentences import closed_words, held_out_sentence, unestablished_words
 from mbw.diagnose.headline import undecided_words
@@ -43,6 +34,15 @@ from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
 from mbw.page.numbers import format_percent
 from mbw.remarks import calibration_sentence, describe_not_in_mjcf
+from mbw.results.diagnosed_files import (
+    AUGMENTED,
+    CHECKPOINT,
+    NAMES,
+    PAGE,
+    SHOWN,
+    VERDICT,
+    write_files,
+)
 from mbw.resume import open_checkpoint
 from tuning import Checkpoint, Session, open_session
 

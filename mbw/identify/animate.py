@@ -11,8 +11,8 @@ from mbw.animation.files import check_picture_target, write_pictures
 from mbw.animation.scene import ModeScene, SensorMotion
 from mbw.identify.files import nodes_of
 from mbw.identify.moving_machine import body_motion, sensor_spokes
-from mbw.identify.result import IdentificationResult
 from mbw.messages import SCREEN
+from mbw.results.identified_files import IdentificationResult
 
 
 @dataclass(frozen=True)

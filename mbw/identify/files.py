@@ -1,4 +1,4 @@
-"""Files of ``mbw identify``: writing JSON, npz, CSV, universal file and .mat; reading them back."""
+"""Files of ``mbw identify``: JSON, npz, CSV, universal file and .mat."""
 
 from collections.abc import Iterable, Sequence
 from datetime import datetime
@@ -9,28 +9,21 @@ import numpy as np
 import scipy.io
 
 from identification.modal import ScaledModes, full_matrix_model
-from identification.readers.result_files import (
-    read_result_arrays,
-    read_result_json,
-    write_result_arrays,
-)
+from identification.readers.result_files import write_result_arrays
 from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
 from identification.words import (
     Dof,
     Frf,
     FrfEstimate,
-    InputError,
-    Layout,
     ModalModel,
     Quantity,
 )
 from identification.words.csv_cells import write_csv
 from mbw.identify.body_frfs import BODY_MAT, BODY_NPZ, BODY_UFF, reduce_to_centres, write_body_frfs
-from mbw.identify.result import IdentificationResult
-from mbw.identify.schema import IdentifiedModesFile
 from mbw.identify.tips import TIPS_JSON, TIPS_PAGE
+from mbw.results.identified_files import MODES_JSON, MODES_NPZ, IdentificationResult
 
-MODES_JSON, MODES_NPZ, PAGE = "modes.json", "modes.npz", "identify.html"
+PAGE = "identify.html"
 FULL_NPZ = "full_matrix.npz"
 NAMES = (
     MODES_JSON, MODES_NPZ, PAGE, FULL_NPZ, "modes.csv", "shapes.csv", "synthesis.csv",
@@ -116,35 +109,6 @@ def _modal_model(result: IdentificationResult) -> ModalModel:
         freq_sd=result.arrays["freq_sd"],
         damping_sd=result.arrays["damping_sd"],
     )
-
-
-def read_result(path: Path) -> IdentificationResult:
-    """Read the result that ``mbw identify`` wrote.
-
-    Args:
-        path: folder of the result, or its modes.json.
-
-    Raises:
-        InputError: the folder holds no result, or one of another version.
-    """
-    folder = path if path.is_dir() else path.parent
-    summary = read_result_json(folder / MODES_JSON, IdentifiedModesFile, "mbw identify")
-    arrays = read_result_arrays(folder / MODES_NPZ, "mbw identify")
-    try:
-        layout = Layout(
-            tuple(arrays["layout_bodies"].tolist()),
-            arrays["layout_centres"],
-            tuple(arrays["layout_points"].tolist()),
-            arrays["layout_body_of"],
-            arrays["layout_positions"],
-            arrays["layout_axes"],
-        )
-        _ = arrays["as_solid"]  # the newest array: a file without it is of an older version
-    except (KeyError, ValueError, TypeError) as error:
-        raise InputError(
-            f"{folder} holds no result of this version of mbw identify: identify the campaign again"
-        ) from error
-    return IdentificationResult(summary, arrays, layout)
 
 
 def _write_csv(path: Path, rows: Iterable[Sequence[object]]) -> None:

@@ -12,8 +12,8 @@ from identification.words import (
     SpectralDensities,
     Test,
 )
-from mbw.identify.schema import HitsRow, IdentifiedModeRow, KeptHit, RejectedHit
 from mbw.page.html import pack_real, read_asset
+from mbw.results.identified_schema import HitsRow, IdentifiedModeRow, KeptHit, RejectedHit
 
 _MAX_DENSITY_LINES = 1000  # frequency lines of a spectral density; beyond, neighbours are averaged
 

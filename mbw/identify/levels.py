@@ -1,8 +1,8 @@
 """Modes against the level of the hits, for the files and the page of ``mbw identify``."""
 
 from identification.level_check import LevelCheck
-from mbw.identify.schema import LevelCheckRow, LevelTrendRow
 from mbw.page.html import read_asset
+from mbw.results.identified_schema import LevelCheckRow, LevelTrendRow
 
 
 def level_row(check: LevelCheck | None) -> LevelCheckRow | None:

@@ -5,7 +5,7 @@ import numpy as np
 from identification.words import Complex, Dof
 from mbmodel import MachineGeometry
 from mbmodel.geometry.surfaces import TendonLine
-from mbw.identify.result import IdentificationResult
+from mbw.results.identified_files import IdentificationResult
 
 
 def body_motion(result: IdentificationResult) -> Complex:

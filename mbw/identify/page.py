@@ -13,11 +13,11 @@ from mbw.identify.hits import hits_data, hits_section
 from mbw.identify.levels import level_data, level_section
 from mbw.identify.moving_machine import body_motion, sensor_spokes
 from mbw.identify.remarks import lead, list_notes, list_remarks
-from mbw.identify.result import IdentificationResult
 from mbw.identify.solid import solid_data
 from mbw.page.html import fill_template, pack_complex, pack_integers, pack_real, warning_boxes
 from mbw.page.numbers import force_unit, motion_unit
 from mbw.page.picture import picture_data
+from mbw.results.identified_files import IdentificationResult
 
 
 def render(result: IdentificationResult, geometry: MachineGeometry | None) -> str:

@@ -5,8 +5,8 @@ import numpy as np
 from identification import exchange_phrase
 from identification.modal import UNIT_MASS
 from identification.words import percent_text
-from mbw.identify.result import IdentificationResult
-from mbw.identify.schema import IdentifiedModeRow, IdentifiedModesFile
+from mbw.results.identified_files import IdentificationResult
+from mbw.results.identified_schema import IdentifiedModeRow, IdentifiedModesFile
 
 _MIN_LOOKALIKE_MAC = 0.9  # of two measured shapes that the sensors may not distinguish
 _MAX_LOOKALIKE_SHIFT = 0.05  # relative difference of their frequencies

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from identification.modal import (
     mpc,
     mpd,
 )
-from identification.words import Campaign, Layout, ModalModel, Real
+from identification.words import Campaign, ModalModel, Real
 from mbw.gain_text import unknown_gain_sentences
 from mbw.identify.arrays import collect_arrays
 from mbw.identify.body_frfs import BODY_NPZ, measured_estimate
@@ -29,30 +28,16 @@ from mbw.identify.hits import hits_rows
 from mbw.identify.levels import level_row
 from mbw.identify.reference_shapes import ReferenceModes
 from mbw.identify.result_parts import MAX_NOISE_RATIO, ResultParts, derive_parts
-from mbw.identify.schema import (
+from mbw.identify.solid import solid_row
+from mbw.results.identified_files import IdentificationResult
+from mbw.results.identified_schema import (
     IdentifiedModeRow,
     IdentifiedModesFile,
     ReciprocityRow,
     SingleModeRow,
 )
-from mbw.identify.solid import solid_row
 
 _MAX_REFINEMENT_SHIFT = 0.02  # relative distance of a pole before and after its refinement
-
-
-@dataclass(frozen=True, eq=False)
-class IdentificationResult:
-    """Modal model with everything that its files and its page show.
-
-    Args:
-        summary: names and modes, as in modes.json.
-        arrays: arrays by name, as in modes.npz.
-        layout: bodies and points.
-    """
-
-    summary: IdentifiedModesFile
-    arrays: dict[str, Any]
-    layout: Layout
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from identification import BodyCheck, Fault
+from identification import BodyCheck
 from identification.words import Real
-from mbw.identify.schema import FaultRow, SolidRow
 from mbw.page.html import pack_real
+from mbw.results.fault_rows import FaultRow, fault_row
+from mbw.results.identified_schema import SolidRow
 
 _FAULT_NAMES = {
     "sensor_gain": "gain",
@@ -45,22 +46,6 @@ def solid_row(check: BodyCheck) -> SolidRow:
         more=check.has_unexplained,
         twins=list(check.confounded),
         unseen=list(check.unidentifiable),
-    )
-
-
-def fault_row(fault: Fault) -> FaultRow:
-    """Return a fault's row of ``modes.json``."""
-    parameters = {
-        name: list(value) if isinstance(value, tuple) else float(value)
-        for name, value in fault.parameters.items()
-    }
-    return FaultRow(
-        effect=fault.effect,
-        location=fault.location,
-        dof=fault.dof,
-        probability=fault.probability,
-        parameters=parameters,
-        excess_after=fault.excess_after,
     )
 
 

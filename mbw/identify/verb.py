@@ -34,13 +34,7 @@ from mbw.identify.animate import (
     refuse_missing_modes,
     write_animations,
 )
-from mbw.identify.files import (
-    NAMES,
-    PAGE,
-    read_result,
-    write_files,
-    write_full_matrix,
-)
+from mbw.identify.files import NAMES, PAGE, write_files, write_full_matrix
 from mbw.identify.page import render
 from mbw.identify.reference_shapes import (
     ReferenceModes,
@@ -49,11 +43,12 @@ from mbw.identify.reference_shapes import (
     read_reference_modes,
 )
 from mbw.identify.remarks import list_remarks
-from mbw.identify.result import IdentificationResult, MeasurementChecks, collect_result
-from mbw.identify.schema import IdentifiedModesFile
+from mbw.identify.result import MeasurementChecks, collect_result
 from mbw.identify.tips import TIPS_PAGE, TipComparison, compare_tips, write_tips
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
+from mbw.results.identified_files import IdentificationResult, read_result
+from mbw.results.identified_schema import IdentifiedModesFile
 from tuning import open_campaign
 
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9.=_]+")  # of folders

@@ -10,13 +10,13 @@ from mbw.plant.margin_files import write_margins
 from mbw.plant.margin_rows import margins_row
 from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.margin_sentences import margin_lines
-from tuning.control_loops.sampling import sampling_period
-from tuning.error_budget.loop_margins import ClosedLoops, closed_loops
-from tuning.error_budget.loop_plant import LoopPlant, loops_alone
-from tuning.error_budget.machine_files import fitted_model, tuning_beside
-from tuning.error_budget.plant_budget import MACHINE_SEED, POSTERIOR_MACHINES, open_loops
-from tuning.error_budget.variant_margins import VariantMargins, variant_margins
-from tuning.variant_model import VariantModel
+from tuning.plant.error_budget.definition import sampling_period
+from tuning.plant.error_budget.loop_margins import ClosedLoops, closed_loops
+from tuning.plant.error_budget.loop_plant import LoopPlant, loops_alone
+from tuning.plant.error_budget.machine_files import fitted_model, tuning_beside
+from tuning.plant.error_budget.plant_budget import MACHINE_SEED, POSTERIOR_MACHINES, open_loops
+from tuning.plant.error_budget.variant_margins import VariantMargins, variant_margins
+from tuning.plant.variant_model import VariantModel
 
 _MIN_LOW_END_SHARE = 1e-3  # of the upper end of the band, which may begin at 0 Hz
 

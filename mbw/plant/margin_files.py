@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Loop
-from mbw.predict.named_arrays import write_named_arrays
-from tuning.control_loops.loop_gain_lines import single_loop_gains
-from tuning.control_loops.margin_values import LoopMargins
-from tuning.error_budget.loop_margins import PlantMargins
+from mbw.named_arrays import write_named_arrays
+from tuning.plant.control_loops.loop_gain_lines import single_loop_gains
+from tuning.plant.control_loops.margin_values import LoopMargins
+from tuning.plant.error_budget.loop_margins import PlantMargins
 
 MARGINS_NPZ, MARGINS_MAT = "margins.npz", "margins.mat"
 _OF_MACHINES = ("gain", "reduction", "phase", "delay", "modulus")

@@ -6,7 +6,6 @@ from typing import Literal
 import numpy as np
 
 from identification.words import Real
-from mbmodel import NORMAL_QUANTILE_95
 from mbw.plant.margin_schema import (
     AllLoopsRow,
     CrossoverRow,
@@ -18,11 +17,12 @@ from mbw.plant.margin_schema import (
     VariantLoopRow,
     VariantRow,
 )
-from tuning.control_loops.margin_values import AllMargins, Margin
-from tuning.error_budget.loop_margins import PlantMargins
-from tuning.error_budget.reference_step import ReferenceStep
-from tuning.error_budget.robust_stability import RobustTest
-from tuning.error_budget.variant_margins import VariantMargins
+from tuning import NORMAL_QUANTILE_95
+from tuning.plant.control_loops.margin_values import AllMargins, Margin
+from tuning.plant.error_budget.loop_margins import PlantMargins
+from tuning.plant.error_budget.reference_step import ReferenceStep
+from tuning.plant.error_budget.robust_stability import RobustTest
+from tuning.plant.error_budget.variant_margins import VariantMargins
 
 _ENDS = (0.025, 0.975)
 MarginName = Literal["crossover", "bandwidth", "gain", "reduction", "phase", "delay", "modulus"]

@@ -8,10 +8,10 @@ from identification.words import Complex, Real
 from mbw.page.html import pack_complex, pack_real
 from mbw.plant.margin_schema import LoopMarginsRow, MarginsRow, StepRow
 from mbw.plant.margin_sentences import interval_note, margin_table, step_sentence, variant_text
-from tuning.control_loops.loop_gain_lines import single_loop_gains
-from tuning.control_loops.margin_values import AllMargins
-from tuning.error_budget.loop_margins import PlantMargins
-from tuning.error_budget.reference_step import ReferenceStep
+from tuning.plant.control_loops.loop_gain_lines import single_loop_gains
+from tuning.plant.control_loops.margin_values import AllMargins
+from tuning.plant.error_budget.loop_margins import PlantMargins
+from tuning.plant.error_budget.reference_step import ReferenceStep
 
 _ROOM = 3.0  # factor of frequency beyond crossovers and band
 _MAX_DRAWN_SAMPLES = 20  # machines of the posterior

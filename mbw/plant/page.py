@@ -13,10 +13,10 @@ from mbw.plant.rows import thin_cumulative
 from mbw.plant.schema import BudgetRow, ErrorRow
 from mbw.plant.sentences import mode_name
 from mbw.plant.struts import StrutsResult
-from tuning.error_budget.budget import ErrorBudget
-from tuning.error_budget.frequency_grid import trapezoid_weights
-from tuning.error_budget.plant_budget import PlantBudget
-from tuning.error_budget.plant_curves import PlantCurves
+from tuning.plant.error_budget.budget import ErrorBudget
+from tuning.plant.error_budget.frequency_grid import trapezoid_weights
+from tuning.plant.error_budget.plant_budget import PlantBudget
+from tuning.plant.error_budget.plant_curves import PlantCurves
 
 PLANT_PAGE = "plant.html"
 _MAX_BARS = 8  # of each kind

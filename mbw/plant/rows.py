@@ -12,8 +12,8 @@ from mbw.plant.schema import (
     ShareOfPoleRow,
     TouchRow,
 )
-from tuning.error_budget.budget import ErrorBudget
-from tuning.error_budget.plant_budget import PlantBudget
+from tuning.plant.error_budget.budget import ErrorBudget
+from tuning.plant.error_budget.plant_budget import PlantBudget
 
 _MAX_LISTED_SHARES = 12  # modes, joints and springs of an error
 _MAX_CUMULATIVE_LINES = 600

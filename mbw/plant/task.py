@@ -9,8 +9,6 @@ from identification.readers.result_files import read_result_json
 from identification.readers.toml_files import load_toml
 from identification.words import UsageError
 from mbmodel import Machine, Model, load_machine
-from mbw.diagnose.files import AUGMENTED, VERDICT, result_file
-from mbw.diagnose.rivals import rival_sentence
 from mbw.output_folder import folder_beside, source_of
 from mbw.plant.closed_margins import LoopStudy, study_loops
 from mbw.plant.margin_files import write_margins
@@ -20,19 +18,21 @@ from mbw.plant.rows import budget_row
 from mbw.plant.schema import BudgetRow, StrutsRow
 from mbw.plant.sentences import budget_lines_of_text, cause_sentences
 from mbw.plant.struts import StrutsResult, compute_struts
-from tuning.assessment.found_lags import found_lag_remarks, untested_band_remark
-from tuning.error_budget.budget_remarks import budget_sentences
-from tuning.error_budget.machine_files import (
+from mbw.results.diagnosed_files import AUGMENTED, VERDICT, result_file
+from mbw.results.rivals import rival_sentence
+from tuning.files.found_lags import found_lag_remarks, untested_band_remark
+from tuning.files.result import TUNED_MJCF
+from tuning.plant.error_budget.budget_remarks import budget_sentences
+from tuning.plant.error_budget.machine_files import (
     fitted_model,
     model_with_posterior,
     tuned_file,
     tuning_beside,
 )
-from tuning.error_budget.plant_budget import PlantBudget, plant_budget
-from tuning.error_budget.read_definition import read_definition
-from tuning.error_budget.sampling_images import image_sentences
-from tuning.files.result import TUNED_MJCF
-from tuning.variant_model import VariantModel
+from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
+from tuning.plant.error_budget.read_definition import read_definition
+from tuning.plant.error_budget.sampling_images import image_sentences
+from tuning.plant.variant_model import VariantModel
 
 _MIN_CAUSE_PROBABILITY = 0.5  # of a cause that the augmented machine holds
 

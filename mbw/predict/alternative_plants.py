@@ -6,19 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import InputError, shorten_names
-from mbmodel import (
-    AlternativePlants,
-    FrfBands,
-    FrfRequest,
-    MjcfLack,
-    PosteriorOfModel,
-    frf_bands,
-    load_machine,
-    machine_model,
-    with_loops,
-)
-from mbw.diagnose.files import AUGMENTED, read_result
-from mbw.diagnose.rivals import rival_names
+from mbmodel import FrfRequest, MjcfLack, load_machine, machine_model, with_loops
+from mbw.results.diagnosed_files import AUGMENTED, read_result
+from mbw.results.rivals import rival_names
+from tuning import PosteriorOfModel
+from tuning.plant import AlternativePlants, FrfBands, frf_bands
 
 
 def read_alternatives(

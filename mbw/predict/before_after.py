@@ -7,7 +7,7 @@ from identification.modal.indicators import mac, pair_shapes
 from identification.words import Real
 from mbmodel import weighted_motions
 from mbw.predict.additions import Additions
-from mbw.predict.prediction import Prediction
+from mbw.prediction import Prediction
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from identification.words import Complex, Real
 from mbmodel import COMBINED_NAME
 from mbw.predict.before_after import BeforeAfter, frequency_change
 from mbw.predict.curves import Curves
-from mbw.predict.prediction import Prediction
 from mbw.predict.schema import (
     AddedMassRow,
     BeforeAfterRow,
@@ -14,6 +13,7 @@ from mbw.predict.schema import (
     ModeBeforeRow,
     PutOnTopRow,
 )
+from mbw.prediction import Prediction
 
 
 def put_on_top_row(comparison: BeforeAfter, curves: Curves) -> PutOnTopRow:

@@ -16,9 +16,9 @@ from identification.words import (
     UsageError,
 )
 from mbmodel import Evaluator, FrfRequest, Machine, Model, Modes
-from mbmodel.frf.port_units import CONTROL, input_unit, output_unit
-from mbmodel.frf.ports import find_ports
-from mbmodel.frf.signal_rows import FLOOR
+from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
+from mbmodel.ports.ports import find_ports
+from mbmodel.ports.signal_rows import FLOOR
 from mbw.site_kinds import hammer_sites
 
 _MAX_CURVES = 300  # FRFs that the page shows; more would make it slow

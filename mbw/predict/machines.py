@@ -17,16 +17,16 @@ from mbmodel import (
     load_machine,
     with_loops,
 )
-from mbw.diagnose.files import result_file
 from mbw.output_folder import source_of
 from mbw.predict.additions import Additions
 from mbw.predict.spring_laws import SpringLaw, model_with_laws
+from mbw.results.diagnosed_files import result_file
 from mbw.spin_rates import parse_spin_rates
-from tuning.assessment.found_lags import found_lag_remarks
 from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
 from tuning.control_loops.stability import instability_sentence, unstable_variants
+from tuning.files.found_lags import found_lag_remarks
 from tuning.files.result import TUNED_JSON, TUNED_MJCF
-from tuning.variant_model import VariantModel, read_variant_model
+from tuning.plant.variant_model import VariantModel, read_variant_model
 
 
 @dataclass(frozen=True)

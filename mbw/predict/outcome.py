@@ -9,10 +9,11 @@ from mbw.predict.before_after import BeforeAfter, compare, comparison_table
 from mbw.predict.before_after_file import put_on_top_row
 from mbw.predict.curves import Curves, drive_points, requested_curves, with_curves_before
 from mbw.predict.machines import Machines
-from mbw.predict.prediction import Prediction, modes_file, predict, table
+from mbw.predict.mode_rows import modes_file, table
 from mbw.predict.requests import PredictRequest, frequency_lines, read_quantity
 from mbw.predict.schema import PlantRow, PredictedModesFile, StateSpaceCheckRow
 from mbw.predict.state_space_check import check_lines, check_request, check_row
+from mbw.prediction import Prediction, predict
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,10 @@ from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
 from mbw.page.picture import picture_data
 from mbw.predict.before_after import comparison_section
 from mbw.predict.curves import Curves
+from mbw.predict.mode_rows import largest_shares
 from mbw.predict.outcome import Outcome
-from mbw.predict.prediction import Prediction, largest_shares
 from mbw.predict.state_space_check import check_curves, check_section
+from mbw.prediction import Prediction
 
 PAGE = "predict.html"
 _MAX_ENERGY_MODES = 60  # columns of the energy table

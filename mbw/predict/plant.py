@@ -7,16 +7,7 @@ import numpy as np
 
 from identification import read_settings
 from identification.words import InputError, Real, percent_text
-from mbmodel import (
-    AlternativePlants,
-    FrfBands,
-    FrfRequest,
-    Model,
-    PosteriorOfModel,
-    body_parts,
-    frf_bands,
-    joint_parts,
-)
+from mbmodel import FrfRequest, Model, body_parts, joint_parts
 from mbw.page.numbers import format_percent
 from mbw.predict.alternative_plants import alternatives_sentence, read_alternatives
 from mbw.predict.machines import Machines
@@ -39,9 +30,10 @@ from mbw.predict.plant_state_space import (
 )
 from mbw.predict.schema import BandsRow, PlantRow, UncertainPlantRow, WeightRow
 from mbw.predict.state_space_check import law_rows, law_sentences
-from tuning import POSTERIOR_NPZ, read_posterior
-from tuning.assessment.found_lags import moved_sensor_remark, untested_band_remark
+from tuning import POSTERIOR_NPZ, PosteriorOfModel, read_posterior
+from tuning.files.found_lags import moved_sensor_remark, untested_band_remark
 from tuning.files.result import TUNED_JSON, TUNED_MJCF
+from tuning.plant import AlternativePlants, FrfBands, frf_bands
 
 CAMPAIGN_TOML = "campaign.toml"  # of the folder of a campaign
 FOLDER_NAMES = (BANDS_NPZ, SAMPLES_NPZ, WEIGHT_NPZ, WEIGHT_MAT)

@@ -5,23 +5,20 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import InputError, Real
-from mbmodel import (
+from mbmodel import FrfRequest, Machine, export_state_space
+from mbw.named_arrays import write_named_arrays
+from mbw.predict.plant_state_space import port_texts
+from mbw.predict.schema import UncertainPlantRow, WeightRow
+from tuning import PosteriorOfModel, read_result
+from tuning.plant import (
     AlternativePlants,
     FrfBands,
-    FrfRequest,
-    Machine,
-    PosteriorOfModel,
     assemble_uncertain_plant,
     bound_magnitudes,
-    export_state_space,
     measure_lft_error,
     sample_frfs,
 )
-from mbw.predict.named_arrays import write_named_arrays
-from mbw.predict.plant_state_space import port_texts
-from mbw.predict.schema import UncertainPlantRow, WeightRow
-from tuning import read_result
-from tuning.assessment.multiplicative_error import has_one_input_unit, held_out_input_error
+from tuning.plant.uncertainty.multiplicative_error import has_one_input_unit, held_out_input_error
 
 BANDS_NPZ, SAMPLES_NPZ = "bands.npz", "samples.npz"
 WEIGHT_NPZ, WEIGHT_MAT = "weight.npz", "weight.mat"

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import InputError, Real, UsageError
-from mbmodel import ReductionMethod
 from mbw.files import check_json_target
+from tuning.plant import ReductionMethod
 
 _METHODS: tuple[ReductionMethod, ...] = ("balanced", "modal")
 _FORMATS = (".npz", ".mat")

@@ -4,19 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mbmodel import (
-    ControlPlant,
-    FrfBands,
-    FrfRequest,
-    Machine,
-    Model,
-    input_unit,
-    make_control_plant,
-    output_unit,
-)
-from mbw.predict.named_arrays import write_named_arrays
+from mbmodel import FrfRequest, Machine, Model, input_unit, output_unit
+from mbw.named_arrays import write_named_arrays
 from mbw.predict.plant_request import PlantRequest
 from mbw.predict.schema import ReductionRow
+from tuning.plant import ControlPlant, FrfBands, make_control_plant
 
 
 def plant_state_space(

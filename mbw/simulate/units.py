@@ -2,7 +2,7 @@
 
 from identification.words import Input, Quantity, Signal
 from mbmodel import Machine
-from mbmodel.frf.signal_rows import is_floor
+from mbmodel.ports.signal_rows import is_floor
 from mbmodel.simulation.drives import JointDof, Reading, SensorValue
 from mbw.page.numbers import MOTION_UNITS
 

@@ -28,8 +28,7 @@ from mbw.simulate.animation import write_animation
 from mbw.simulate.campaign_folder import ANSWER, CAMPAIGN, MODEL, TRUE_MODEL, write_campaign
 from mbw.simulate.hammer_plan import PlannedTest, plan_test
 from mbw.simulate.joint_laws import SimulatedMachine, open_machine
-from mbw.simulate.option_conflicts import refuse_conflicts
-from mbw.simulate.option_values import TestOptions
+from mbw.simulate.option_values import TestOptions, refuse_conflicts
 from mbw.simulate.page import PAGE, PageView, hit_views, render
 from mbw.simulate.played_signal import PlayOptions, load_signal, parse_quantity, write_response
 from mbw.simulate.summary import SimulationSummary, count_noun

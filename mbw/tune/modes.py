@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Campaign, Dof, InputError, ModalModel, UsageError
-from mbw.identify.files import read_result
+from mbw.results.identified_files import read_result
 from tuning import ResidualKind, modes_in_band, select_modes
 
 RESIDUALS: dict[str, tuple[ResidualKind, ...]] = {

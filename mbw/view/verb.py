@@ -15,7 +15,7 @@ from mbw.animation.files import check_picture_target, write_pictures
 from mbw.animation.scene import FRAMES, ModeScene, move_scene
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
-from mbw.predict.prediction import Prediction, predict
+from mbw.prediction import Prediction, predict
 
 
 class ViewedState(ResultFile):

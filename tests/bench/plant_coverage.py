@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from mbmodel.uncertainty.frf_bands import NORMAL_QUANTILE_95
 from tests.bench.kept import cases, of
 from tests.helpers.plant_coverage import plant_coverage
 from truth import Plan, Protocol, TruthError, read_station
 from truth.machine.random_tree import draw_tree
+from tuning import NORMAL_QUANTILE_95
 
 MACHINES, FIRST = 600, 662_000
 NAME = f"plant_coverage.{FIRST}"

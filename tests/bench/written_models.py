@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from identification.words import WorkbenchError
-from mbmodel import load_machine, write_model
+from mbmodel import held_parameters, load_machine, write_model
 from tests.helpers.written_machines import compare_with_mujoco, moved_model, random_machine
 
 NAME, SEED, EXACT = "written_models", 462_000, 1e-9
@@ -49,7 +49,7 @@ def _compare(name: str, path: Path, seed: int) -> dict[str, object]:
         seconds = time.process_time() - start
         statics = load_machine(path, follow=True).statics
         following = replace(model, machine=replace(model.machine, statics=statics))
-        difference = compare_with_mujoco(following, model.select_held(theta), target)
+        difference = compare_with_mujoco(following, held_parameters(model, theta), target)
     return {
         "machine": name,
         "difference": difference,

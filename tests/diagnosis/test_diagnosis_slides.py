@@ -8,6 +8,7 @@ import pytest
 
 from diagnosis import build_verdict, diagnose
 from diagnosis.released_session import release_session
+from mbmodel import model_edits
 from tests.helpers.drawn import drawn
 from tuning import open_session, predict
 
@@ -88,10 +89,10 @@ def test_slides_are_not_written_elsewhere(session):
     theta = wider.model.drawn.copy()
     names = [parameter.name for parameter in wider.model.parameters]
     theta[names.index("stage3.joint_position_x")] = 0.004
-    assert wider.model.edits(theta) == ()
+    assert model_edits(wider.model, theta) == ()
     theta[names.index("stage3.joint_rotation_z")] = 0.01
     drawing = wider.model.machine.drawing
-    edits = wider.model.edits(theta)
+    edits = model_edits(wider.model, theta)
     assert [edit.name for edit in edits] == [f"stage3_t{axis}" for axis in "xyz"]
     for edit in edits:
         assert edit.values["pos"] == tuple(drawing.joints[edit.name].position)

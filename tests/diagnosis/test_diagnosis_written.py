@@ -14,6 +14,7 @@ from mbmodel import (
     WrittenModel,
     as_drawn,
     load_machine,
+    model_edits,
     release_rigid_directions,
     write_model,
 )
@@ -108,7 +109,7 @@ def test_what_moves_along_one_axis_is_hung_at_the_nearest_place_on_it(scene, tmp
         np.abs(found - expected).max() < 1e-5 * np.abs(expected).max()
     )  # locked directions give way by 1e-5
     body = one.location.partition(":")[2]
-    added = [edit for edit in model.edits(theta) if "appendage" in edit.name]
+    added = [edit for edit in model_edits(model, theta) if "appendage" in edit.name]
     assert {edit.name.removesuffix(".a") for edit in added} == {f"{body}.appendage_x"}
     drawing = model.machine.drawing.bodies[body]
     (site,) = [edit for edit in added if edit.parent == body]
@@ -181,5 +182,5 @@ def test_what_no_mjcf_holds_is_said_with_its_reason(scene):
     ):
         one = next(one for one in EFFECTS[effect](scene) if one.parts)
         model, theta = sized(scene, one)
-        said = [str(edit) for edit in model.edits(theta)]
+        said = [str(edit) for edit in model_edits(model, theta)]
         assert any(reason in text for text in said), (effect, said)

@@ -4,11 +4,12 @@ import json
 
 import numpy as np
 
-from mbmodel import ParameterPosterior, load_machine, machine_model
-from tuning.error_budget.loop_margins import plant_margins
-from tuning.error_budget.loop_plant import LoopPlant
-from tuning.error_budget.read_definition import read_definition
+from mbmodel import load_machine, machine_model
+from tuning import ParameterPosterior
 from tuning.files.posterior_file import write_posterior
+from tuning.plant.error_budget.loop_margins import plant_margins
+from tuning.plant.error_budget.loop_plant import LoopPlant
+from tuning.plant.error_budget.read_definition import read_definition
 
 TWO = """
 <mujoco model="two"><option gravity="0 0 0"/><worldbody>

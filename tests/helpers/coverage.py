@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Dof
-from mbmodel import NORMAL_QUANTILE_95, FrfRequest, linearise
+from mbmodel import FrfRequest, linearise
 from truth import Plan, Protocol, draw_campaign, write_campaign
 from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true
 from truth.machine.rig import Prepared, accelerance, build
 from truth.machine.station import Sensor, Station
-from tuning import estimate_confidence, fit, open_session
+from tuning import NORMAL_QUANTILE_95, estimate_confidence, fit, open_session
 from tuning.assessment.frf_bands import frf_deviations
 from tuning.assessment.parameter_confidence import rank_pulls
 from tuning.campaign_tuning import choose_fit, refit_without_bounds

@@ -6,10 +6,10 @@ import numpy as np
 
 from identification.words import Real
 from truth import Plan, write_campaign
-from truth.campaign.draw import stream
 from truth.campaign.virtual_test import Subject, draw_subject, measure_subject
 from truth.machine.ports import joint_row, plant_receptance
 from truth.machine.station import Station
+from truth.random_streams import stream
 
 FREQ_HZ = np.arange(4.0, 200.0, 1.0)
 _HITS = 20  # averages

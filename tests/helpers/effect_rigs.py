@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from truth.campaign.draw import stream
 from truth.effects import Effect, Scene
 from truth.machine.rig import Occasion, Prepared, Rig, accelerance, build
 from truth.machine.station import GROUND, Hammer, Joint, Sensor, Stage, Station
+from truth.random_streams import stream
 
 FREQ = np.linspace(1.0, 200.0, 160)
 OCCASIONS = tuple(Occasion(200.0, 1, axis) for axis in range(3))

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Real
-from mbmodel import FrfRequest, frf_bands, load_machine, machine_model
-from mbmodel.uncertainty.frf_bands import NORMAL_QUANTILE_95, FrfBands
+from mbmodel import FrfRequest, load_machine, machine_model
 from truth import Plan, write_campaign
-from truth.campaign.draw import stream
 from truth.campaign.virtual_test import Subject, draw_subject, measure_subject
 from truth.machine.dynamics import motion_row
 from truth.machine.ports import joint_row, plant_receptance, point_row
 from truth.machine.rig import Prepared
 from truth.machine.station import Complex, Station
-from tuning import open_session, read_posterior, tune
+from truth.random_streams import stream
+from tuning import NORMAL_QUANTILE_95, open_session, read_posterior, tune
 from tuning.files.result import TUNED_MJCF, write_result
+from tuning.plant import FrfBands, frf_bands
 
 _JOINTS = 3  # that are inputs, and as many that are outputs
 _SPREAD_M = 0.15  # of the points about the centres of mass, standard deviation

@@ -17,6 +17,7 @@ from mbmodel import (
     as_drawn,
     linearise,
     load_machine,
+    model_edits,
     release_rigid_directions,
     spring_parts,
     write_mjcf,
@@ -111,7 +112,7 @@ def test_a_direction_released_askew_is_written_along_its_own_axis_and_pushed_by_
     released_model = Model(extended, (*model.parts, *hypothesis.parts))
     theta = np.append(model.drawn, [50.0, 1.0])
     target = tmp_path / "written.xml"
-    assert write_mjcf(rigid.source, target, released_model.edits(theta)) == ()
+    assert write_mjcf(rigid.source, target, model_edits(released_model, theta)) == ()
     written = load_machine(target)
     np.testing.assert_allclose(written.jacobian[:, 5], whole.jacobian[:, 5], atol=1e-12)
     frf_request = random_request(written, np.arange(5.0, HIGHEST, 5.0))

@@ -25,6 +25,7 @@ from mbmodel import (
     hammer_parts,
     linearise,
     load_machine,
+    model_edits,
     sensor_parts,
     spring_parts,
     write_mjcf,
@@ -38,7 +39,7 @@ MESHED = (
 
 
 def edits_of(model, theta):
-    return model.edits(theta)
+    return model_edits(model, theta)
 
 
 def spring(name, **values):
@@ -296,7 +297,7 @@ def test_the_hammer_stays_where_it_is_drawn_if_the_sensor_there_moves(station_mo
     theta[names.index("acc11.rotation_y")] = 0.05
     theta[names.index("acc11.position_x")] = 0.004
     target = tmp_path / "tuned.xml"
-    assert write_mjcf(STATION, target, model.edits(theta)) == ()
+    assert write_mjcf(STATION, target, model_edits(model, theta)) == ()
     again = as_drawn(load_machine(target))
     freq, outputs = np.linspace(5, 200, 14), tuple(Dof.of("acc11", axis) for axis in range(3))
     expected = linearise(model, theta, FrfRequest(freq, outputs, hit)).values

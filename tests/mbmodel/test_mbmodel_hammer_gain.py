@@ -14,6 +14,7 @@ from mbmodel import (
     hammer_gain_parts,
     hammer_parts,
     load_machine,
+    model_edits,
     spring_parts,
 )
 from tests.helpers.small_machine import MJCF
@@ -120,7 +121,7 @@ def test_nothing_acts_apart_from_a_test_and_an_mjcf_holds_no_gain(model):
     )
     assert any(
         getattr(edit, "reason", "") == "an MJCF describes no force channel"
-        for edit in model.edits(theta)
+        for edit in model_edits(model, theta)
     )
     assert model.acting_fractions(HIT) == (1.0, 0.0, 1.0)
     assert model.acting_fractions(DRIVEN) == (0.0, 1.0, 1.0)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from joint_cycle import cycle_joint
 from mbmodel_examples import mjcf
 
 from identification.words import InputError, UsageError
 from mbmodel import as_drawn, load_machine, model_modes, simulate
-from mbmodel.nonlinear_joints.cycle import cycle_joint
 from mbmodel.nonlinear_joints.files import read_nonlinear_joints, write_nonlinear_joints
 from mbmodel.nonlinear_joints.laws import (
     DryFriction,

@@ -31,6 +31,7 @@ from mbmodel import (
     joint_parts,
     linearise,
     load_machine,
+    model_edits,
     sensor_parts,
     spring_parts,
     write_mjcf,
@@ -196,8 +197,8 @@ def test_the_hammer_of_one_direction_leaves_the_sensor_there_alone(station):
 
 def rebuilt(model, theta, tmp_path):
     target = tmp_path / "rebuilt.xml"
-    assert write_mjcf(model.machine.source, target, model.edits(theta)) == ()
-    missing = [edit for edit in model.edits(theta) if isinstance(edit, NotInMjcf)]
+    assert write_mjcf(model.machine.source, target, model_edits(model, theta)) == ()
+    missing = [edit for edit in model_edits(model, theta) if isinstance(edit, NotInMjcf)]
     return as_drawn(load_machine(target)), missing
 
 
@@ -317,7 +318,9 @@ def test_a_sensor_reads_across_its_axes_symmetrically_and_late(station):
     expected[:, :3] = (drawn[:, :3] * sign) @ mix * sign
     expected[:, 1] *= np.exp(-4e-4 * frf_request.laplace)
     np.testing.assert_allclose(off_drawing, expected, rtol=1e-12)
-    reasons = {edit.name: edit.reason for edit in model.edits(theta) if hasattr(edit, "reason")}
+    reasons = {
+        edit.name: edit.reason for edit in model_edits(model, theta) if hasattr(edit, "reason")
+    }
     assert reasons["acc7.delay_y"] == "an MJCF site has no delay"
 
 

@@ -5,8 +5,7 @@ import pytest
 
 from identification.words import Dof, Signal
 from mbmodel.frf.channel_factors import output_selection
-from mbmodel.frf.point_channels import NO_CHANNELS, group_by_point
-from mbmodel.frf.ports import direction_selection
+from mbmodel.ports.ports import NO_CHANNELS, direction_selection, group_by_point
 
 LABELS = (
     Dof("acc2", "-ty"),

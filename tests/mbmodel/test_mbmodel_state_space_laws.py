@@ -28,8 +28,8 @@ from mbmodel import (
     spring_law_part,
     spring_parts,
 )
+from mbmodel.control_loops.delay_fraction import DelayFraction
 from mbmodel.export.approximations import approximate
-from mbmodel.export.delay_fraction import DelayFraction
 
 FREQ_HZ = np.linspace(2.0, 200.0, 397)
 S = 2j * np.pi * FREQ_HZ

@@ -16,6 +16,7 @@ from mbmodel import (
     hammer_parts,
     joint_parts,
     load_machine,
+    model_edits,
     parse_input,
     parse_output,
     release_rigid_directions,
@@ -102,7 +103,7 @@ def test_a_variant_at_other_parameters_is_the_machine_written_anew(machine, name
         is_displaced = "joint_position" in parameter.name and name in ("turned", "both")
         theta[k] *= not (is_turned or is_displaced)
     target = tmp_path / "tuned.xml"
-    assert not write_mjcf(machine.source, target, model.edits(theta))
+    assert not write_mjcf(machine.source, target, model_edits(model, theta))
     if name in ("loaded", "both"):
         target.write_text(loaded_text(target.read_text(encoding="utf-8")), encoding="utf-8")
     twin = load_machine(target, pose=POSES.get("turned" if name == "both" else name))

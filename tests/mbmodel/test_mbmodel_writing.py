@@ -17,6 +17,7 @@ from mbmodel import (
     Model,
     NotInMjcf,
     as_drawn,
+    held_parameters,
     load_machine,
     model_modes,
     read_nonlinear_joints,
@@ -27,7 +28,7 @@ from mbmodel import (
     write_model,
     write_nonlinear_joints,
 )
-from mbmodel.writing import written_file
+from mbmodel.mjcf import written_file
 from mbmodel.writing.read_back import compare_machines
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
@@ -221,7 +222,7 @@ def test_what_the_file_holds_is_what_is_not_listed(tmp_path):
     names, theta = [p.name for p in model.parameters], model.drawn.copy()
     theta[names.index("acc1.gain_x")], theta[names.index("acc1.delay_y")] = 1.1, 1e-4
     theta[names.index("acc1.position_x")] = 0.01
-    held = model.select_held(theta)
+    held = held_parameters(model, theta)
     assert [n for n, a, b in zip(names, theta, held, strict=True) if a != b] == [
         "acc1.gain_x", "acc1.delay_y",
     ]  # fmt: skip

@@ -22,10 +22,10 @@ from mbw.command import app
 from truth import Choice, draw_case
 from truth.campaign.case_design import deal_cards
 from truth.campaign.draw import NO_TOLERANCE
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import takes
 from truth.campaign.virtual_test import hammers_of
-from truth.machine.machine_on_test import Machine
 from tuning import open_campaign
 
 RUNNER = CliRunner()

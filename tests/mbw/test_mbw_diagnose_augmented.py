@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mbw.diagnose.files import find_established_fit
+from mbw.diagnose.augmented import find_established_fit
 
 
 def diagnosis(established, *, refits=()):

@@ -9,12 +9,12 @@ from browser import data_of
 from diagnosed import diagnosed, lead_of
 
 from diagnosis.verdict.schema import CauseRow, RemarkRow, RestRow, Where
-from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
 from mbw.diagnose.rest_sentences import find_best_candidate, remark_sentences, rest_sentence
-from mbw.diagnose.schema import EstablishedRow
 from mbw.diagnose.sentences import UNEXPLAINED, capitalise, sensor_check_sentences
-from mbw.identify.schema import FaultRow
+from mbw.results.diagnosed_files import read_result
+from mbw.results.diagnosed_schema import EstablishedRow
+from mbw.results.fault_rows import FaultRow
 from tests.helpers.judged import evidence, fitted
 
 

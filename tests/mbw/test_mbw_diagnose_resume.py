@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from diagnosis.refits import refitting
 from mbw.command import app
 from mbw.diagnose import verb
-from mbw.diagnose.files import CHECKPOINT, EVIDENCE, VERDICT
+from mbw.results.diagnosed_files import CHECKPOINT, EVIDENCE, VERDICT
 from tests.helpers.drawn import drawn
 
 STEP = "refits of the most promising hypotheses"  # the null model is finished then

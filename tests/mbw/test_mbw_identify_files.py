@@ -16,7 +16,8 @@ from identification.modal import mac
 from identification.words import Dof, ModalModel
 from mbmodel import as_drawn, load_machine, model_modes, shapes_at
 from mbw.command import app
-from mbw.identify.files import read_result, write_full_matrix
+from mbw.identify.files import write_full_matrix
+from mbw.results.identified_files import read_result
 
 RUNNER = CliRunner()
 

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 from identification.words import Dof
 from mbmodel import as_drawn, load_machine, model_modes, shapes_at
 from mbw.command import app
-from mbw.identify.files import read_result
 from mbw.identify.hits import _average_neighbours
+from mbw.results.identified_files import read_result
 from tuning import open_campaign
 
 RUNNER = CliRunner()

@@ -11,11 +11,10 @@ from typer.testing import CliRunner
 from identification.level_check import check_levels
 from mbmodel import as_drawn, load_machine
 from mbw.command import app
-from mbw.identify.files import read_result
 from mbw.identify.levels import level_row, level_section
 from mbw.identify.page import render
 from mbw.identify.remarks import list_remarks
-from mbw.identify.result import IdentificationResult
+from mbw.results.identified_files import IdentificationResult, read_result
 from tests.helpers.nonlinear_mass import MJCF, level_campaign
 
 LEVELS_N = (20.0, 100.0, 200.0)

@@ -14,10 +14,11 @@ from typer.testing import CliRunner
 from identification.modal import ScaledModes, full_matrix_model
 from mbmodel import load_machine, machine_geometry
 from mbw.command import app
-from mbw.identify.files import _modal_model, read_result
+from mbw.identify.files import _modal_model
 from mbw.identify.page import render
-from mbw.identify.result import IdentificationResult
-from mbw.identify.schema import FaultRow, SolidRow
+from mbw.results.fault_rows import FaultRow
+from mbw.results.identified_files import IdentificationResult, read_result
+from mbw.results.identified_schema import SolidRow
 
 RUNNER = CliRunner()
 PROBE = """<script>

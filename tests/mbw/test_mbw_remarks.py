@@ -14,7 +14,7 @@ from mbw.remarks import (
     list_remarks,
 )
 from tuning import read_result
-from tuning.files.schema import UnseenRow
+from tuning.assessment.findings import UnseenRow
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from mbw.tune.page import render
 from mbw.tune.parameters import interval_note, parameter_rows
 from mbw.tune.pulls import kind_of, pull_points, pulls_note, pulls_table
 from tuning import read_result
-from tuning.files.schema import CorrelationRow, UnseenRow
+from tuning.assessment.findings import CorrelationRow, UnseenRow
 
 
 @pytest.fixture(scope="module")

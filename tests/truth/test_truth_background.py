@@ -8,15 +8,15 @@ import pytest
 
 from truth.background.draw import Background, draw_background
 from truth.background.items import AskewGuides, ChannelDelays
-from truth.background.sizing import mean_error, size_background
+from truth.campaign.background_sizing import mean_error, size_background
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.draw import Tolerance, draw_hammers
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.protocol import Protocol, takes
 from truth.campaign.survival import refit_of
 from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.errors import TruthError
 from truth.grade.answer import read_answer
-from truth.machine.machine_on_test import Machine
 from truth.machine.rig import Occasion, accelerance
 
 TOLERANCE = Tolerance()

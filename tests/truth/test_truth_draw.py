@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true, stream
+from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true
 from truth.errors import TruthError
 from truth.machine.station import HitPoint, is_inertia
+from truth.random_streams import stream
 
 SEEDS = range(25)
 TOLERANCE = Tolerance()

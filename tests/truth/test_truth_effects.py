@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truth.campaign.draw import stream
+from truth.campaign.machine_on_test import Machine
 from truth.effects import CATALOGUE, Scene
 from truth.effects.appendage import Appendage
 from truth.errors import TruthError
-from truth.machine.machine_on_test import Machine
 from truth.machine.rig import Occasion, Prepared, accelerance, build
+from truth.random_streams import stream
 
 FREQ = np.linspace(0.5, 200, 400)
 W = 2 * np.pi * FREQ

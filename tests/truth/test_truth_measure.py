@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truth.campaign.draw import NO_TOLERANCE, draw_basis, draw_hammers, stream
+from truth.campaign.draw import NO_TOLERANCE, draw_basis, draw_hammers
+from truth.campaign.machine_on_test import Known, Machine
 from truth.campaign.measure import (
     PULSE_SECONDS,
     Pulses,
@@ -18,8 +19,8 @@ from truth.campaign.measure import (
 from truth.campaign.protocol import Protocol, takes
 from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.errors import TruthError
-from truth.machine.machine_on_test import Known, Machine
 from truth.machine.rig import Occasion, Prepared, accelerance, build
+from truth.random_streams import stream
 
 ROWS = [3, 4, 5, 6, 7, 8, 0, 1, 2]  # of the small machine: nodes 1, 2, 3 in the station's order
 

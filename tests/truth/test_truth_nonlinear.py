@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.measure import hammer_tests, pulse_spectra
 from truth.campaign.protocol import Protocol, takes
 from truth.effects.backlash import Backlash, Play
@@ -14,7 +15,6 @@ from truth.effects.hardening import Cubic, Hardening
 from truth.effects.outside.rocking_contact import Rocking
 from truth.effects.places import JointDirection
 from truth.errors import TruthError
-from truth.machine.machine_on_test import Machine
 from truth.machine.nonlinear import Pulses, nonlinear_readings, rest_forces
 from truth.machine.rig import Law, NonlinearJoint, Occasion, Rig, accelerance
 from truth.machine.station import GROUND, Hammer, Joint, Sensor, Stage, Station

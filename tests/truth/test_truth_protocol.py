@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from truth.campaign.draw import NO_TOLERANCE, draw_basis, draw_hammers, draw_rigid
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, draw_protocol, occasions, takes
 from truth.campaign.virtual_test import Plan, draw_campaign
-from truth.machine.machine_on_test import Machine
 
 
 @pytest.fixture(scope="module")

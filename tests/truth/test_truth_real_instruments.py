@@ -24,11 +24,11 @@ from truth.campaign.draw import (
 )
 from truth.campaign.file_formats import model_xml
 from truth.campaign.frf_sensitivities import jacobian, stacked
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.measure import hammer_test
 from truth.campaign.protocol import Protocol, takes
 from truth.campaign.tolerance_answer import stated
 from truth.effects.effect import Answer
-from truth.machine.machine_on_test import Machine
 from truth.machine.rig import Prepared, accelerance, build
 
 FREQ = np.linspace(10.0, 190.0, 7)

@@ -7,7 +7,6 @@ import pytest
 
 from tests.helpers.linearised import stack_jacobian
 from truth import Protocol, Tolerance, Weighing, find_signatures, linearise_test, predict_smallest
-from truth.campaign.draw import stream
 from truth.campaign.linear_verdicts import LinearVerdicts
 from truth.campaign.signatures import gram_matrix
 from truth.campaign.smallest_sizes import find_thresholds
@@ -15,6 +14,7 @@ from truth.campaign.tolerance_shift import list_without_tolerance, shift_of
 from truth.effects import CATALOGUE
 from truth.effects.effect import stated_number
 from truth.machine.random_tree import draw_tree
+from truth.random_streams import stream
 
 WEIGHING = Weighing(
     values=9000.0,

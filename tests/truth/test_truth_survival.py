@@ -10,17 +10,18 @@ from scipy.optimize import lsq_linear
 from tests.helpers.linearised import write_out
 from truth.campaign.bounded_least_squares import BOUND, normal_matrix
 from truth.campaign.cause import Cause, Wanted, draw_effects
-from truth.campaign.draw import Tolerance, draw_hammers, stream
+from truth.campaign.draw import Tolerance, draw_hammers
 from truth.campaign.frf_sensitivities import jacobian, jacobian_again
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, occasions, takes
 from truth.campaign.survival import refit_of
 from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
 from truth.errors import NoPlaceError, TruthError
-from truth.machine.machine_on_test import Machine
 from truth.machine.random_tree import draw_tree
 from truth.machine.rig import Occasion, accelerance
+from truth.random_streams import stream
 
 TOLERANCE = Tolerance()
 PROTOCOL = Protocol((1,), averages=10, lines=201, resolution_hz=1.0)

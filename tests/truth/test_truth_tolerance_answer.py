@@ -14,14 +14,14 @@ from truth.campaign.draw import (
     draw_drawing,
     draw_hammers,
     draw_true,
-    stream,
 )
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.protocol import Protocol, occasions, takes
 from truth.campaign.tolerance_answer import stated
 from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
-from truth.machine.machine_on_test import Machine
 from truth.machine.rig import Occasion
+from truth.random_streams import stream
 
 SEED = 8
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machine_fixtures import from_text, station, station_model
 from small_machine import MJCF, TOLERANCE, campaign, drawing, flip, model, true_theta
 
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
@@ -21,7 +22,16 @@ from mbmodel import (
 )
 from tuning import UserSpecification, parametrise
 
-__all__ = ["campaign", "drawing", "flip", "model", "true_theta"]
+__all__ = [
+    "campaign",
+    "drawing",
+    "flip",
+    "from_text",
+    "model",
+    "station",
+    "station_model",
+    "true_theta",
+]
 
 FREQ = np.array([6, 11, 17, 23, 31, 38, 47, 52, 61, 70, 78, 87, 99, 108, 121, 133, 149.0])
 # Reference, window, sensors, level: tests of one input, tests of one window, a hit against its axis

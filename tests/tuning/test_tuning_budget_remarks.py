@@ -6,9 +6,9 @@ from budget_case import BUDGET, write_machine
 
 from identification.words import InputError
 from mbmodel import as_drawn, load_machine
-from tuning.error_budget.budget import error_budget
-from tuning.error_budget.budget_remarks import budget_sentences
-from tuning.error_budget.read_definition import read_definition
+from tuning.plant.error_budget.budget import error_budget
+from tuning.plant.error_budget.budget_remarks import budget_sentences
+from tuning.plant.error_budget.read_definition import read_definition
 
 ONE = """<mujoco><option gravity="0 0 0"/><worldbody><body name="m">
   <inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/>

@@ -8,12 +8,13 @@ from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES, write_machine
 from scipy.linalg import eigh, expm
 
 from identification.words import InputError
-from mbmodel import ParameterPosterior, as_drawn, load_machine
+from mbmodel import as_drawn, load_machine
+from tuning import ParameterPosterior
 from tuning.control_loops.stability import growing_pole
-from tuning.error_budget.budget import budget_on_lines, error_budget
-from tuning.error_budget.loop_algebra import close_loops
-from tuning.error_budget.read_definition import read_definition
-from tuning.error_budget.rms_interval import (
+from tuning.plant.error_budget.budget import budget_on_lines, error_budget
+from tuning.plant.error_budget.loop_algebra import close_loops
+from tuning.plant.error_budget.read_definition import read_definition
+from tuning.plant.error_budget.rms_interval import (
     log_rms_gradient,
     rms_interval,
     sample_rms,

@@ -9,14 +9,14 @@ from budget_case import BUDGET, TWO, VALUES
 from identification.readers.controller import controller_from_roots, read_controller
 from identification.words import InputError, UsageError
 from mbmodel import as_drawn, load_machine
-from tuning.error_budget.controller import controller_from_system
-from tuning.error_budget.read_definition import read_definition
-from tuning.error_budget.spectra import (
+from tuning.control_loops.controller import controller_from_system
+from tuning.plant.error_budget.read_definition import read_definition
+from tuning.plant.error_budget.spectra import (
     VIBRATION_CRITERIA_M_PER_S,
     read_spectrum,
     vibration_criterion,
 )
-from tuning.error_budget.spectral_units import parse_density_unit, parse_signal_unit
+from tuning.plant.error_budget.spectral_units import parse_density_unit, parse_signal_unit
 
 WHOLE = BUDGET.format(gain=3e5, delay=0.0, lines="")
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.io
 from hung_machines import Bob
 
-from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine, write_mjcf
+from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine, model_edits, write_mjcf
 from tuning import open_session, tune
 from tuning.files.result import summarise_tuning
 
@@ -78,7 +78,7 @@ def test_tuned_xml_loaded_anew_answers_as_the_tuned_parameters(tuned, tmp_path):
     mechanical = [part.location.startswith(("joint:", "tendon:", "body:")) for part in model.parts]
     chosen = np.repeat(mechanical, [len(part.parameters) for part in model.parts])
     theta = np.where(chosen, tuned.model_fit.theta, model.drawn)
-    assert not write_mjcf(model.machine.source, tmp_path / "tuned.xml", model.edits(theta))
+    assert not write_mjcf(model.machine.source, tmp_path / "tuned.xml", model_edits(model, theta))
     again = as_drawn(load_machine(tmp_path / "tuned.xml"))
     request = FrfRequest(FREQ, tuned.session.campaign.outputs, tuned.session.campaign.inputs)
     values, expected = (

@@ -16,11 +16,11 @@ from budget_case import (
 )
 
 from mbmodel import load_machine, machine_model
-from tuning.error_budget.budget import error_budget
-from tuning.error_budget.closed_loop_states import loop_states
-from tuning.error_budget.loop_margins import closed_loops
-from tuning.error_budget.loop_plant import LoopPlant
-from tuning.error_budget.plant_budget import plant_budget
+from tuning.plant.error_budget.budget import error_budget
+from tuning.plant.error_budget.closed_loop_states import loop_states
+from tuning.plant.error_budget.loop_margins import closed_loops
+from tuning.plant.error_budget.loop_plant import LoopPlant
+from tuning.plant.error_budget.plant_budget import plant_budget
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 import json
 
-from tuning.assessment.found_lags import moved_sensor_remark
+from tuning.files.found_lags import moved_sensor_remark
 
 
 def test_sensors_off_the_drawing_are_named_with_millimetres_and_degrees(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 from identification.words import InputError
 from tuning import LevelFrfs, TuningResult
-from tuning.assessment.multiplicative_error import held_out_input_error
+from tuning.plant.uncertainty.multiplicative_error import held_out_input_error
 
 FREQ = np.linspace(0.0, 100.0, 201)
 OUTPUTS = tuple(f"acc{node}:+t{axis}" for node in range(1, 9) for axis in "xyz")

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from mbmodel import FrfRequest, linearise, load_machine
-from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 from tests.helpers.plant_coverage import plant_coverage
 from tests.helpers.tuning_case import tuning_case
 from truth import Plan, Protocol
 from truth.machine.random_tree import draw_tree
 from tuning import estimate_confidence, fit
+from tuning.assessment.model_discrepancy import discrepancy_motion
 from tuning.assessment.plant_confidence import estimate_plant_confidence
 from tuning.fitting.stages import LAST_STAGE
 

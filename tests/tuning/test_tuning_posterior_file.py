@@ -5,9 +5,10 @@ import pytest
 from campaign_folder import write_folder
 
 from identification.words import Dof, InputError
-from mbmodel import FrfRequest, frf_bands, linearise, load_machine, machine_model
+from mbmodel import FrfRequest, linearise, load_machine, machine_model
 from tuning import open_session, read_posterior, tune, write_result
 from tuning.assessment.frf_bands import frf_deviations
+from tuning.plant import frf_bands
 
 AXES = tuple(Dof.of("acc6", axis) for axis in range(3))
 REQUEST = FrfRequest(np.linspace(6.0, 160.0, 40), AXES, AXES)

@@ -6,9 +6,9 @@ import pytest
 from budget_case import SECOND_LOOP, VALUES, loop_definition, write_machine
 
 from mbmodel import as_drawn, load_machine
-from tuning.error_budget.loop_margins import plant_margins
-from tuning.error_budget.loop_plant import LoopPlant
-from tuning.error_budget.reference_step import ReferenceStep, reference_steps
+from tuning.plant.error_budget.loop_margins import plant_margins
+from tuning.plant.error_budget.loop_plant import LoopPlant
+from tuning.plant.error_budget.reference_step import ReferenceStep, reference_steps
 
 
 @pytest.fixture(scope="module")

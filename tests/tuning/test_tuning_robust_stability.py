@@ -18,15 +18,16 @@ from budget_case import (
 from scipy.linalg import eigh
 
 from identification.words import parse_port
-from mbmodel import FrfRequest, frf_bands, load_machine, machine_model
+from mbmodel import FrfRequest, load_machine, machine_model
 from mbw.plant.margin_rows import margins_row
 from mbw.plant.margin_sentences import robust_sentence
 from tuning import LevelFrfs, TuningResult
-from tuning.assessment.multiplicative_error import held_out_loop_error
-from tuning.error_budget.budget import error_budget
-from tuning.error_budget.plant_budget import plant_budget
-from tuning.error_budget.robust_stability import FLOOR as FLOOR_WEIGHT
-from tuning.error_budget.robust_stability import HELD_OUT
+from tuning.plant import frf_bands
+from tuning.plant.error_budget.budget import error_budget
+from tuning.plant.error_budget.plant_budget import plant_budget
+from tuning.plant.error_budget.robust_stability import FLOOR as FLOOR_WEIGHT
+from tuning.plant.error_budget.robust_stability import HELD_OUT
+from tuning.plant.uncertainty.multiplicative_error import held_out_loop_error
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,12 @@ import control
 import numpy as np
 import pytest
 
-from tuning.control_loops.loop_gain_lines import first_lines, sensitivity
-from tuning.control_loops.scaled_singular_values import scaled_singular_values, singular_values
-from tuning.control_loops.stability_margins import stability_margins
+from tuning.plant.control_loops.loop_gain_lines import first_lines, sensitivity
+from tuning.plant.control_loops.scaled_singular_values import (
+    scaled_singular_values,
+    singular_values,
+)
+from tuning.plant.control_loops.stability_margins import stability_margins
 
 S = control.tf("s")
 NOTCH = (S**2 + 0.02 * S + 400) / (S**2 + 0.05 * S + 900)

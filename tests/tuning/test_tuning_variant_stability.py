@@ -24,7 +24,7 @@ from mbmodel import Evaluator, FrfRequest, parse_input, parse_output
 from mbw.command import app
 from tuning import open_session
 from tuning.control_loops.stability import tuned_loop_remarks
-from tuning.variant_model import read_variant_model
+from tuning.plant.variant_model import read_variant_model
 
 RUNNER = CliRunner()
 ADDED, SHIFT = 6.0, 0.12

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.background.items import AskewGuides, ChannelDelays
-from truth.campaign.draw import stream
 from truth.effects.appendage import Appendage
 from truth.effects.chance import log_uniform
 from truth.effects.effect import Effect, Scene
@@ -20,6 +19,7 @@ from truth.effects.parallel_path import draw_parallel_path
 from truth.effects.structural_damping import StructuralDamping
 from truth.errors import TruthError
 from truth.machine.station import Real, Stage, Station
+from truth.random_streams import stream
 
 # Sizes at scale 1.
 CHANNEL_DELAY_S = 20e-6  # s, the longest of a sensor's three channels

@@ -12,7 +12,7 @@ import numpy as np
 
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
-from truth.campaign.draw import Tolerance, draw_basis, draw_rigid, stream
+from truth.campaign.draw import Tolerance, draw_basis, draw_rigid
 from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.place_names import find_place
 from truth.campaign.protocol import Protocol, draw_protocol, occasions, takes
@@ -22,6 +22,7 @@ from truth.effects.outside import OUTSIDE
 from truth.errors import NoPlaceError, TruthError
 from truth.machine.random_tree import draw_tree
 from truth.machine.station import Station
+from truth.random_streams import stream
 
 RATIOS = (1.0, 2.0, 4.0, 8.0)
 RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing

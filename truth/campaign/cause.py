@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from truth.campaign.draw import stream
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.survival import Refit
 from truth.effects import Effect, Scene
 from truth.effects.effect import stated_number
 from truth.effects.other_packages import known_effects
 from truth.errors import NoPlaceError, TruthError
-from truth.machine.machine_on_test import Machine
+from truth.random_streams import stream
 
 _DRAWS = 20  # of place and shape, for an effect as strong as is wanted
 _CLOSE = 0.04  # of the wanted ratio

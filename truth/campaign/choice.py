@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
-from truth.campaign.draw import Tolerance, stream
+from truth.campaign.draw import Tolerance
 from truth.campaign.protocol import Protocol
+from truth.random_streams import stream
 
 _SURE_NOTHING = 5  # chosen cases for one with nothing
 

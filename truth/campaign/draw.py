@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from truth.errors import TruthError
 from truth.machine.springs import Motor
 from truth.machine.station import GROUND, Hammer, Joint, Real, Sensor, Stage, Station, is_inertia
+from truth.random_streams import stream
 
 # Standard deviations of the logarithms: a machine about the nominal, a drawing about the machine.
 SPREAD_MASS = 0.1
@@ -49,12 +50,6 @@ NO_TOLERANCE = Tolerance(*(0.0,) * 13)
 REAL_INSTRUMENTS = Tolerance(
     sensor_delay=2e-5, sensor_cross=0.014, hammer_gain=0.02, hammer_delay=2e-5
 )
-
-
-def stream(seed: int, purpose: str) -> np.random.Generator:
-    """Return the random numbers of one purpose: a child of the seed, told apart by the name."""
-    sequence = np.random.SeedSequence(seed, spawn_key=tuple(purpose.encode()))
-    return np.random.default_rng(sequence)
 
 
 def draw_basis(nominal: Station, seed: int) -> Station:

@@ -1,12 +1,16 @@
-"""The three texts of a campaign: the drawing as MJCF, the campaign and the answer as TOML."""
+"""Files of a campaign: drawing as MJCF, campaign and answer as TOML, FRFs as an array file."""
 
+import io
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import asdict, replace
 
+import numpy as np
+
 from truth.campaign.cause import Cause, Draws
 from truth.campaign.draw import Tolerance
+from truth.campaign.measure import Measurement
 from truth.campaign.protocol import Protocol, Take
 from truth.effects import Answer
 from truth.machine.station import GROUND, Stage, Station
@@ -68,11 +72,6 @@ def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: 
         unit = f"  # {_UNITS[name]}" if name in _UNITS else ""
         lines.append(f"{name} = {value!r}{unit}")
     return "\n".join(lines) + "\n"
-
-
-def _level_lines(level: float) -> list[str]:
-    """Return the line of a level; none where the user stated none."""
-    return [f"level = {float(level)!r}  # N, peak of the impacts"] if level > 0 else []
 
 
 def _stated_lines(take: Take, averages: int) -> list[str]:
@@ -194,3 +193,13 @@ def _body(parent: ET.Element, stage: Stage) -> ET.Element:
 
 def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{value:.12g}" for value in values)
+
+
+def array_bytes(measurement: Measurement) -> bytes:
+    """Return the content of an .npz: frequencies, FRFs, their coherence if there is one, format."""
+    arrays = {"freq_hz": measurement.freq_hz, "frf": measurement.frf, "format": np.array(1)}
+    if measurement.coherence is not None:
+        arrays["coherence"] = measurement.coherence
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()

@@ -16,9 +16,9 @@ from itertools import chain
 import numpy as np
 
 from truth.campaign.draw import Tolerance
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.parameter_slopes import Slopes, Springs, list_springs, slopes_by_tolerances
 from truth.machine.dynamics import Equations, point_row
-from truth.machine.machine_on_test import Machine
 from truth.machine.rig import Occasion
 from truth.machine.station import Complex, Hammer, Real, Station
 

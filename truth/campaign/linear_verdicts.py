@@ -30,12 +30,12 @@ from typing import TypeAlias
 import numpy as np
 from scipy.special import logsumexp
 
-from truth.campaign.draw import stream
 from truth.campaign.held_tolerances import hold_tolerances
 from truth.campaign.signatures import Information, Signature, families, gram_matrix
 from truth.campaign.weighing import Weighing
 from truth.effects.effect import Vector
 from truth.machine.station import Integer, Mask, Real
+from truth.random_streams import stream
 
 Family: TypeAlias = tuple[str, str, str]
 _RIDGE = 1e-9  # of the Gram matrix of a family's shapes, relative

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.campaign.draw import NO_TOLERANCE, Tolerance
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.protocol import Protocol, occasions, takes
 from truth.campaign.survival import Refit, refit_of
 from truth.campaign.virtual_test import hammers_of
 from truth.effects import Scene
-from truth.machine.machine_on_test import Machine
 from truth.machine.station import Station
 
 MAX_VALUES = 16_000  # complex values of the signatures: fits see about as many

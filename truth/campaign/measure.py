@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.campaign.draw import stream
+from truth.campaign.machine_on_test import Known, Machine
 from truth.campaign.measured import MeasuredCampaign, MeasuredTest
 from truth.campaign.protocol import Channel, Protocol, Take, take_occasions
 from truth.errors import NoPlaceError, TruthError
-from truth.machine.machine_on_test import Known, Machine
 from truth.machine.nonlinear import RATE_HZ, Pulses, nonlinear_readings
 from truth.machine.rig import Occasion
 from truth.machine.station import Complex, Real
+from truth.random_streams import stream
 
 # A half sine this long has fallen by 14 dB at 200 Hz, by 9 and 21 dB at the ends of the scatter.
 PULSE_SECONDS = 5.7e-3

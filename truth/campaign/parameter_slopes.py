@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from truth.campaign.draw import Tolerance
+from truth.campaign.machine_on_test import Machine
 from truth.machine.couplings import coupled_matrices, tendon_rows
 from truth.machine.dynamics import (
     Equations,
@@ -20,7 +21,6 @@ from truth.machine.dynamics import (
     joint_rows,
     motion_row,
 )
-from truth.machine.machine_on_test import Machine
 from truth.machine.station import Real, Stage, Station
 
 _STEP = 1e-3  # of a tolerance's standard deviation, for differences of matrices

@@ -3,13 +3,13 @@
 import re
 
 from truth.campaign.choice import Choice
-from truth.campaign.draw import stream
 from truth.campaign.protocol import Protocol, occasions, takes
 from truth.effects import Scene
 from truth.effects.other_packages import known_effects
 from truth.effects.parallel_path import WORLD
 from truth.errors import NoPlaceError, TruthError
 from truth.machine.station import Station
+from truth.random_streams import stream
 
 _SHOWN = 12  # places in a sentence
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.campaign.draw import stream
 from truth.campaign.measured import MeasuredCampaign, MeasuredTest
 from truth.errors import TruthError
 from truth.machine.rig import Occasion
 from truth.machine.station import Real, Station
+from truth.random_streams import stream
 
 Channel = tuple[int, int]  # node and direction 1, 2, 3
 

@@ -21,13 +21,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from truth.campaign.draw import stream
 from truth.campaign.linearised_test import LinearisedTest
 from truth.campaign.tolerance_shift import ToleranceShift, list_without_tolerance, shift_of
 from truth.effects import NONLINEAR, Draw, Effect, Scene
 from truth.effects.places import hammer_site
 from truth.errors import TruthError
 from truth.machine.station import Mask, Real
+from truth.random_streams import stream
 
 _SHAPES = 4  # of an effect at each place, for each direction: a vector needs three
 _DRAWS = 16  # of direction and shape

@@ -30,6 +30,7 @@ from truth.campaign.bounded_least_squares import normal_matrix
 from truth.campaign.draw import Tolerance
 from truth.campaign.frf_sensitivities import jacobian, jacobian_again
 from truth.campaign.linear_refit import LinearRefit
+from truth.campaign.machine_on_test import Known, Machine
 from truth.campaign.measure import (
     PULSE_SECONDS,
     frf_deviation,
@@ -39,7 +40,6 @@ from truth.campaign.measure import (
 )
 from truth.campaign.protocol import Protocol, Take, take_occasions
 from truth.errors import NoPlaceError
-from truth.machine.machine_on_test import Known, Machine
 from truth.machine.nonlinear import Pulses
 from truth.machine.rig import Occasion
 from truth.machine.station import Complex, Joint, Real

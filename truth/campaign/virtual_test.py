@@ -7,8 +7,7 @@ from functools import partial
 from types import MappingProxyType
 
 from truth.background.draw import Background, draw_background
-from truth.background.sizing import size_background
-from truth.campaign.array_file import array_bytes
+from truth.campaign.background_sizing import size_background
 from truth.campaign.cause import Cause, Draws, draw_effects
 from truth.campaign.draw import (
     NO_TOLERANCE,
@@ -21,16 +20,17 @@ from truth.campaign.draw import (
     draw_motor,
     draw_rigid,
     draw_true,
-    stream,
 )
 from truth.campaign.file_formats import (
     MESH_FOLDER,
     MODEL_FOLDER,
     answer_toml,
+    array_bytes,
     campaign_toml,
     dirt_toml,
     model_xml,
 )
+from truth.campaign.machine_on_test import Machine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, Take, occasions, takes
 from truth.campaign.survival import Refit, refit_of
@@ -38,9 +38,9 @@ from truth.campaign.tolerance_answer import named, stated
 from truth.campaign.uff import uff_bytes
 from truth.effects import NONLINEAR, Scene
 from truth.errors import TruthError
-from truth.machine.machine_on_test import Machine
 from truth.machine.settling import carried, settled
 from truth.machine.station import Hammer, Real, Station
+from truth.random_streams import stream
 
 _TOLERANCE = Tolerance()
 _PROTOCOL = Protocol()

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from truth.effects.appendage import draw_appendage
 from truth.effects.backlash import draw_backlash
 from truth.effects.drift import draw_drift
-from truth.effects.effect import Always, Answer, Draw, Effect, Scene, Sized, Unsized
+from truth.effects.effect import Answer, Draw, Effect, Scene
 from truth.effects.feedback_delay import draw_feedback_delay
 from truth.effects.flexible_body import draw_flexible_body
 from truth.effects.friction import draw_friction
@@ -71,11 +71,8 @@ __all__ = [
     "CATALOGUE",
     "NONLINEAR",
     "RIVALS",
-    "Always",
     "Answer",
     "Draw",
     "Effect",
     "Scene",
-    "Sized",
-    "Unsized",
 ]

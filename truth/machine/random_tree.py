@@ -6,8 +6,8 @@ stage sits on its parent or beside its siblings, most suspension modes lie betwe
 
 import numpy as np
 
-from truth.campaign.draw import stream
 from truth.machine.station import GROUND, HitPoint, Joint, Real, Sensor, Shape, Stage, Station
+from truth.random_streams import stream
 
 STAGES = (3, 10)
 _BASE_MASS = (300.0, 3000.0)  # kg

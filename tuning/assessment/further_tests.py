@@ -24,9 +24,9 @@ from identification.words import (
     distinct_dofs,
 )
 from mbmodel import Model, Part, SensorPart, hammer_parts, sensor_parts
+from tuning.assessment.findings import GainRow
 from tuning.assessment.parameter_confidence import FREE_PRIOR_SD, ParameterConfidence
 from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
-from tuning.files.schema import GainRow
 from tuning.fitting.stages import thin_lines
 from tuning.misfit.misfit import Misfit
 from tuning.parametrisation.user_specification import parametrise

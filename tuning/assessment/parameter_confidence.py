@@ -30,15 +30,16 @@ from itertools import pairwise
 import numpy as np
 
 from identification.words import Campaign, Integers, Mask, Real
-from mbmodel import NORMAL_QUANTILE_95, Model
+from mbmodel import Model
+from tuning.assessment.findings import CorrelationRow, UnseenRow
 from tuning.assessment.gap import is_gap_visible
-from tuning.files.schema import CorrelationRow, UnseenRow
 from tuning.fitting.fitter import Fit
 from tuning.fitting.stages import LAST_STAGE
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.parametrisation.parametrisation import Parametrisation
 
+NORMAL_QUANTILE_95 = 1.959964  # two-sided 95 % quantile of the normal distribution
 # Largest plausible pull of a tolerance [standard deviations]: in one campaign of 500 the largest of
 # 300 tolerances exceeds it by chance.
 PLAUSIBLE_PULL_SIGMA = 4.5

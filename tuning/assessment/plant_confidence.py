@@ -2,7 +2,7 @@ r"""Confidence in a plant: covariance of the parameters where the model lacks so
 
 A fit follows what its model lacks, so that its parameters and its FRFs between other ports are off
 by more than the noise explains. The residuals show by how much. With the discrepancy of
-``mbmodel.uncertainty.model_discrepancy``, of variance e^2 D^2, a residual has the variance
+``tuning.assessment.model_discrepancy``, of variance e^2 D^2, a residual has the variance
 
     T = var + e^2 D^2,
 
@@ -30,7 +30,7 @@ from scipy.optimize import minimize_scalar
 
 from identification.words import Campaign, Complex, Mask, Real
 from mbmodel import Model
-from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
+from tuning.assessment.model_discrepancy import discrepancy_motion
 from tuning.assessment.parameter_confidence import ParameterConfidence
 from tuning.assessment.residual_statistics import independent_share
 from tuning.fitting.fitter import Fit

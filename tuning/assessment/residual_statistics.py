@@ -19,7 +19,7 @@ import numpy as np
 
 from identification import smooth_variance
 from identification.words import Campaign, Complex
-from tuning.assessment.model_error import profile_floor
+from tuning.misfit.model_error import profile_floor
 from tuning.misfit.weights import point_power_of, squared_size
 
 

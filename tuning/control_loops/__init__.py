@@ -1,1 +1,1 @@
-"""Control loops of a campaign or a budget: their tables, the check of their stability, a file."""
+"""Control loops of a campaign: their tables, the check of their stability, a file."""

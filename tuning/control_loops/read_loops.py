@@ -19,8 +19,8 @@ from identification.words import (
     UsageError,
 )
 from mbmodel import Machine, input_unit, output_unit, parse_input, parse_output
-from mbmodel.frf.signal_rows import is_floor
-from tuning.error_budget.controller import controller_from_system
+from mbmodel.ports.signal_rows import is_floor
+from tuning.control_loops.controller import controller_from_system
 
 
 def read_loops(

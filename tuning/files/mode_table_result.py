@@ -11,7 +11,8 @@ import numpy as np
 from identification.readers.mode_table import TabulatedMode
 from identification.readers.result_files import read_result_json
 from identification.words.csv_cells import write_csv
-from mbmodel import NORMAL_QUANTILE_95, NOT_WRITTEN, WrittenModel, mjcf_files, write_model
+from mbmodel import NOT_WRITTEN, WrittenModel, mjcf_files, write_model
+from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95
 from tuning.files.mode_table_schema import (
     ModeTableFile,
     TableFitRow,

@@ -1,10 +1,11 @@
-"""Rows of tuned.json about parameters and fit, and reasons not to trust them."""
+"""Rows of tuned.json about parameters, unknown gains and fit, and reasons not to trust them."""
 
 import shlex
+from collections.abc import Sequence
 
 import numpy as np
 
-from identification.words import Real
+from identification.words import NominalGain, Real
 from tuning.assessment.gap import Gap, is_gap_visible
 from tuning.assessment.parameter_confidence import (
     PLAUSIBLE_PULL_SIGMA,
@@ -14,9 +15,10 @@ from tuning.assessment.parameter_confidence import (
 from tuning.campaign_tuning import CampaignTuning
 from tuning.checks.exchanged_channels import name_exchanged_channels
 from tuning.control_loops.stability import tuned_loop_remarks
-from tuning.files.schema import FitRow, LevelGap, ParameterRow, StartRow
+from tuning.files.schema import ChannelGainRow, FitRow, LevelGap, ParameterRow, StartRow
 from tuning.fitting.fitter import Fit
 from tuning.misfit.batch import predict
+from tuning.parametrisation.parametrisation import Parametrisation
 
 _MAX_NAMES_IN_SENTENCE = 5  # in one sentence or row
 # Part of the mean square of the gap that pulled tolerances may leave if they explain it: a tenth of
@@ -179,6 +181,41 @@ def _starts(fit: Fit) -> list[StartRow]:
                     for k in order
                     if not 1 / _MIN_START_FACTOR < factor[k] < _MIN_START_FACTOR
                 },
+            )
+        )
+    return rows
+
+
+def channel_gain_rows(
+    nominal: Sequence[NominalGain],
+    parametrisation: Parametrisation,
+    theta: Real,
+    interval: tuple[Real, Real] | None,
+) -> list[ChannelGainRow]:
+    """Return one row for each gain: its nominal value times the fitted factor.
+
+    Args:
+        nominal: gains by which the FRFs were divided.
+        parametrisation: parametrisation of the fit.
+        theta: fitted parameters [SI]; (n_parameter,).
+        interval: both ends of their 95 % intervals; None if unknown.
+    """
+    index = {parameter.name: k for k, parameter in enumerate(parametrisation.parameters)}
+    rows = []
+    for gain in nominal:
+        k, late = index[gain.parameter], index.get(gain.delay_parameter)
+        ends = None
+        if interval is not None and parametrisation.free[k]:
+            low, high = sorted(gain.value * float(end[k]) for end in interval)
+            ends = low, high
+        rows.append(
+            ChannelGainRow(
+                location=gain.location,
+                dof=gain.direction,
+                gain=gain.value * float(theta[k]),
+                interval=ends,
+                is_product=gain.is_product,
+                delay=None if late is None else gain.delay_s + float(theta[late]),
             )
         )
     return rows

@@ -10,7 +10,8 @@ import numpy as np
 
 from identification.readers.result_files import read_result_arrays, write_result_arrays
 from identification.words import InputError, Integers, Real
-from mbmodel import Model, ParameterPosterior
+from mbmodel import Model
+from tuning.assessment.parameter_posterior import ParameterPosterior
 from tuning.parametrisation.parametrisation import Parametrisation
 
 POSTERIOR_NPZ = "posterior.npz"

@@ -15,15 +15,13 @@ from identification.readers.result_files import (
     write_result_arrays,
 )
 from identification.words import Campaign, Complex, InputError, Real
-from mbmodel import NOT_WRITTEN, Model, WrittenModel, model_modes, write_model
+from mbmodel import NOT_WRITTEN, Model, WrittenModel, held_parameters, model_modes, write_model
 from tuning.assessment.gap import Gap, block_error_shares, relative_change
-from tuning.assessment.model_error import estimate_model_error
 from tuning.campaign_tuning import CampaignTuning, Comparison
 from tuning.control_loops.loops_file import LOOPS_JSON, write_loops
-from tuning.files.gain_rows import channel_gain_rows
 from tuning.files.input_files import input_rows
 from tuning.files.mode_pair_rows import pair_rows
-from tuning.files.parameter_rows import fit_row, parameter_rows
+from tuning.files.parameter_rows import channel_gain_rows, fit_row, parameter_rows
 from tuning.files.posterior_file import POSTERIOR_NPZ, machine_posterior, write_posterior
 from tuning.files.schema import (
     BlockRow,
@@ -36,6 +34,7 @@ from tuning.files.schema import (
     TunedTestRow,
 )
 from tuning.misfit.batch import predict
+from tuning.misfit.model_error import estimate_model_error
 
 TUNED_JSON, TUNED_MJCF, FRF_NPZ = "tuned.json", "tuned.xml", "frf.npz"
 LEVELS = ("sensors", "bodies")
@@ -259,7 +258,7 @@ def not_held_error(model: Model, theta: Real, campaign: Campaign) -> float | Non
         theta: parameters in SI; (n_parameter,).
         campaign: its tests.
     """
-    held = predict(model, model.select_held(theta), campaign)
+    held = predict(model, held_parameters(model, theta), campaign)
     return relative_change(held, predict(model, theta, campaign))
 
 

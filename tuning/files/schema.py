@@ -1,18 +1,15 @@
 """Schema of tuned.json: its rows, validated on writing and on reading."""
 
-from typing import Literal
-
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from identification.readers.result_files import ResultFile
 from identification.words import Quantity
-
-ResidualKind = Literal["modal", "log"]
-FrfPlace = Literal["sensors", "bodies"]
+from tuning.assessment.findings import ROW_CONFIG, CorrelationRow, GainRow, UnseenRow
+from tuning.campaign_tuning import FrfPlace, ResidualKind
 
 
 class _Row(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ROW_CONFIG
 
 
 class GapRow(_Row):
@@ -66,38 +63,6 @@ class ParameterRow(_Row):
     prior: float | None = None
     pull: float | None = None
     seen: bool = True
-
-
-class CorrelationRow(_Row):
-    """Two parameters that the data hardly distinguish."""
-
-    first: str
-    second: str
-    correlation: float
-
-
-class UnseenRow(_Row):
-    """A direction that the data do not determine."""
-
-    parameters: list[str]
-    deviation: float
-    sentence: str
-
-
-class GainRow(_Row):
-    """Effect of one further measurement on the most uncertain parameter.
-
-    ``what`` is a hammer point at a site, or a sensor beside it. ``before`` and ``after`` are
-    standard deviations of ``parameter`` (relative for sizes). ``shrink`` is the median of
-    after / before over all stiffnesses and dampings.
-    """
-
-    what: str
-    place: str
-    parameter: str
-    before: float
-    after: float
-    shrink: float
 
 
 class ChannelGainRow(_Row):

@@ -1,0 +1,1 @@
+"""Ports of a model: what goes in and comes out, their rows, units and requests."""

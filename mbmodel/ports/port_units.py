@@ -1,0 +1,64 @@
+"""Units of ports: what an output reads, and what one unit of an input is."""
+
+from identification.words import Input, Output, Quantity, Signal
+from mbmodel.machine import Machine
+from mbmodel.ports.signal_rows import find_sensor, is_floor, turns
+
+CONTROL = "control"  # the unit of a motor's control, which an MJCF does not state
+_MOTION_UNITS: dict[Quantity, tuple[str, str]] = {  # along and about an axis
+    "receptance": ("m", "rad"),
+    "mobility": ("m/s", "rad/s"),
+    "accelerance": ("m/s²", "rad/s²"),
+}
+_QUANTITY_OF_ORDER: tuple[Quantity, ...] = ("receptance", "mobility", "accelerance")
+
+
+def output_unit(machine: Machine, port: Output, quantity: Quantity) -> str:
+    """Return the unit of an output: that of the quantity, but a MuJoCo sensor has its own.
+
+    Args:
+        machine: with the sensor or joint.
+        port: the output.
+        quantity: of the request.
+
+    Raises:
+        UsageError: a joint or sensor that the machine does not have.
+    """
+    if isinstance(port, Signal) and not (port.is_joint or port.is_directed):
+        return find_sensor(machine, port).unit
+    return _MOTION_UNITS[quantity][turns(machine, port)]
+
+
+def input_unit(machine: Machine, port: Input) -> str:
+    """Return the unit of an input: N or N m, an acceleration of the floor, or a control.
+
+    Args:
+        machine: with the joint or motor.
+        port: the input.
+
+    Raises:
+        UsageError: a joint that the machine does not have.
+    """
+    if is_floor(machine, port):
+        return _MOTION_UNITS["accelerance"][port.is_rotation]
+    if isinstance(port, Signal) and not (port.is_joint or port.is_directed):
+        return CONTROL
+    return "N m" if turns(machine, port) else "N"
+
+
+def output_quantity(machine: Machine, port: Output, quantity: Quantity) -> Quantity | None:
+    """Return what an output reads: receptance, mobility or accelerance; None for other readings.
+
+    Args:
+        machine: with the sensor.
+        port: the output.
+        quantity: of the request.
+
+    Raises:
+        UsageError: a sensor that the machine does not have.
+    """
+    if isinstance(port, Signal) and not (port.is_joint or port.is_directed):
+        reading = find_sensor(machine, port)
+        is_motion = reading.body.any() or reading.joint.any()
+        return _QUANTITY_OF_ORDER[reading.order] if is_motion else None
+    return quantity

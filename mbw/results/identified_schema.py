@@ -1,0 +1,291 @@
+"""Content of ``modes.json``: the measured modes for other programs."""
+
+from pydantic import BaseModel, Field
+
+from identification.readers.result_files import ResultFile
+from mbw.results.fault_rows import FaultRow, Finite
+
+
+class SingleModeRow(BaseModel):
+    """Estimates of a mode by classical single-mode methods; null where a method does not apply.
+
+    Args:
+        half_power_damping: damping ratio from the half-power (3 dB) widths, median over
+            ``half_power_channels`` FRFs.
+        circle_frequency, circle_damping: frequency [Hz] and damping ratio from circles fitted to
+            ``circle_channels`` FRFs.
+        amplitude_difference: relative difference between the amplitude C by least squares and C
+            from the value at resonance.
+        reason: why an estimate is missing.
+    """
+
+    half_power_damping: Finite | None
+    half_power_channels: int
+    circle_frequency: Finite | None
+    circle_damping: Finite | None
+    circle_channels: int
+    amplitude_difference: Finite | None
+    reason: str
+
+
+class IdentifiedModeRow(BaseModel):
+    """One identified mode, with standard deviations.
+
+    Args:
+        frequency, frequency_sd: natural frequency and its standard deviation [Hz].
+        damping, damping_sd: damping ratio and its standard deviation.
+        real, imaginary: real and imaginary part of the pole ``s_r`` [rad/s].
+        modal_a_real, modal_a_imaginary: parts of the scaling ``a_r`` of the receptance [kg/s];
+            null without a drive point.
+        phase_collinearity: modal phase collinearity (MPC); 1 for a shape of one phase.
+        phase_deviation: mean phase deviation (MPD) from that phase [rad].
+        reciprocity: MAC of shape and participation at the drive points; null for fewer than two.
+        orders: number of model orders that held the mode; null for a mode that was added later.
+        other, other_mac: frequency [Hz] of the paired reference mode, and their MAC.
+        shape_real, shape_imaginary: parts of the shape at ``outputs``.
+        real_shape: real part of the shape, rotated to the phase where this part is largest.
+        body_shape_real, body_shape_imaginary: parts of the shape at ``body_directions``.
+        by_hand: estimates by classical single-mode methods.
+        scale_sd: relative standard deviation of the size of the mass-normalised shape; null without
+            a drive point among the channels.
+        doubtful: reasons to doubt that this is a mode of the machine; empty for most.
+    """
+
+    frequency: Finite
+    frequency_sd: Finite
+    damping: Finite
+    damping_sd: Finite
+    real: Finite
+    imaginary: Finite
+    modal_a_real: Finite | None
+    modal_a_imaginary: Finite | None
+    phase_collinearity: Finite
+    phase_deviation: Finite
+    reciprocity: Finite | None
+    orders: int | None
+    other: Finite | None
+    other_mac: Finite | None
+    shape_real: list[Finite]
+    shape_imaginary: list[Finite]
+    real_shape: list[Finite]
+    body_shape_real: list[Finite]
+    body_shape_imaginary: list[Finite]
+    by_hand: SingleModeRow
+    scale_sd: Finite | None = None
+    doubtful: list[str] = Field(default_factory=list)
+
+
+class SolidRow(BaseModel):
+    """Check, by redundant channels, whether a body moves as a solid.
+
+    Args:
+        body: name of the body.
+        channels: number of channels measured on the body.
+        spare: number of redundant channels: those beyond the motions that they determine.
+        solid_to: highest frequency up to which the body moves as a solid [Hz]; null if unknown.
+        words: result of the check in one sentence.
+        frequency: frequency lines [Hz].
+        deviation: share of the motion that is not that of a solid, at each frequency.
+        faults: faults in the order of their detection.
+        more: whether a significant residual remains once these faults are corrected.
+        twins: pairs of confounded faults, which these channels cannot distinguish.
+        unseen: unidentifiable faults: even large ones leave these channels unchanged.
+    """
+
+    body: str
+    channels: int
+    spare: int
+    solid_to: Finite | None
+    words: str
+    frequency: list[Finite]
+    deviation: list[Finite]
+    faults: list[FaultRow] = Field(default_factory=list)
+    more: bool = False
+    twins: list[tuple[str, str]] = []
+    unseen: list[str] = Field(default_factory=list)
+
+
+class KeptHit(BaseModel):
+    """Hit that the averages include.
+
+    Args:
+        record: number of its record, from 1.
+        hit: number of the hit, from 1.
+        time: time of the first rise of the force, from the start of the record [s].
+        peak: largest force with its sign [N].
+    """
+
+    record: int
+    hit: int
+    time: Finite
+    peak: Finite
+
+
+class RejectedHit(BaseModel):
+    """Hit that the averages leave out.
+
+    Args:
+        record: number of its record, from 1.
+        hit: number of the hit, from 1.
+        time: time of the first rise of the force, from the start of the record [s].
+        reason: reason of the rejection in words.
+    """
+
+    record: int
+    hit: int
+    time: Finite
+    reason: str
+
+
+class HitsRow(BaseModel):
+    """Estimation of the FRFs of one reference from time records.
+
+    Args:
+        test: file of the test.
+        setup: set-up of a roved test, or null.
+        reference: point and direction of the hits.
+        outputs: channels of motion, as they were read.
+        kept, rejected: hits that the averages include and leave out.
+        rate: sampling rate [Hz].
+        block, pretrigger: length of each hit's block, and of its part before the hit [s].
+        force_window: length of the longest force window [s].
+        exponential_tau: time constant of the exponential windows of analyser and software together
+            [s]; 0 for none.
+        added_damping: damping ratio that this window adds to each of ``modes``; it is subtracted
+            from the result; zeros without a window.
+        left: share of the response that remains at the end of the blocks.
+        estimator: H1, H2 or Hv.
+    """
+
+    test: str
+    setup: str | None
+    reference: str
+    outputs: list[str]
+    kept: list[KeptHit]
+    rejected: list[RejectedHit]
+    rate: Finite
+    block: Finite
+    pretrigger: Finite
+    force_window: Finite
+    exponential_tau: Finite
+    added_damping: list[Finite]
+    left: Finite
+    estimator: str
+
+
+class LevelTrendRow(BaseModel):
+    """One mode at each level.
+
+    Args:
+        frequency, frequency_sd: natural frequency at each level, and standard deviations [Hz].
+        damping, damping_sd: damping ratio at each level, and standard deviations.
+        frequency_changes, damping_changes: whether the quantity changes beyond chance.
+    """
+
+    frequency: list[Finite]
+    frequency_sd: list[Finite]
+    damping: list[Finite]
+    damping_sd: list[Finite]
+    frequency_changes: bool
+    damping_changes: bool
+
+
+class LevelCheckRow(BaseModel):
+    """Modes against the level of the hits.
+
+    Args:
+        level: peak forces, the lowest first [N].
+        effects: empty if no mode changes; null if any does, since modes alone do not tell which
+            effect it is: ``mbw diagnose`` does.
+        words: finding in words.
+        returns: whether tests return to a level, so that drift between them is known.
+        within_tests: whether the levels are those of single hits: one standard deviation of their
+            peaks below and above the mean.
+        modes: modes that could be followed through all levels.
+    """
+
+    level: list[Finite]
+    effects: list[str] | None
+    words: str
+    returns: bool
+    within_tests: bool = False
+    modes: list[LevelTrendRow]
+
+
+class ReciprocityRow(BaseModel):
+    """Factor of one reference over the median of all, or over the first of two.
+
+    Args:
+        reference: where the force acts.
+        channel: what reads the motion along it: a channel, or the sensors of a body.
+        gain, gain_sd: of the channel over that of the hits there, with its standard deviation.
+        delay, delay_sd: of the channel after the force [s].
+    """
+
+    reference: str
+    channel: str
+    gain: Finite
+    gain_sd: Finite
+    delay: Finite
+    delay_sd: Finite
+
+
+class IdentifiedModesFile(ResultFile):
+    """Content of ``modes.json``.
+
+    Args:
+        campaign, model: name of the campaign and path of the MJCF.
+        keyframe: of the MJCF that gives the pose, empty for the drawing; null without a model.
+        band: lowest and highest frequency [Hz].
+        lines: number of frequency lines in the band.
+        quantity: quantity of the FRFs, such as ``accelerance``.
+        outputs, inputs: labels of the channels.
+        roved: whether the hammer roved; by reciprocity, outputs are then the points that were hit
+            and inputs the sensors.
+        body_directions: determined directions at centres of mass, in world axes.
+        undetermined_bodies: bodies of which the sensors do not determine all six directions.
+        body_frfs: file of the FRFs at the centres of mass; null if no motion is determined.
+        normalisation: scale of the shapes: ``unit modal mass`` (kg^-1/2, ``a_r`` = 2 i Im ``s_r``
+            kg) or ``largest entry 1``.
+        misfit: squared error over the variance of the noise, per degree of freedom of the fit.
+        error, noise: relative error of the synthesised FRFs and the part of the noise alone, root
+            mean square over the channels whose noise is at most 0.3 of their FRF; null without any.
+        reciprocal_error: error of FRFs synthesised from shapes and ``a_r`` alone; null without
+            ``a_r``.
+        beside_band: number of poles that represent modes outside the band.
+        compared_with: model or file of the reference modes.
+        modes: modes inside the band.
+        solid: rigid-body checks.
+        hits: hits of each reference whose FRFs come from time records.
+        setups: comparisons of tests with one reference.
+        levels: modes against the level of the hits; null for FRF files of one level.
+        reciprocity: what H_ij = H_ji says of channels and hits; empty if it says nothing.
+        remarks: findings on channels, hits and set-ups.
+    """
+
+    campaign: str
+    model: str
+    keyframe: str | None = None
+    band: tuple[Finite, Finite]
+    lines: int
+    quantity: str
+    outputs: list[str]
+    inputs: list[str]
+    roved: bool
+    body_directions: list[str]
+    undetermined_bodies: list[str]
+    body_frfs: str | None = None
+    normalisation: str
+    misfit: Finite
+    error: Finite | None
+    noise: Finite | None
+    reciprocal_error: Finite | None
+    beside_band: int
+    compared_with: str
+    modes: list[IdentifiedModeRow]
+    solid: list[SolidRow] = Field(default_factory=list)
+    hits: list[HitsRow] = Field(default_factory=list)
+    setups: list[str] = Field(default_factory=list)
+    levels: LevelCheckRow | None = None
+    reciprocity: list[ReciprocityRow] = Field(default_factory=list)
+    remarks: list[str] = Field(default_factory=list)

@@ -1,0 +1,42 @@
+"""Findings on parameters and on further tests, which tuned.json holds as they are."""
+
+from pydantic import BaseModel, ConfigDict
+
+# Of records that are validated when they are made and when they are read.
+ROW_CONFIG = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class _Row(BaseModel):
+    model_config = ROW_CONFIG
+
+
+class CorrelationRow(_Row):
+    """Two parameters that the data hardly distinguish."""
+
+    first: str
+    second: str
+    correlation: float
+
+
+class UnseenRow(_Row):
+    """A direction that the data do not determine."""
+
+    parameters: list[str]
+    deviation: float
+    sentence: str
+
+
+class GainRow(_Row):
+    """Effect of one further measurement on the most uncertain parameter.
+
+    ``what`` is a hammer point at a site, or a sensor beside it. ``before`` and ``after`` are
+    standard deviations of ``parameter`` (relative for sizes). ``shrink`` is the median of
+    after / before over all stiffnesses and dampings.
+    """
+
+    what: str
+    place: str
+    parameter: str
+    before: float
+    after: float
+    shrink: float

@@ -1,0 +1,1 @@
+"""Stability margins of control loops from the frequency response of the plant."""
