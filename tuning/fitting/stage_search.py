@@ -3,6 +3,11 @@
 Both start from the same damping and end by the same rule: when a step is predicted to decrease the
 misfit by less than the stage asks for. Where normal equations come from few lines, all lines follow
 from where these end.
+
+A gain of 0.01 nats is negligible where the residual is noise. Where the model leaves more, its
+residual has the variance phi = J / N_eff per independent value, and a log likelihood counts over
+phi (quasi-likelihood, McCullagh and Nelder 1989, ch. 9). A step is then negligible below 0.01 phi:
+without this, a search of a model that lacks something follows its errors for hundreds of steps.
 """
 
 from collections.abc import Callable
@@ -11,10 +16,12 @@ from dataclasses import replace
 import numpy as np
 
 from identification.words import Real
+from tuning.assessment.residual_statistics import independent_share
 from tuning.fitting.stages import Stage
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.misfit.sparse_misfit import SparseMisfit
+from tuning.misfit.weights import squared_size
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.solvers.gauss_newton import LARGEST_STEP, Box, gauss_newton
 from tuning.solvers.nlopt_solver import Minimum
@@ -60,7 +67,7 @@ def minimise_stage(
     )
     damping = _START_DAMPING if stage.model_error_floor > 0 else _FINAL_START_DAMPING
 
-    def search(phase: Misfit | SparseMisfit, start: Minimum) -> Minimum:
+    def search(phase: Misfit | SparseMisfit, start: Minimum, dispersion: float) -> Minimum:
         def report_all(count: int, value: float) -> None:
             if report is not None:
                 report(start.evaluations + count, value)
@@ -72,7 +79,7 @@ def minimise_stage(
                 box,
                 algorithm=algorithm,
                 damping=damping,
-                min_gain_nats=min_gain_nats,
+                min_gain_nats=min_gain_nats * dispersion,
                 tolerance=stage.tolerance,
                 max_whitenings=stage.max_steps,
                 report=report_all,
@@ -83,7 +90,7 @@ def minimise_stage(
                 start.x,
                 box,
                 initial_normal=None if start.evaluations else initial_normal,
-                min_gain_nats=min_gain_nats,
+                min_gain_nats=min_gain_nats * dispersion,
                 damping=damping,
                 tolerance=stage.tolerance,
                 max_steps=stage.max_steps,
@@ -92,8 +99,36 @@ def minimise_stage(
             )
         return replace(end, evaluations=start.evaluations + end.evaluations)
 
-    end = search(problem, Minimum(x, np.inf, 0, "converged", ""))
+    def search_dispersed(phase: Misfit | SparseMisfit, start: Minimum) -> Minimum:
+        """Search with the dispersion of the start, again where that of the end is far less."""
+        whole = phase.whole if isinstance(phase, SparseMisfit) else phase
+        end, dispersion = start, residual_dispersion(whole, start.x, stage)
+        while True:
+            end = search(phase, end, dispersion)
+            previous, dispersion = dispersion, residual_dispersion(whole, end.x, stage)
+            if end.outcome != "converged" or dispersion > previous / 2:
+                return end
+
+    end = search_dispersed(problem, Minimum(x, np.inf, 0, "converged", ""))
     # Few lines may miss a narrow mode and predict no gain far from the minimum: all lines decide.
     if isinstance(problem, SparseMisfit) and end.outcome == "converged":
-        end = search(problem.whole, end)
+        end = search_dispersed(problem.whole, end)
     return end
+
+
+def residual_dispersion(misfit: Misfit, x: Real, stage: Stage) -> float:
+    """Return phi, the misfit per independent value of the residual; 1 where it is noise.
+
+    Args:
+        misfit: misfit of all lines.
+        x: coordinates; (n_x,).
+        stage: stage; its dispersion is 1 where its residuals are no differences at the channels.
+    """
+    if stage.logarithmic or stage.at_bodies:
+        return 1.0
+    total, independent = 0.0, 0.0
+    for unit in misfit.unit_residuals(x):
+        total += float(squared_size(unit).sum())
+        share = min(1.0, independent_share(unit))
+        independent += share * np.count_nonzero(unit)
+    return max(1.0, total / max(independent, 1.0)) if np.isfinite(total) else 1.0
