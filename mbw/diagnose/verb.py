@@ -41,7 +41,7 @@ from mbw.gain_text import gain_sentence
 from mbw.gap_text import describe_gap
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
-from mbw.page.numbers import format_percent
+from mbw.page.numbers import format_closed, format_percent
 from mbw.remarks import calibration_sentence, describe_not_in_mjcf
 from mbw.resume import open_checkpoint
 from tuning import Checkpoint, Session, open_session
@@ -183,7 +183,7 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
         name, sizes = key_words((row.effect, row.location, row.dof)), cause_parameters(row)
         sizes = f": {sizes}" if sizes else ""
         share = closed.get((row.effect, row.location))
-        part = "" if share is None else f"; closes {format_percent(share)} of the fitted lines' gap"
+        part = "" if share is None else f"; closes {format_closed(share)} of the fitted lines' gap"
         if share is not None and number not in established_rows:
             part += f", {unestablished_words(share)}"
         SCREEN.say(f"  {row.probability:.0%} {name}{sizes}{part}")
