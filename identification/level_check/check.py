@@ -14,10 +14,12 @@ from identification.checks.roving_hammer import is_roving_hammer
 from identification.level_check.hit_scatter import find_trends_within_tests
 from identification.level_check.shared_shapes import PoleFit, fit_poles
 from identification.level_check.trends import (
+    HYSTERESIS_SENTENCE,
     LEVEL_CHECK_SETTINGS,
     NO_CHANGE,
     ModeTrend,
     find_clearest_trend,
+    is_like_hysteresis,
 )
 from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
@@ -66,8 +68,11 @@ class LevelCheck:
         moved = sum(map(any, self.changed))
         text = (
             f"Level check, {span}: {moved} of {len(self.trends)} modes depend on the level. "
-            f"{trend.sentence} For what changes them, run mbw diagnose."
+            f"{trend.sentence} "
         )
+        if is_like_hysteresis(self.trends):
+            text += f"{HYSTERESIS_SENTENCE} "
+        text += "For what changes them, run mbw diagnose."
         if self.returns or self.is_within_tests:
             return text
         return (
