@@ -35,12 +35,13 @@ class LevelCheck:
     """Modes against the level.
 
     Args:
-        level_n: peak forces, the lowest first [N]; (n_level,).
+        level_n: peak forces, the lowest first [N, or ``unit``]; (n_level,).
         trends: of each mode that could be followed through all levels, by its frequency.
         changed: for each mode, whether its frequency and its damping change.
         returns: whether tests return to a level, so that drift is known.
         is_within_tests: whether the levels are those of single hits, one standard deviation of
             their peaks below and above the mean.
+        unit: unit of the levels.
     """
 
     level_n: Real
@@ -48,6 +49,7 @@ class LevelCheck:
     changed: tuple[tuple[bool, bool], ...]
     returns: bool
     is_within_tests: bool = False
+    unit: str = "N"
 
     @property
     def is_constant(self) -> bool:
@@ -59,7 +61,7 @@ class LevelCheck:
         """Finding in one or two sentences."""
         if not self.trends:
             return "Level check: no mode could be followed through all levels."
-        span = f"{self.level_n[0]:.4g} to {self.level_n[-1]:.4g} N"
+        span = f"{self.level_n[0]:.4g} to {self.level_n[-1]:.4g} {self.unit}".rstrip()
         if self.is_within_tests:
             span = f"single hits of {span}"
         trend = find_clearest_trend(self.trends)
@@ -110,6 +112,7 @@ def check_levels(campaign: Campaign) -> LevelCheck | None:
         tuple(trends),
         tuple(trend.changes(chance) for trend in trends),
         len(visits) > len(levels),
+        unit=campaign.tests[0].condition.drive_unit,
     )
 
 
@@ -134,6 +137,7 @@ def check_hits(campaign: Campaign, model: ModalModel, inside: Mask) -> LevelChec
         tuple(trend.changes(chance) for trend in trends),
         returns=False,
         is_within_tests=True,
+        unit=campaign.tests[0].condition.drive_unit,
     )
 
 

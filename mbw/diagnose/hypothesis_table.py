@@ -24,8 +24,8 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
         table.add_column(name, no_wrap=True, justify="right", min_width=len(name))
     table.add_column("log odds", min_width=_MIN_ODDS_WIDTH)
     table.caption = (
-        "score and log odds: nats; error: of the model after the refit; closed: part of the gap, where the "
-        "residual may fall below the noise (all) or grow (none)"
+        "score and log odds: nats; error: of the model after the refit; closed: part of the gap, "
+        "all where the residual falls below the noise, none where it grows"
     )
     rows = [row for row in fitted_rows(evidence, diagnosis.settings) if row.keys]
     proven = {hypothesis.key for hypothesis in diagnosis.gross_hypotheses}

@@ -262,11 +262,7 @@ def _labels(conditions: Sequence[Condition]) -> list[str]:
     setups = {condition.setup for condition in conditions}
     labels = [
         str(condition.reference)
-        + (
-            f", {condition.level_n:g} N"
-            if len(levels) > 1 and condition.level_n is not None
-            else ""
-        )
+        + (f", {condition.level_text}" if len(levels) > 1 and condition.level_n is not None else "")
         + (f", set-up {condition.setup}" if len(setups) > 1 and condition.setup is not None else "")
         for condition in conditions
     ]

@@ -156,8 +156,8 @@ def _refits(result: StoredDiagnosis) -> str:
         f"{'<th>between levels</th>' if has_levels else ''}"
         "<th>gap closed</th><th>log odds [nats]</th></tr></thead>"
         f'<tbody>{cells}</tbody></table><p class="soft">Model error: relative error of the motion '
-        "at each sensor that the fit had to tolerate beside the noise. Gap closed: about all if the "
-        "residual falls to the noise or below, none if it grows. Log odds: against a model "
+        "at each sensor that the fit had to tolerate beside the noise. Gap closed: about all if "
+        "the residual falls to the noise or below, none if it grows. Log odds: against a model "
         "without any effect, by the number of independent values of the residual."
         f"{_BETWEEN_LEVELS if has_levels else ''}</p>"
     )
