@@ -21,7 +21,7 @@ from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NOT_WRITTEN, Machine, WrittenModel, machine_geometry
 from mbw.diagnose.link_axis import link_axis
 from mbw.diagnose.machine_rows import machine_rows, place_row
-from mbw.diagnose.pulled_tolerance import pull_sentence
+from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
 from mbw.diagnose.schema import (
     CentresRow,
     ChannelRow,
@@ -90,8 +90,8 @@ def collect_result(
     locations += [force.location for force in diagnosis.evidence.pushed]
     locations += [force.location for force in diagnosis.evidence.rest_pushed]
     freq = campaign.freq_hz
-    pull = pull_sentence(verdict, diagnosis)
-    remarks = [*campaign.remarks, *([pull] if pull else []), *unfinished_fit_sentences(diagnosis)]
+    pulls = filter(None, (pull_sentence(verdict, diagnosis), bound_sentence(diagnosis)))
+    remarks = [*campaign.remarks, *pulls, *unfinished_fit_sentences(diagnosis)]
     shown = ShownFile(
         campaign=campaign.name,
         model=machine.name,

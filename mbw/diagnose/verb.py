@@ -24,7 +24,7 @@ from mbw.diagnose.headline import undecided_words
 from mbw.diagnose.hypothesis_table import hypothesis_table
 from mbw.diagnose.level_sentences import level_sentences
 from mbw.diagnose.page import render
-from mbw.diagnose.pulled_tolerance import pull_sentence
+from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
 from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
 from mbw.diagnose.result import collect_result, list_established, unfinished_fit_sentences
 from mbw.diagnose.sentences import (
@@ -202,7 +202,11 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
 
 def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
     """Print remarks on tolerances, fits, sensors, noise, confounded causes and the next test."""
-    first = (pull_sentence(verdict, diagnosis), gain_sentence(verdict.channel_gains))
+    first = (
+        pull_sentence(verdict, diagnosis),
+        bound_sentence(diagnosis),
+        gain_sentence(verdict.channel_gains),
+    )
     for text in (*filter(None, first), *unfinished_fit_sentences(diagnosis)):
         SCREEN.say(f"  {text}")
     for fault in diagnosis.checks.faults:
