@@ -77,7 +77,8 @@ def estimate_gaps_by_level(scene: Scene, gaps: GapEstimates) -> LevelGaps | None
     calls: list[Call] = [
         (foretell_level, (replace(held.refit, hypothesis=None), middle)) for held in (before, after)
     ]
-    return LevelGaps(rows, GapAtLevel(middle, *run_in_parallel(calls, scene.jobs), unit=unit))
+    retuned, with_causes = run_in_parallel(calls, scene.jobs)
+    return LevelGaps(rows, GapAtLevel(middle, retuned, with_causes, unit))
 
 
 def foretell_level(refit: Refit, level_n: float) -> Gap:

@@ -75,4 +75,4 @@ def test_a_hinge_whose_damping_is_out_of_reach_is_tuned_to_an_end(tmp_path) -> N
     )
     assert tuned.outcome == "converged"
     assert tuned.evaluations < 500
-    assert tuned.cost < 1.02 * 3.98e6  # of 120 steps without dispersion
+    assert tuned.cost < 1.05 * 3.98e6  # after 120 steps that ignore the dispersion

@@ -55,19 +55,10 @@ def minimise_stage(
         min_gain_nats: the search ends when the next step is predicted to decrease J by less.
         report: called with the number of evaluations and the best value.
     """
-    box = Box(
-        parametrisation.lower,
-        parametrisation.upper,
-        parametrisation.has_prior.astype(float),
-        np.where(
-            parametrisation.is_logarithmic & ~parametrisation.has_prior,
-            LARGEST_STEP / parametrisation.scales,
-            np.inf,
-        ),
-    )
+    box = _stage_box(parametrisation)
     damping = _START_DAMPING if stage.model_error_floor > 0 else _FINAL_START_DAMPING
 
-    def search(phase: Misfit | SparseMisfit, start: Minimum, dispersion: float) -> Minimum:
+    def search(phase: Misfit | SparseMisfit, start: Minimum, tolerance: float) -> Minimum:
         def report_all(count: int, value: float) -> None:
             if report is not None:
                 report(start.evaluations + count, value)
@@ -79,8 +70,8 @@ def minimise_stage(
                 box,
                 algorithm=algorithm,
                 damping=damping,
-                min_gain_nats=min_gain_nats * dispersion,
-                tolerance=stage.tolerance,
+                min_gain_nats=min_gain_nats,
+                tolerance=tolerance,
                 max_whitenings=stage.max_steps,
                 report=report_all,
             )
@@ -90,9 +81,9 @@ def minimise_stage(
                 start.x,
                 box,
                 initial_normal=None if start.evaluations else initial_normal,
-                min_gain_nats=min_gain_nats * dispersion,
+                min_gain_nats=min_gain_nats,
                 damping=damping,
-                tolerance=stage.tolerance,
+                tolerance=tolerance,
                 max_steps=stage.max_steps,
                 exact_curvature=stage.exact_curvature,
                 report=report_all,
@@ -102,11 +93,11 @@ def minimise_stage(
     def search_dispersed(phase: Misfit | SparseMisfit, start: Minimum) -> Minimum:
         """Search with the dispersion of the start, again where that of the end is far less."""
         whole = phase.whole if isinstance(phase, SparseMisfit) else phase
-        end, dispersion = start, residual_dispersion(whole, start.x, stage)
+        end, tolerance = start, _find_tolerance(whole, start.x, stage, min_gain_nats)
         while True:
-            end = search(phase, end, dispersion)
-            previous, dispersion = dispersion, residual_dispersion(whole, end.x, stage)
-            if end.outcome != "converged" or dispersion > previous / 2:
+            end = search(phase, end, tolerance)
+            previous, tolerance = tolerance, _find_tolerance(whole, end.x, stage, min_gain_nats)
+            if end.outcome != "converged" or tolerance > previous / 2:
                 return end
 
     end = search_dispersed(problem, Minimum(x, np.inf, 0, "converged", ""))
@@ -114,6 +105,31 @@ def minimise_stage(
     if isinstance(problem, SparseMisfit) and end.outcome == "converged":
         end = search_dispersed(problem.whole, end)
     return end
+
+
+def _stage_box(parametrisation: Parametrisation) -> Box:
+    """Return bounds, prior and step limits of the coordinates that vary."""
+    return Box(
+        parametrisation.lower,
+        parametrisation.upper,
+        parametrisation.has_prior.astype(float),
+        np.where(
+            parametrisation.is_logarithmic & ~parametrisation.has_prior,
+            LARGEST_STEP / parametrisation.scales,
+            np.inf,
+        ),
+    )
+
+
+def _find_tolerance(whole: Misfit, x: Real, stage: Stage, min_gain_nats: float) -> float:
+    """Return the part of J below which a step is negligible.
+
+    It is in proportion to J, which falls during the search as the dispersion does.
+    """
+    dispersion = residual_dispersion(whole, x, stage)
+    if dispersion <= 1:
+        return stage.tolerance
+    return stage.tolerance + min_gain_nats * (dispersion - 1) / whole.value(x)
 
 
 def residual_dispersion(misfit: Misfit, x: Real, stage: Stage) -> float:
