@@ -27,12 +27,9 @@ def list_remarks(summary: TunedFile) -> list[str]:
     if summary.fit.doubts:
         sentences.append(f"Doubts: {'; '.join(summary.fit.doubts)}.")
     if summary.unseen:
-        sentences.append(f"{_join_first([row.sentence for row in summary.unseen], '; ')}.")
+        sentences.append(f"{join_first([row.sentence for row in summary.unseen], '; ')}.")
     if at_bound := sum(row.at_bound and row.prior is not None for row in summary.parameters):
-        sentences.append(
-            f"{_count(at_bound, 'tolerance')} reached the bound of {TOLERANCE_BOUND_SIGMA:g} "
-            f"standard deviations{_largest_pulls(summary)}."
-        )
+        sentences.append(at_bound_sentence(at_bound, _largest_pulls(summary)))
     if gains := gain_sentence(summary.channel_gains):
         sentences.append(gains)
     missing = describe_not_in_mjcf(summary.not_held_by_mjcf, summary.not_held_error, TUNED_JSON)
@@ -72,6 +69,19 @@ def list_notes(summary: TunedFile) -> list[str]:
             "coherence of single inputs, or they state no number of averages above one."
         )
     return sentences
+
+
+def at_bound_sentence(count: int, more: str = "") -> str:
+    """Return a sentence on tolerances that a fit left at their bounds.
+
+    Args:
+        count: number of these tolerances.
+        more: further clause.
+    """
+    return (
+        f"{_count(count, 'tolerance')} reached the bound of {TOLERANCE_BOUND_SIGMA:g} standard "
+        f"deviations{more}."
+    )
 
 
 def calibration_sentence(tolerance: float | None) -> str:
@@ -133,7 +143,7 @@ def describe_not_in_mjcf(names: Sequence[str], error: float | None, list_file: s
         parameter, _, reason = name.partition(" (")
         by_reason.setdefault(reason, []).append(parameter)
     parts += [
-        _join_first(parameters) + (f" ({reason}" if reason else "")
+        join_first(parameters) + (f" ({reason}" if reason else "")
         for reason, parameters in by_reason.items()
     ]
     if not parts:
@@ -152,7 +162,7 @@ def _largest_pulls(summary: TunedFile) -> str:
     return f"; the largest pulls without the bound: {listed}"
 
 
-def _join_first(texts: list[str], separator: str = ", ") -> str:
+def join_first(texts: list[str], separator: str = ", ") -> str:
     """Join the first texts, and state how many more there are."""
     omitted = len(texts) - _MAX_LISTED_NAMES
     more = f" and {omitted} more" if omitted > 0 else ""

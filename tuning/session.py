@@ -39,11 +39,25 @@ class Session:
 
     @property
     def known_force_tolerance(self) -> float | None:
-        """Relative tolerance of known gains of forces; None if no force has one."""
+        """Largest relative tolerance of the known gains of forces that vary; None without any.
+
+        It is that of the campaign, of ``[hammer.*]`` or of ``[tuning]``; 0 where none varies.
+        """
         instruments = {test.condition.instrument for test in self.campaign.tests}
-        if instruments <= set(self.campaign.unknown_gains.hammers):
+        known = instruments - set(self.campaign.unknown_gains.hammers)
+        if not known:
             return None
-        return self.campaign.tolerance.hammer_gain
+        varies, gains = self.parametrisation, {f"hammer({name}).gain" for name in known}
+        return max(
+            (
+                float(scale)
+                for parameter, scale, k in zip(
+                    varies.parameters, varies.scale, varies.coordinate_of, strict=True
+                )
+                if parameter.name in gains and k >= 0 and varies.has_prior[k]
+            ),
+            default=0.0,
+        )
 
 
 def open_session(

@@ -23,14 +23,16 @@ class GapAtLevel:
     """Gap of the tests of one level.
 
     Args:
-        level_n: peak of their hits [N].
+        level_n: peak of their hits [N, or ``unit``].
         retuned: gap of the null model.
         after: gap with all causes.
+        unit: unit of the level.
     """
 
     level_n: float
     retuned: Gap
     after: Gap
+    unit: str = "N"
 
 
 @dataclass(frozen=True)
@@ -58,11 +60,13 @@ def estimate_gaps_by_level(scene: Scene, gaps: GapEstimates) -> LevelGaps | None
     levels = list_levels(before.campaign)
     if len(levels) < 2 or after is None:
         return None
+    unit = before.campaign.tests[0].condition.drive_unit
     rows = tuple(
         GapAtLevel(
             level,
             _compute_gap(before.predicted, before.campaign, level),
             _compute_gap(after.predicted, after.campaign, level),
+            unit,
         )
         for level in levels
     )
@@ -73,7 +77,8 @@ def estimate_gaps_by_level(scene: Scene, gaps: GapEstimates) -> LevelGaps | None
     calls: list[Call] = [
         (foretell_level, (replace(held.refit, hypothesis=None), middle)) for held in (before, after)
     ]
-    return LevelGaps(rows, GapAtLevel(middle, *run_in_parallel(calls, scene.jobs)))
+    retuned, with_causes = run_in_parallel(calls, scene.jobs)
+    return LevelGaps(rows, GapAtLevel(middle, retuned, with_causes, unit))
 
 
 def foretell_level(refit: Refit, level_n: float) -> Gap:

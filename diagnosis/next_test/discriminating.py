@@ -14,6 +14,10 @@ to them and to all that was measured before:
 N_j are the normal equations of what was measured, P those of the priors. c, g and N_new are cost,
 gradient and normal equations of j against the FRFs that i predicts, with the noise of the tests of
 the campaign. A new hit has tolerances of its own, which are tuned with all others.
+
+A further hit whose FRFs are constant combinations of the measured ones measures the same again: by
+linearity it adds averages and nothing else. So does a hit beside another one on a body that only
+slides. It is no experiment.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +39,7 @@ from diagnosis.next_test.level_return import propose_return
 from diagnosis.next_test.unexplained import list_first_mended, propose_unexplained_test
 from diagnosis.refits.refit import Refit
 from diagnosis.settings import DiagnosisSettings
-from identification.words import Campaign, Real
+from identification.words import Campaign, Output, Real
 from tuning import Misfit, mean_channel_variance, predict_tests, thin_lines
 from tuning.assessment.parameter_confidence import FREE_PRIOR_SD
 
@@ -142,6 +146,10 @@ def _compute_gain(
     total = sum(share for _, share in rivals)
     models = {refit: add_experiment(experiment, refit) for refit, _ in rivals}
     noise, gain = mean_channel_variance(thin), 0.0
+    if experiment.is_further_hit and all(
+        _repeats_measured_hits(model, thin, noise, experiment) for model in models.values()
+    ):
+        return 0.0
     for true, share in rivals:
         predicted = predict_tests(
             models[true].model, models[true].theta, thin, noise, experiment.inputs
@@ -152,6 +160,36 @@ def _compute_gain(
                 misfit = _compute_misfit(models[rival], predicted, before[rival], ratio)
                 gain += share * weight * misfit / total**2
     return gain
+
+
+def _repeats_measured_hits(
+    rival: RivalModel, thin: Campaign, noise: Mapping[Output, Real], experiment: Experiment
+) -> bool:
+    """Return whether the FRFs of new hits are constant combinations of those that were measured.
+
+    The coefficients are real, the same on all lines and channels; what they leave is compared with
+    the noise.
+
+    Args:
+        rival: model of a rival.
+        thin: what was measured.
+        noise: variance of each channel.
+        experiment: new hits.
+    """
+    new, measured = (
+        predict_tests(rival.model, rival.theta, thin, noise, inputs).tests
+        for inputs in (experiment.inputs, thin.inputs)
+    )
+    columns = np.stack([test.estimate.frf.values.ravel() for test in measured], axis=1)
+    for test in new:
+        variance = np.maximum(test.estimate.variance.ravel(), np.finfo(float).tiny)
+        weight = 1 / np.sqrt(variance)
+        basis, values = columns * weight[:, None], test.estimate.frf.values.ravel() * weight
+        parts = np.concatenate([basis.real, basis.imag]), np.concatenate([values.real, values.imag])
+        coefficients = np.linalg.lstsq(*parts, rcond=None)[0]
+        if ((parts[1] - parts[0] @ coefficients) ** 2).sum() > len(values):
+            return False
+    return True
 
 
 def _compute_misfit(rival: RivalModel, predicted: Campaign, before: Real, ratio: float) -> float:

@@ -25,12 +25,14 @@ class Experiment:
         inputs: points and directions that are hit.
         parts: returns the Parts that the experiment adds to a machine.
         undone: cause that is taken out of the machine; None for none.
+        is_further_hit: whether the machine stays as it is and is hit elsewhere.
     """
 
     words: str
     inputs: tuple[Input, ...]
     parts: Callable[[Machine], tuple[Part, ...]] = lambda _: ()
     undone: Key | None = None
+    is_further_hit: bool = False
 
 
 def list_experiments(
@@ -48,7 +50,8 @@ def list_experiments(
         if inputs:
             axes = " and ".join(dof.direction[2:] for dof in inputs)
             along = "" if len(inputs) == 3 else f" along {axes}"
-            hits.append(Experiment(f"hit {point}{along} as well", inputs, add_hits(inputs)))
+            words = f"hit {point}{along} as well"
+            hits.append(Experiment(words, inputs, add_hits(inputs), is_further_hit=True))
     yield hits
     undone = []
     for key in dict.fromkeys(key for rival in rivals for key in rival.keys):

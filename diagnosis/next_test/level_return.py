@@ -20,12 +20,13 @@ def propose_return(diagnosis: Diagnosis) -> str | None:
     if not causes or not _changes_with_level(causes[0][0]):
         return None
     visits = group_visits(diagnosis.session.campaign)
-    level = visits[0][0]
+    level, first = visits[0]
     if level is None or len({level for level, _ in visits}) < len(visits):
         return None
     place = causes[0][0][1].partition(":")[2]
+    text = first.tests[0].condition.level_text
     return (
-        f"repeat the tests at {level:g} N after all others: if the joint of {place} depends on the "
+        f"repeat the tests at {text} after all others: if the joint of {place} depends on the "
         "level, it is then as before; if it drifts between the levels, it is not"
     )
 

@@ -30,6 +30,7 @@ def _build_level_row(level: GapAtLevel) -> LevelGapRow:
     is_visible = retuned.excess is not None and retuned.excess >= MIN_VISIBLE_EXCESS
     return LevelGapRow(
         level=level.level_n,
+        unit=level.unit,
         retuned=build_gap_row(retuned),
         after=build_gap_row(level.after),
         closed=find_closed_part(retuned, level.after) if is_visible else None,

@@ -35,9 +35,10 @@ class Interval(_Row):
 
 
 class LevelGapRow(_Row):
-    """Gap of the tests of one level."""
+    """Gap of the tests of one level; ``unit`` is that of the level."""
 
     level: float
+    unit: str = "N"
     retuned: GapAt
     after: GapAt
     closed: float | None

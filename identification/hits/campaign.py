@@ -17,6 +17,7 @@ from identification.readers.file_kinds import (
     is_arrays,
     is_universal,
 )
+from identification.readers.frf_units import parse_frf_units
 from identification.readers.uff_records import holds_uff_time_records, read_uff_records
 from identification.words import Condition, HitEstimate, InputError, Port, Records, Test
 
@@ -66,6 +67,7 @@ def tests_from_records(
     tests: dict[str, list[Test]] = {}
     remarks: list[str] = []
     for entry, hits in zip(entries, estimates, strict=True):
+        quantity = hits.estimate.frf.quantity
         condition = Condition(
             entry.file,
             hits.reference,
@@ -74,6 +76,7 @@ def tests_from_records(
             entry.setup,
             entry.hammer,
             entry.variant,
+            parse_frf_units(Path(entry.file), quantity, entry.unit).drive_unit(hits.reference),
         )
         tests.setdefault(entry.file, []).append(Test(condition, hits.estimate, hits))
         remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]

@@ -109,8 +109,8 @@ def find_hum(records: Records, blows: Sequence[Blow], force_window_s: float) -> 
         momentum = amplitude * max(min(force_window_s, 0.5 / mains), width) / (peak * width)
         if share > _MIN_HUM_SHARE and share > 2 * max(rivals) and momentum > _MIN_HUM_MOMENTUM:
             return (
-                f"the force holds hum of {mains:g} Hz with {amplitude:.2g} N beside the hits of "
-                f"{peak:.3g} N"
+                f"the force holds hum of {mains:g} Hz, whose amplitude is {amplitude / peak:.2g} "
+                "times the median peak of the hits"
             )
     return None
 

@@ -169,7 +169,7 @@ def _find_weak(blocks: Blocks) -> Reasons:
     peaks = np.abs([blow.main.height for blow in blocks.blows])
     median = float(np.median(peaks)) if peaks.size else 0.0
     return [
-        f"weak: {peak:.3g} N, the median is {median:.3g} N" if peak < _MIN_PEAK * median else None
+        f"weak: {peak / median:.2g} times the median peak" if peak < _MIN_PEAK * median else None
         for peak in peaks
     ]
 

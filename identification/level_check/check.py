@@ -14,10 +14,12 @@ from identification.checks.roving_hammer import is_roving_hammer
 from identification.level_check.hit_scatter import find_trends_within_tests
 from identification.level_check.shared_shapes import PoleFit, fit_poles
 from identification.level_check.trends import (
+    HYSTERESIS_SENTENCE,
     LEVEL_CHECK_SETTINGS,
     NO_CHANGE,
     ModeTrend,
     find_clearest_trend,
+    is_like_hysteresis,
 )
 from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
@@ -33,12 +35,13 @@ class LevelCheck:
     """Modes against the level.
 
     Args:
-        level_n: peak forces, the lowest first [N]; (n_level,).
+        level_n: peak forces, the lowest first [N, or ``unit``]; (n_level,).
         trends: of each mode that could be followed through all levels, by its frequency.
         changed: for each mode, whether its frequency and its damping change.
         returns: whether tests return to a level, so that drift is known.
         is_within_tests: whether the levels are those of single hits, one standard deviation of
             their peaks below and above the mean.
+        unit: unit of the levels.
     """
 
     level_n: Real
@@ -46,6 +49,7 @@ class LevelCheck:
     changed: tuple[tuple[bool, bool], ...]
     returns: bool
     is_within_tests: bool = False
+    unit: str = "N"
 
     @property
     def is_constant(self) -> bool:
@@ -57,7 +61,7 @@ class LevelCheck:
         """Finding in one or two sentences."""
         if not self.trends:
             return "Level check: no mode could be followed through all levels."
-        span = f"{self.level_n[0]:.4g} to {self.level_n[-1]:.4g} N"
+        span = f"{self.level_n[0]:.4g} to {self.level_n[-1]:.4g} {self.unit}".rstrip()
         if self.is_within_tests:
             span = f"single hits of {span}"
         trend = find_clearest_trend(self.trends)
@@ -66,8 +70,11 @@ class LevelCheck:
         moved = sum(map(any, self.changed))
         text = (
             f"Level check, {span}: {moved} of {len(self.trends)} modes depend on the level. "
-            f"{trend.sentence} For what changes them, run mbw diagnose."
+            f"{trend.sentence} "
         )
+        if is_like_hysteresis(self.trends):
+            text += f"{HYSTERESIS_SENTENCE} "
+        text += "For what changes them, run mbw diagnose."
         if self.returns or self.is_within_tests:
             return text
         return (
@@ -105,6 +112,7 @@ def check_levels(campaign: Campaign) -> LevelCheck | None:
         tuple(trends),
         tuple(trend.changes(chance) for trend in trends),
         len(visits) > len(levels),
+        unit=campaign.tests[0].condition.drive_unit,
     )
 
 
@@ -129,6 +137,7 @@ def check_hits(campaign: Campaign, model: ModalModel, inside: Mask) -> LevelChec
         tuple(trend.changes(chance) for trend in trends),
         returns=False,
         is_within_tests=True,
+        unit=campaign.tests[0].condition.drive_unit,
     )
 
 

@@ -1,7 +1,12 @@
 """Modes at rising levels: whether they change beyond chance, and which changes most clearly.
 
 Which effect changes them is not decided here: play, friction and springs that harden move modes
-alike under hits. ``mbw diagnose`` compares them with the FRFs themselves.
+alike under hits. ``mbw diagnose`` compares them with the FRFs themselves. How a change grows with
+the level A is a hint all the same. With a shift a (A^p - A_1^p) of the frequency, hysteresis has
+p = 1 (Rayleigh 1887) and gradual slip 0 < p < 1 (Segalman 2005), both from the lowest level on, and
+both dissipate more at higher levels. A cubic spring has p = 2 and dissipates no more. A gap or a
+single sliding element changes nothing below its threshold (p far above 2), and tends to a limit far
+beyond it (p < 0).
 """
 
 from collections.abc import Sequence
@@ -21,15 +26,24 @@ class LevelCheckSettings:
         max_chance: probability that any quantity of a linear machine seems to change.
         min_frequency_change: relative; smaller changes do not matter.
         min_damping_change: relative to the damping ratio.
+        hysteresis_exponents: growth of a shift with the level: above a limit (0), and below the
+            middle between hysteresis (1) and a cubic spring (2).
     """
 
     max_chance: float = 1e-3
     min_frequency_change: float = 5e-4
     min_damping_change: float = 0.02
+    hysteresis_exponents: tuple[float, float] = (0.0, 1.5)
 
 
 LEVEL_CHECK_SETTINGS = LevelCheckSettings()
 NO_CHANGE = "no mode changes beyond its interval"
+HYSTERESIS_SENTENCE = (
+    "Frequencies fall from the lowest level on, no faster than the level rises, as hysteresis or "
+    "gradual friction in joints or actuators makes them; a gap has a threshold, and a cubic spring "
+    "follows the square of the level."
+)
+_EXPONENTS = np.linspace(-2.0, 6.0, 321)  # p that are tried; beyond, a shift is a step
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +106,50 @@ def compute_chance_of_constancy(values: Real, deviations: Real) -> float:
     weights = 1 / np.maximum(deviations, 1e-12 * np.abs(values).max()) ** 2
     mean = (weights * values).sum() / weights.sum()
     return float(chi2.sf((weights * (values - mean) ** 2).sum(), len(values) - 1))
+
+
+def is_like_hysteresis(trends: Sequence[ModeTrend]) -> bool:
+    """Return whether modes change with the level as hysteresis or gradual slip makes them change.
+
+    Most frequencies that change fall, with an exponent of hysteresis, and no less damping ratios
+    rise than fall. It needs three levels.
+
+    Args:
+        trends: modes at the levels.
+    """
+    chance = LEVEL_CHECK_SETTINGS.max_chance / max(2 * len(trends), 1)
+    changed = [(trend, *trend.changes(chance)) for trend in trends]
+    moving = [trend for trend, has_moved, _ in changed if has_moved]
+    if not moving or len(moving[0].level) < 3:
+        return False
+    low, high = LEVEL_CHECK_SETTINGS.hysteresis_exponents
+    alike = [
+        trend
+        for trend in moving
+        if trend.frequency_shift[-1] < 0 and low < growth_exponent(trend) < high
+    ]
+    loss = sum(np.sign(trend.damping[-1] - trend.damping[0]) for trend, _, lost in changed if lost)
+    return 2 * len(alike) > len(moving) and bool(loss >= 0)
+
+
+def growth_exponent(trend: ModeTrend) -> float:
+    """Return the exponent p of a shift a (A^p - A_1^p) of the frequency, by least squares.
+
+    Args:
+        trend: mode at three levels or more.
+    """
+    shift, ratio = trend.frequency_shift, trend.level / trend.level[0]
+    weight = (trend.freq_hz[0] / trend.freq_sd) ** 2
+    weight = weight / weight.sum()
+
+    def misfit(exponent: float) -> float:
+        growth = np.log(ratio) if abs(exponent) < 1e-9 else (ratio**exponent - 1) / exponent
+        shape = np.stack([growth, np.ones_like(growth)], axis=1) * np.sqrt(weight)[:, None]
+        values = shift * np.sqrt(weight)
+        solution = np.linalg.lstsq(shape, values, rcond=None)[0]
+        return float(((values - shape @ solution) ** 2).sum())
+
+    return float(_EXPONENTS[np.argmin([misfit(float(exponent)) for exponent in _EXPONENTS])])
 
 
 def find_clearest_trend(trends: Sequence[ModeTrend]) -> ModeTrend | None:

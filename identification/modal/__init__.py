@@ -40,6 +40,7 @@ from identification.modal.single_mode_checks import SingleModeCheck, check_singl
 from identification.modal.synthesis import (
     SynthesisError,
     full_matrix_model,
+    missing_drive_point_sentence,
     select_reciprocal_modes,
     synthesis_error,
     synthesise_frfs,
@@ -77,6 +78,7 @@ __all__ = [
     "least_squares_amplitude",
     "lscf",
     "mac",
+    "missing_drive_point_sentence",
     "mmif",
     "mpc",
     "mpd",

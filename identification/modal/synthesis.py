@@ -1,5 +1,6 @@
 """FRFs synthesised from a modal model, between all outputs, and their errors."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,10 +8,21 @@ import numpy as np
 from identification.modal.campaign_modes import MeasuredFrfs
 from identification.modal.indicators import frac
 from identification.modal.shapes import ScaledModes
-from identification.words import Complex, Mask, ModalModel, Real, UsageError, modal_sum
+from identification.words import (
+    Complex,
+    Dof,
+    Layout,
+    Mask,
+    ModalModel,
+    Port,
+    Real,
+    UsageError,
+    modal_sum,
+)
 
 # MAC of shape and participation at the drive points above which a pole is one reciprocal mode.
 _MIN_RECIPROCITY_MAC = 0.8
+_MIN_PARALLEL_COSINE = 0.999  # within 2.5 degrees, beyond which sensors are set up askew
 
 
 def select_reciprocal_modes(whole: ScaledModes, inside: int) -> Mask:
@@ -28,6 +40,56 @@ def select_reciprocal_modes(whole: ScaledModes, inside: int) -> Mask:
     if len(whole.reciprocity):
         chosen |= whole.reciprocity >= _MIN_RECIPROCITY_MAC
     return chosen
+
+
+def missing_drive_point_sentence(
+    layout: Layout, outputs: Sequence[Port], inputs: Sequence[Port]
+) -> str:
+    """Return why shapes have no scale, and how they get one, where no input is an output.
+
+    A hit and a sensor on one body along parallel axes are a drive point if the body does not turn,
+    which shapes alone do not tell.
+
+    Args:
+        layout: points and their bodies.
+        outputs: channels.
+        inputs: references.
+    """
+    points = set(layout.points)
+    hits, sensors = (
+        [dof for dof in dofs if isinstance(dof, Dof) and dof.point in points]
+        for dofs in (inputs, outputs)
+    )
+    pairs = [
+        (hit, sensor)
+        for hit in hits
+        for sensor in sensors
+        if layout.owner_name(hit) == layout.owner_name(sensor)
+        and abs(_axes_cosine(layout, hit, sensor)) > _MIN_PARALLEL_COSINE
+    ]
+    opening = "No input is measured as an output"
+    if not pairs:
+        return (
+            f"{opening} too: without a drive point shapes have no scale, and only the measured "
+            "columns of the FRF matrix can be synthesised."
+        )
+    hit, sensor = pairs[0]
+    sign = sensor.sign * (1 if _axes_cosine(layout, hit, sensor) > 0 else -1)
+    name = f"{sensor.point}:{'+' if sign > 0 else '-'}{sensor.direction[1:]}"
+    return (
+        f"{opening} at its own point: {hit} is hit and {sensor} is read, apart on the one body "
+        f"{layout.owner_name(hit)}. Without a drive point shapes have no scale. If that body is "
+        f"rigid and does not turn, state {hit} as {name} in campaign.toml; else put a sensor "
+        "where it is hit."
+    )
+
+
+def _axes_cosine(layout: Layout, first: Dof, second: Dof) -> float:
+    """Return the cosine between two translations of one body; 0 with a rotation."""
+    if first.is_rotation or second.is_rotation:
+        return 0.0
+    rows = layout.rows((first, second)).reshape(2, -1, 6)[:, :, :3].reshape(2, -1)
+    return float(rows[0] @ rows[1])
 
 
 def full_matrix_model(whole: ScaledModes, chosen: Mask | None = None) -> ModalModel:
@@ -50,8 +112,10 @@ def full_matrix_model(whole: ScaledModes, chosen: Mask | None = None) -> ModalMo
     """
     if not whole.has_scale:
         raise UsageError(
-            "no input is measured as an output too: without a drive point modes have no scale, "
-            "and FRFs between other points cannot be synthesised; measure one drive-point FRF"
+            "no input is measured as an output at its own point and direction: without such a "
+            "drive point modes have no scale, and FRFs between other points cannot be "
+            "synthesised; put a sensor at a point that is hit, or state both at one site where "
+            "their body moves them alike"
         )
     model, n = whole.model, len(whole.model.outputs)
     selected = np.ones(len(model.poles), bool) if chosen is None else chosen

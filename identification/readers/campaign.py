@@ -38,7 +38,7 @@ from identification.readers.file_kinds import (
     is_universal,
 )
 from identification.readers.frf_table import FrfTable, set_zero_line
-from identification.readers.frf_units import refuse_signals_of_known_gain
+from identification.readers.frf_units import parse_frf_units, refuse_signals_of_known_gain
 from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.several_inputs import CoherenceKind, resolve_several_inputs
 from identification.readers.uff_frfs import read_uff
@@ -343,6 +343,7 @@ def _test(entry: TestSettings, table: FrfTable, reference: Input, rows: Mask) ->
         entry.setup,
         entry.hammer,
         entry.variant,
+        parse_frf_units(Path(entry.file), table.quantity, entry.unit).drive_unit(reference),
     )
     return Test(condition, estimate)
 

@@ -5,7 +5,7 @@ one kind of motion (along an axis, about it) and of one kind of drive (force, to
 counts, volts or amperes). Kinds that no unit states are in SI units.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -40,11 +40,13 @@ class FrfUnits:
         motion: factor of each kind of motion that is stated.
         drive: factor of each kind of drive that is stated.
         quantity: of the FRFs, to which the motions belong.
+        signal_unit: unit of the signals that drive, such as V; empty without any.
     """
 
     motion: dict[str, float]
     drive: dict[str, float]
     quantity: Quantity
+    signal_unit: str = ""
 
     def motion_factor(self, output: Output) -> float | None:
         """Return the factor of the motion at an output, or None if no unit states it.
@@ -86,6 +88,18 @@ class FrfUnits:
         if isinstance(reference, Signal) and not reference.is_directed:
             return None
         return self.drive.get(_TORQUE if reference.is_rotation else _FORCE)
+
+    def drive_unit(self, reference: Input) -> str:
+        """Return the unit in which what drives at a reference is held, such as N, N m or V.
+
+        Forces and torques are converted to SI units, signals are not. The control of a motor has
+        no unit that is known, unless it is stated.
+        """
+        if self.drives_by_signal(reference):
+            return self.signal_unit
+        if isinstance(reference, Signal) and not reference.is_directed and not reference.is_joint:
+            return ""
+        return "N m" if reference.is_rotation else "N"
 
     def factors(self, outputs: tuple[Output, ...], references: tuple[Input, ...]) -> Real:
         """Return the factors of FRFs, SI where no unit states a kind; (n_out, n_in)."""
@@ -137,19 +151,21 @@ def parse_frf_units(path: Path, quantity: Quantity, unit: str | None) -> FrfUnit
     Raises:
         InputError: a unit does not belong to the quantity, or two contradict each other.
     """
-    units = FrfUnits({}, {}, quantity)
+    units, signal_unit = FrfUnits({}, {}, quantity), ""
     for entry in unit.split(",") if unit is not None else ():
         motion_text, slash, drive_text = entry.rpartition("/")
         motion = _motion(motion_text, quantity) if slash else None
         drive = _drive(drive_text)
         if motion is None or drive is None:
             raise InputError(f"{path}: {_describe_wrong_unit(entry.strip(), quantity)}")
+        if drive[0] == _SIGNAL:
+            signal_unit = drive_text.strip()
         for known, (kind, factor) in ((units.motion, motion), (units.drive, drive)):
             if known.setdefault(kind, factor) != factor:
                 raise InputError(
                     f"{path}: unit {unit!r} states two units of {kind}: leave one of them"
                 )
-    return units
+    return replace(units, signal_unit=signal_unit)
 
 
 def labelled_unit(

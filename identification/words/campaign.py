@@ -28,12 +28,13 @@ class Condition:
     Args:
         test: name of the file, as campaign.toml gives it.
         reference: degree of freedom at which the hammer hit, or motor that drove the machine.
-        level_n: peak force [N], or None if it was not recorded.
+        level_n: peak force [N], or peak of a signal in its unit; None if it was not recorded.
         spindle_speed: spindle speed [rad/s].
         setup: name of the roving set-up, or None.
         hammer: name of the hammer or drive that gave the force, or None if no name was stated.
         variant: name of the machine's variant, such as one with a known mass; empty for the
             machine of the campaign.
+        drive_unit: unit of what drives the machine, and of the level: N, N m, or that of a signal.
 
     Raises:
         ValueError: the level is not positive, or a value is not finite.
@@ -46,15 +47,21 @@ class Condition:
     setup: str | None = None
     hammer: str | None = None
     variant: str = ""
+    drive_unit: str = "N"
 
     def __post_init__(self) -> None:
         """Check the reference, the level and the spindle speed."""
         if not isinstance(self.reference, Dof | Signal):
             raise ValueError(f"reference is {self.reference!r}, expected a Dof or a Signal")
         if self.level_n is not None and not (np.isfinite(self.level_n) and self.level_n > 0):
-            raise ValueError(f"level is {self.level_n} N, expected more than 0")
+            raise ValueError(f"level is {self.level_n} {self.drive_unit}, expected more than 0")
         if not np.isfinite(self.spindle_speed):
             raise ValueError(f"spindle speed is {self.spindle_speed} rad/s, expected a number")
+
+    @property
+    def level_text(self) -> str:
+        """Level with its unit, such as ``200 N`` or ``0.1 V``; empty if it is unknown."""
+        return "" if self.level_n is None else f"{self.level_n:g} {self.drive_unit}".rstrip()
 
     @property
     def instrument(self) -> str:

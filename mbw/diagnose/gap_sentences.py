@@ -3,6 +3,7 @@
 from diagnosis.inference.evidence import Evidence
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import GapSteps
+from mbw.page.numbers import format_closed
 
 NOT_SHOWN = "the gap on held-out frequency lines does not shrink"
 WHY_NOT_SHOWN = (
@@ -15,8 +16,8 @@ _MIN_HELD_OUT_RATIO = 2.0  # excess on held-out over that on fitted lines, which
 def closed_words(closed: float, ends: tuple[float, float] | None) -> str:
     """Return the closed share of the gap as text, with its interval if there is one.
 
-    The jackknife does not know that at most the whole gap can be closed, so the ends are limited
-    here. A small gap may seem to grow, because a held-out block can remove a whole mode.
+    The jackknife does not know that a share lies between 0 and 1, so the ends are limited here. A
+    small gap may seem to grow, because a held-out block can remove a whole mode.
 
     Args:
         closed: closed share of the gap.
@@ -26,9 +27,11 @@ def closed_words(closed: float, ends: tuple[float, float] | None) -> str:
         return f"{NOT_SHOWN}: {WHY_NOT_SHOWN}"
     interval = ""
     if ends is not None:
-        low, high = (min(end, 1.0) for end in ends)
-        interval = f" (95 %: {low:.1%} to {high:.1%})"
-    return f"{min(closed, 1.0):.1%} of the gap beyond noise is closed{interval}"
+        low, high = ("none" if end < 0 else f"{min(end, 1.0):.1%}" for end in ends)
+        interval = f" (95 %: {low} to {high})"
+    share = format_closed(closed)
+    share = share if share.startswith("about") else f"{min(closed, 1.0):.1%}"
+    return f"{share} of the gap beyond noise is closed{interval}"
 
 
 def unestablished_words(closed: float) -> str:
@@ -37,6 +40,8 @@ def unestablished_words(closed: float) -> str:
     Args:
         closed: part of the gap of the fitted lines that it closes.
     """
+    if closed < 0:
+        return "which grows with it, so it is not established"
     if closed < SETTINGS.min_closed:
         return f"less than {100 * SETTINGS.min_closed:g} %, so it is not established"
     return "but not of the gap on held-out lines, so it is not established"

@@ -18,7 +18,7 @@ from mbw.diagnose.sentences import (
     place_phrase,
 )
 from mbw.page.html import badge
-from mbw.page.numbers import format_percent
+from mbw.page.numbers import format_closed, format_percent
 from mbw.results.diagnosed_files import StoredDiagnosis
 
 _MAX_EXCESS = 1.5  # gap with the cause over the noise; beyond, the cause is not all
@@ -230,7 +230,7 @@ def _shrinks(result: StoredDiagnosis) -> str:
     )
     if gap.closed is None:
         return f"{text}."
-    closed = format_percent(min(gap.closed, 1.0))
+    closed = format_closed(gap.closed)
     return f"{text}: {closed} of the gap beyond the noise is closed."
 
 

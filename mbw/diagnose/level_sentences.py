@@ -38,4 +38,4 @@ def _fall_words(row: LevelGapRow) -> str:
     before, after = row.retuned.excess, row.after.excess
     if before is None or after is None:
         return ""
-    return f"{row.level:g} N {number(before)} to {number(after)}"
+    return f"{row.level:g} {row.unit} {number(before)} to {number(after)}"

@@ -12,6 +12,7 @@ from mbw.diagnose.sentences import (
     format_probability,
     place_phrase,
 )
+from mbw.page.numbers import format_closed
 
 _MAX_NAMED_PLACES = 2  # places of a local rest that a sentence names
 
@@ -77,7 +78,7 @@ def _best_candidate_words(verdict: Verdict, evidence: Evidence) -> str:
     best = "best" if row.log_odds is None else "most probable"
     return (
         f"no cause is established; the {best} single candidate, {effect_noun(effect)} "
-        f"{place_phrase(location)}, closes {percent_text(row.closed)} of the gap, but {why}"
+        f"{place_phrase(location)}, closes {format_closed(row.closed, 2)} of the gap, but {why}"
     )
 
 
@@ -115,7 +116,7 @@ def _share_words(row: RemarkRow) -> str:
     proven = " is proven without the model"
     if row.closed is None:
         return f"{proven}, but is not established as a cause of the gap"
-    share = f"{percent_text(max(row.closed, 0.0))} of the gap"
+    share = f"{format_closed(row.closed, 2)} of the gap"
     if row.closed < SETTINGS.min_closed:
         return f"{proven}, but it closes only {share}"
     return f"{proven} and would close {share}: correct it first and repeat"

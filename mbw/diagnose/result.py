@@ -18,7 +18,7 @@ from diagnosis.verdict.schema import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NOT_WRITTEN, Machine, WrittenModel, machine_geometry
 from mbw.diagnose.link_axis import link_axis
-from mbw.diagnose.pulled_tolerance import pull_sentence
+from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
 from mbw.results.diagnosed_files import StoredDiagnosis
 from mbw.results.diagnosed_schema import (
     CentresRow,
@@ -63,8 +63,8 @@ def collect_result(
     locations += [force.location for force in diagnosis.evidence.pushed]
     locations += [force.location for force in diagnosis.evidence.rest_pushed]
     freq = campaign.freq_hz
-    pull = pull_sentence(verdict, diagnosis)
-    remarks = [*campaign.remarks, *([pull] if pull else []), *unfinished_fit_sentences(diagnosis)]
+    pulls = filter(None, (pull_sentence(verdict, diagnosis), bound_sentence(diagnosis)))
+    remarks = [*campaign.remarks, *pulls, *unfinished_fit_sentences(diagnosis)]
     shown = ShownFile(
         campaign=campaign.name,
         model=machine.name,
@@ -235,11 +235,7 @@ def _labels(conditions: Sequence[Condition]) -> list[str]:
     setups = {condition.setup for condition in conditions}
     labels = [
         str(condition.reference)
-        + (
-            f", {condition.level_n:g} N"
-            if len(levels) > 1 and condition.level_n is not None
-            else ""
-        )
+        + (f", {condition.level_text}" if len(levels) > 1 and condition.level_n is not None else "")
         + (f", set-up {condition.setup}" if len(setups) > 1 and condition.setup is not None else "")
         for condition in conditions
     ]

@@ -25,7 +25,7 @@ from mbw.diagnose.sentences import (
     serial_correlation_sentences,
     untested_sentences,
 )
-from mbw.page.numbers import format_percent
+from mbw.page.numbers import format_closed, format_percent
 from mbw.results.diagnosed_files import StoredDiagnosis
 from mbw.results.diagnosed_schema import PlaceRow
 
@@ -97,7 +97,7 @@ def _cause(
         f'<td class="name">{escape(_direction(row, places))}</td>'
         f'<td class="name whole">{bar} {format_probability(row.probability)}</td>'
         f'<td class="name">{_sizes(sizes)}</td>'
-        f"<td>{'' if closed is None else format_percent(closed)}</td>"
+        f"<td>{'' if closed is None else format_closed(closed)}</td>"
         f"<td>{_excess(row.excess_after)}</td></tr>"
     )
 
@@ -146,7 +146,7 @@ def _refits(result: StoredDiagnosis) -> str:
         f'<tr><td class="name">{_effect_names(row.keys)}</td>'
         f"<td>{format_percent(row.model_error)}</td><td>{row.residual:.3g}</td>"
         f"{_level_cell(row.between_levels) if has_levels else ''}"
-        f"<td>{'' if row.closed is None or not row.keys else format_percent(row.closed)}</td>"
+        f"<td>{'' if row.closed is None or not row.keys else format_closed(row.closed)}</td>"
         f"<td>{row.rejection if row.log_odds is None else _nats(row.log_odds)}</td></tr>"
         for row in rows
     )
@@ -156,7 +156,8 @@ def _refits(result: StoredDiagnosis) -> str:
         f"{'<th>between levels</th>' if has_levels else ''}"
         "<th>gap closed</th><th>log odds [nats]</th></tr></thead>"
         f'<tbody>{cells}</tbody></table><p class="soft">Model error: relative error of the motion '
-        "at each sensor that the fit had to tolerate beside the noise. Log odds: against a model "
+        "at each sensor that the fit had to tolerate beside the noise. Gap closed: about all if "
+        "the residual falls to the noise or below, none if it grows. Log odds: against a model "
         "without any effect, by the number of independent values of the residual."
         f"{_BETWEEN_LEVELS if has_levels else ''}</p>"
     )

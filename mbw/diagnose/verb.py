@@ -15,7 +15,7 @@ from mbw.diagnose.headline import undecided_words
 from mbw.diagnose.hypothesis_table import hypothesis_table
 from mbw.diagnose.level_sentences import level_sentences
 from mbw.diagnose.page import render
-from mbw.diagnose.pulled_tolerance import pull_sentence
+from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
 from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
 from mbw.diagnose.result import collect_result, list_established, unfinished_fit_sentences
 from mbw.diagnose.sentences import (
@@ -32,7 +32,7 @@ from mbw.gain_text import gain_sentence
 from mbw.gap_text import describe_gap
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
-from mbw.page.numbers import format_percent
+from mbw.page.numbers import format_closed, format_percent
 from mbw.remarks import calibration_sentence, describe_not_in_mjcf
 from mbw.results.diagnosed_files import (
     AUGMENTED,
@@ -183,7 +183,7 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
         name, sizes = key_words((row.effect, row.location, row.dof)), cause_parameters(row)
         sizes = f": {sizes}" if sizes else ""
         share = closed.get((row.effect, row.location))
-        part = "" if share is None else f"; closes {format_percent(share)} of the fitted lines' gap"
+        part = "" if share is None else f"; closes {format_closed(share)} of the fitted lines' gap"
         if share is not None and number not in established_rows:
             part += f", {unestablished_words(share)}"
         SCREEN.say(f"  {row.probability:.0%} {name}{sizes}{part}")
@@ -202,7 +202,11 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
 
 def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
     """Print remarks on tolerances, fits, sensors, noise, confounded causes and the next test."""
-    first = (pull_sentence(verdict, diagnosis), gain_sentence(verdict.channel_gains))
+    first = (
+        pull_sentence(verdict, diagnosis),
+        bound_sentence(diagnosis),
+        gain_sentence(verdict.channel_gains),
+    )
     for text in (*filter(None, first), *unfinished_fit_sentences(diagnosis)):
         SCREEN.say(f"  {text}")
     for fault in diagnosis.checks.faults:

@@ -13,7 +13,7 @@ const HIT_COLUMNS = [
   ...(several("setup") ? [["set-up", "name", row => row.setup === null ? "-" : row.setup]] : []),
   ["hits", "", row => row.kept + row.rejected.length],
   ["averaged", "", row => row.kept],
-  ["peaks / N", "", row => Array.from(new Set([row.peaks[0], row.peaks[row.peaks.length - 1]].map(short))).join(" .. ")],
+  ["peaks", "", row => Array.from(new Set([row.peaks[0], row.peaks[row.peaks.length - 1]].map(short))).join(" .. ") + " " + row.unit],
   ["estimator", "name", row => row.estimator],
   ["rate / Hz", "", row => String(Number(row.rate.toPrecision(6)))],
   ["block / s", "", row => row.block_s.toPrecision(4)],

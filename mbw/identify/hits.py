@@ -34,6 +34,7 @@ def _row(test: Test, hits: HitEstimate, modes: list[IdentifiedModeRow]) -> HitsR
         test=hits.test,
         setup=test.condition.setup,
         reference=str(hits.reference),
+        unit=test.condition.drive_unit,
         outputs=[str(dof) for dof in hits.estimate.frf.outputs],
         kept=[
             KeptHit(record=hit.record, hit=hit.number, time=hit.time_s, peak=hit.peak_n)

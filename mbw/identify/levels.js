@@ -14,9 +14,9 @@ function levels() {
     const bars = (sd, unit) => ({type: "data", array: sd.map(v => 2 * unit * v), color: line.color, thickness: 1, width: 3});
     return [
       {...common, y: mode.frequency.map(f => 100 * (f / mode.frequency[0] - 1)), error_y: bars(mode.frequency_sd, 100 / mode.frequency[0]), showlegend: hue >= 0,
-        hovertemplate: "%{x:.4g} N: %{y:+.3g} %<extra>" + name + "</extra>"},
+        hovertemplate: "%{x:.4g} " + check.unit + ": %{y:+.3g} %<extra>" + name + "</extra>"},
       {...common, y: mode.damping.map(z => 100 * (z - mode.damping[0])), error_y: bars(mode.damping_sd, 100), xaxis: "x2", yaxis: "y2", showlegend: false,
-        hovertemplate: "%{x:.4g} N: %{y:+.3g} %<extra>" + name + "</extra>"}];
+        hovertemplate: "%{x:.4g} " + check.unit + ": %{y:+.3g} %<extra>" + name + "</extra>"}];
   });
   const reach = which => {  // the others may have wide bars
     const used = shown.length ? shown : check.modes;
@@ -27,7 +27,7 @@ function levels() {
   };
   const axis = (title, domain) => ({type: "log", domain, title: {text: title, standoff: 6}, gridcolor: GRID, zeroline: false, tickvals: check.level, ticktext: check.level.map(v => String(Number(v.toPrecision(4))))});
   Plotly.newPlot("level-plot", traces, {...PLOT, height: 340, margin: {l: 64, r: 12, t: 34, b: 48}, showlegend: shown.length > 0,
-    xaxis: axis("peak force / N", [0, 0.45]), xaxis2: {...axis("peak force / N", [0.55, 1]), anchor: "y2"},
+    xaxis: axis("level" + (check.unit ? " / " + check.unit : ""), [0, 0.45]), xaxis2: {...axis("level" + (check.unit ? " / " + check.unit : ""), [0.55, 1]), anchor: "y2"},
     yaxis: {gridcolor: GRID, zerolinecolor: GREY, range: reach(0), title: {text: "change of frequency / %"}},
     yaxis2: {gridcolor: GRID, zerolinecolor: GREY, range: reach(1), title: {text: "change of damping ratio / % of critical"}, anchor: "x2"},
     legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG);

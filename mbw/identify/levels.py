@@ -24,6 +24,7 @@ def level_row(check: LevelCheck | None) -> LevelCheckRow | None:
     ]
     return LevelCheckRow(
         level=check.level_n.tolist(),
+        unit=check.unit,
         effects=[] if check.is_constant else None,
         words=check.sentence,
         returns=check.returns,

@@ -18,6 +18,7 @@ from mbw.page.html import fill_template, pack_complex, pack_integers, pack_real,
 from mbw.page.numbers import force_unit, motion_unit
 from mbw.page.picture import picture_data
 from mbw.results.identified_files import IdentificationResult
+from mbw.results.identified_schema import IdentifiedModesFile
 
 
 def render(result: IdentificationResult, geometry: MachineGeometry | None) -> str:
@@ -58,6 +59,15 @@ def render(result: IdentificationResult, geometry: MachineGeometry | None) -> st
     )
 
 
+def _force_units(summary: IdentifiedModesFile) -> list[str]:
+    """Return the unit of what drives at each input: that of a signal, if one is stated."""
+    units = summary.input_units or [""] * len(summary.inputs)
+    return [
+        unit if unit not in ("", "N", "N m") else force_unit(label)
+        for unit, label in zip(units, summary.inputs, strict=True)
+    ]
+
+
 def _data(result: IdentificationResult, geometry: MachineGeometry | None) -> dict[str, object]:
     summary, arrays = result.summary, result.arrays
     count = len(summary.modes)
@@ -71,7 +81,7 @@ def _data(result: IdentificationResult, geometry: MachineGeometry | None) -> dic
         "quantity": summary.quantity,
         "units": {
             "motion": [motion_unit(summary.quantity, label) for label in summary.outputs],
-            "force": [force_unit(label) for label in summary.inputs],
+            "force": _force_units(summary),
             "output_as_force": [force_unit(label) for label in summary.outputs],
         },
         "scaled": summary.normalisation == UNIT_MASS,

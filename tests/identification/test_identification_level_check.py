@@ -8,9 +8,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from identification.level_check import check_decay, check_levels, track_decay
+from identification.level_check import LevelCheck, check_decay, check_levels, track_decay
 from identification.level_check.shared_shapes import _apply_step, _linearise, fit_poles
-from identification.level_check.trends import ModeTrend, find_clearest_trend
+from identification.level_check.trends import (
+    ModeTrend,
+    find_clearest_trend,
+    growth_exponent,
+    is_like_hysteresis,
+)
 from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
 from identification.modal.shape_fit import ModalFit
@@ -343,3 +348,41 @@ def test_the_bolted_beam_changes_wherever_its_record_begins(first):
     data = np.load(BRB / "decay_after_a_hammer_hit.npz")
     check = check_decay(data["acceleration_m_s2"][:, first:].astype(float), float(data["rate_hz"]))
     assert "The mode at 80." in check.sentence
+
+
+_LEVELS = np.array([0.1, 0.2, 0.3])
+
+
+def _shifted(shift, damping):
+    freq = 800.0 * (1 + np.asarray(shift))
+    deviations = np.full(3, 1e-3), np.full(3, 1e-6)
+    return ModeTrend(_LEVELS, freq, deviations[0], np.asarray(damping), deviations[1])
+
+
+@pytest.mark.parametrize("exponent", [-1.0, 0.0, 0.5, 1.0, 2.0, 4.0])
+def test_the_exponent_of_a_shift_is_found(exponent):
+    growth = np.log(_LEVELS / 0.1) if exponent == 0 else (_LEVELS / 0.1) ** exponent - 1
+    found = growth_exponent(_shifted(-1e-3 * growth, np.full(3, 0.01)))
+    assert found == pytest.approx(exponent, abs=0.03)
+
+
+def test_what_grows_with_the_level_from_the_lowest_on_may_be_hysteresis():
+    # Rayleigh: k falls by nu A and each cycle loses (4 / 3) nu A^3, so that zeta rises by
+    # 2 nu A / (3 pi).
+    nu = 0.1
+    rayleigh = _shifted(np.sqrt((1 - nu * _LEVELS) / (1 - nu * 0.1)) - 1,
+                        0.01 + 2 * nu * _LEVELS / (3 * np.pi))  # fmt: skip
+    cubic = _shifted(-0.1 * (_LEVELS**2 - 0.01), np.full(3, 0.01))
+    gap = _shifted([0.0, -3e-5, -1.2e-2], [0.0073, 0.0074, 0.0094])
+    full_slip = _shifted(np.zeros(3), [0.03, 0.015, 0.01])
+    assert is_like_hysteresis([rayleigh, rayleigh, cubic])
+    assert not is_like_hysteresis([cubic])
+    assert not is_like_hysteresis([gap])
+    assert not is_like_hysteresis([full_slip])
+    assert not is_like_hysteresis([])
+
+
+def test_hysteresis_is_named_as_a_possibility():
+    trend = _shifted(-0.05 * (_LEVELS - 0.1), 0.01 + 0.02 * _LEVELS)
+    check = LevelCheck(_LEVELS, (trend,), (trend.changes(1e-3),), returns=True)
+    assert "as hysteresis or gradual friction in joints or actuators" in check.sentence

@@ -6,7 +6,7 @@ import numpy as np
 
 from diagnosis.settings import SETTINGS
 from mbw.diagnose import verb
-from mbw.diagnose.pulled_tolerance import pull_sentence
+from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
 from mbw.diagnose.result import unfinished_fit_sentences
 from mbw.messages import SCREEN
 
@@ -15,14 +15,19 @@ NAMES = ("ty_tx.stiffness", "acc1.rotation_z", "hammer(acc1:ty).rotation_z")
 
 def case(x, *, word="none"):
     """Verdict and fit without any effect, which ended at x; a stiffness has no prior."""
-    parametrisation = SimpleNamespace(names=NAMES, has_prior=np.array([False, True, True]))
+    parametrisation = SimpleNamespace(
+        names=NAMES,
+        has_prior=np.array([False, True, True]),
+        coordinates_at_bound=lambda x: np.abs(x) >= 2.5,
+    )
+    refit = SimpleNamespace(fit=SimpleNamespace(parametrisation=parametrisation, x=np.array(x)))
     found = SimpleNamespace(
         null=SimpleNamespace(fit=SimpleNamespace(parametrisation=parametrisation, x=np.array(x))),
         settings=SETTINGS,
         evidence=SimpleNamespace(variance="coherence", null=SimpleNamespace(serial=0.0), sets=()),
         checks=SimpleNamespace(faults=(), unknown=()),
         parameters=None,
-        retuned=SimpleNamespace(unfinished=0),
+        retuned=SimpleNamespace(unfinished=0, refit=refit),
         after=None,
         session=SimpleNamespace(campaign=SimpleNamespace(tests=())),
     )
@@ -54,6 +59,17 @@ def test_of_two_the_one_that_is_pulled_more_comes_first():
 def test_the_sentence_exists_only_if_nothing_is_missing_and_a_tolerance_is_beyond():
     assert told([0.0, 1.0, 3.3], word="explained") is None
     assert told([9.0, 1.0, 2.4]) is None
+
+
+def test_tolerances_at_their_bounds_are_named():
+    _, diagnosis = case([9.0, 2.5, -2.5], word="unexplained")
+    assert bound_sentence(diagnosis) == (
+        "2 tolerances reached the bound of 2.5 standard deviations in the fit of the re-tuned "
+        "model: acc1.rotation_z +2.5, hammer(acc1:ty).rotation_z -2.5."
+    )
+    diagnosis.after = diagnosis.retuned
+    assert "in the fit with the present causes: acc1" in bound_sentence(diagnosis)
+    assert bound_sentence(case([9.0, 2.4, 0.0])[1]) is None
 
 
 def test_the_terminal_shows_the_sentence_too(capsys, monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import number, parameter_lines, parameter_words
-from mbw.diagnose.gap_sentences import closed_words, held_out_sentence
+from mbw.diagnose.gap_sentences import closed_words, held_out_sentence, unestablished_words
 from mbw.diagnose.sentences import (
     cause_parameters,
     confounded_sentences,
@@ -19,6 +19,7 @@ from mbw.diagnose.sentences import (
     untested_sentences,
 )
 from mbw.diagnose.tables import _cause
+from mbw.page.numbers import format_closed
 
 
 @pytest.mark.parametrize(
@@ -122,6 +123,29 @@ def test_no_more_than_all_of_a_gap_is_closed_at_either_end():
     assert closed_words(1.002, (1.001, 1.003)) == f"{said} (95 %: 100.0% to 100.0%)"
     assert closed_words(1.0, (0.92, 1.003)) == f"{said} (95 %: 92.0% to 100.0%)"
     assert closed_words(1.0, None) == said
+    assert closed_words(1.92, (-3.21, 2.4)) == (
+        "about all of the gap beyond noise is closed (95 %: none to 100.0%)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [
+        (1.92, "about all"),
+        (-3.21, "none"),
+        (0.874, "87.4 %"),
+        (1.0002, "100 %"),  # of rounding
+        (1.0, "100 %"),
+        (0.0, "0 %"),
+    ],
+)
+def test_a_share_beyond_0_to_100_per_cent_is_said_in_words(share, text):
+    assert format_closed(share) == text
+
+
+def test_a_cause_with_which_the_gap_grows_is_not_established_for_that():
+    assert unestablished_words(-0.4) == "which grows with it, so it is not established"
+    assert unestablished_words(0.1).startswith("less than 20 %")
 
 
 def test_a_gap_that_held_out_lines_see_grow_is_not_said_to_close_by_less_than_nothing():

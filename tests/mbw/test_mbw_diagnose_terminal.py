@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 from diagnosed import diagnosed
 from rich.console import Console
 from typer.testing import CliRunner
@@ -20,6 +21,9 @@ from tests.helpers.drawn import drawn
 from tests.helpers.judged import evidence, fitted
 
 NAME = "a [/b] :x: [red]"
+
+_VARIES = SimpleNamespace(has_prior=np.zeros(0, bool), coordinates_at_bound=lambda x: x > 0)
+REFIT = SimpleNamespace(fit=SimpleNamespace(parametrisation=_VARIES, x=np.zeros(0)))
 
 
 def found(evidence, *present):
@@ -99,7 +103,7 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
             session=SimpleNamespace(campaign=campaign),
             present=present,
             parameters=None,
-            retuned=SimpleNamespace(unfinished=0),
+            retuned=SimpleNamespace(unfinished=0, refit=REFIT),
             after=None,
             evidence=result.evidence,
             checks=SimpleNamespace(faults=(), unknown=()),
@@ -133,7 +137,7 @@ def say_unexplained(result, capsys, monkeypatch, spread):
             session=SimpleNamespace(campaign=SimpleNamespace(name="here", tests=())),
             present=SimpleNamespace(established=[], closes={}),
             parameters=None,
-            retuned=SimpleNamespace(unfinished=0),
+            retuned=SimpleNamespace(unfinished=0, refit=REFIT),
             after=None,
             evidence=result.evidence,
             checks=SimpleNamespace(faults=(), unknown=()),

@@ -205,7 +205,7 @@ def test_the_table_lists_hits_windows_and_rejected_hits(found, content):
     first, gone, second = found["rows"]
     cells = dict(zip(found["heads"], first, strict=True))
     assert (cells["force at"], cells["hits"], cells["averaged"]) == ("acc3:+tx", "6", "5")
-    assert re.fullmatch(r"\d+ \.\. \d+", cells["peaks / N"])
+    assert re.fullmatch(r"\d+ \.\. \d+ N", cells["peaks"])
     assert cells["estimator"] == "H1"
     most = max(100 * added for added in content["hits"][0]["added_damping"])
     assert float(cells["added to ζ / %"].removeprefix("≤ ")) == pytest.approx(most, rel=0.05)

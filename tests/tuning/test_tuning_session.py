@@ -96,6 +96,14 @@ def test_every_instrument_has_a_tolerance_for_its_gain_and_delay(opened):
     assert not kinds & {"sensor_delay", "sensor_cross", "hammer_gain", "hammer_delay"}
 
 
+def test_the_calibration_is_that_of_the_hammer_that_states_its_own(opened):
+    assert opened("").known_force_tolerance == 0.02
+    assert opened("[hammer.default]\ngain_tolerance = 0.2\n").known_force_tolerance == 0.2
+    assert opened("[tolerance]\nhammer_gain = 0.0\n").known_force_tolerance == 0.0
+    own = opened("[tolerance]\nhammer_gain = 0.0\n[hammer.default]\ngain_tolerance = 0.1\n")
+    assert own.known_force_tolerance == 0.1
+
+
 def test_wishes_reach_what_varies(opened):
     session = opened(
         """

@@ -123,6 +123,7 @@ def summarise_tuning(
                 variance_from=test.estimate.variance_source,
                 channels=len(test.estimate.frf.outputs),
                 variant=test.condition.variant,
+                drive_unit=test.condition.drive_unit,
             )
             for test in campaign.tests
         ],

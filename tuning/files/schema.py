@@ -122,7 +122,10 @@ class FitRow(_Row):
 
 
 class TunedTestRow(_Row):
-    """One test of the campaign; ``variant`` names its own model or pose, if it has one."""
+    """One test of the campaign; ``variant`` names its own model or pose, if it has one.
+
+    ``drive_unit`` is the unit of what drove the machine, and of the level.
+    """
 
     __test__ = False
 
@@ -133,6 +136,7 @@ class TunedTestRow(_Row):
     variance_from: str
     channels: int
     variant: str = ""
+    drive_unit: str = "N"
 
 
 class ModelModeRow(_Row):

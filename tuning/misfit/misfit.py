@@ -158,6 +158,11 @@ class Misfit:
         ]
         return np.concatenate(by_batch)
 
+    def unit_residuals(self, x: Real) -> Iterator[Complex]:
+        """Yield the residuals of each batch over their deviations; (n_freq, n_out, n_test)."""
+        for weight, difference in self._differences(x):
+            yield np.sqrt(weight) * difference
+
     def serial_covariance(self, x: Real, lags: Sequence[int], fitted: Mask) -> float | None:
         """Return the covariance of residuals of neighbouring lines, one fitted and one held out.
 

@@ -169,7 +169,11 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
             ):
                 return _minimum(state, value, "converged", "")
             before[is_new] = predicted
-            if abs(previous - value - predicted) < MAX_PREDICTION_ERROR * predicted + min_gain_nats:
+            is_predicted = (
+                abs(previous - value - predicted) < MAX_PREDICTION_ERROR * predicted + min_gain_nats
+            )
+            # A kept N that stalls predicts a crawl rightly for ever: only a new one ends it.
+            if is_predicted and (is_new or not state.is_stalled):
                 kept_normal = normal
             else:
                 kept_normal, before[False] = None, 0.0

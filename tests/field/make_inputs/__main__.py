@@ -17,6 +17,7 @@ GROUPS = (
     "written",
     "advice",
     "environment",
+    "mutes",
 )
 
 
