@@ -224,7 +224,10 @@ def _find_reading(fault: Fault) -> Reading | None:
 
 
 def _read_number(value: Value) -> float:
-    return value if isinstance(value, float) else value[0]
+    number = value[0] if isinstance(value, tuple) else value
+    if number is None:
+        raise ValueError("a fault without its number")
+    return number
 
 
 def _list_pairs(fault: Fault, campaign: Campaign) -> tuple[tuple[Dof, Dof], ...]:

@@ -8,6 +8,7 @@ known mass, tell both apart.
 from collections.abc import Iterator
 
 from diagnosis.effects.points import release_hammers
+from diagnosis.effects.scales import GAIN_ENDS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 
 
@@ -15,7 +16,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Return one for each hammer or drive whose gain has a tolerance."""
     if scene.session.campaign.unknown_gains.hammers:
         return iter(())
-    return release_hammers(scene, "hammer_gain", "gain")
+    return release_hammers(scene, "hammer_gain", "gain", GAIN_ENDS)
 
 
 EFFECT = Effect(

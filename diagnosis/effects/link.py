@@ -4,6 +4,10 @@ Springs and dampers are passive, so K and C have no negative eigenvalue. Each sp
 beside it, so that both have the same axes (``passive_matrix``),
 
     K = (1 + N) diag(k) (1 + N),   C = (1 + N) diag(c) (1 + N).
+
+The point is in the box about its bodies (``body_box``). Springs along axes in which nothing moves
+both bodies apart are none, nor do springs turn towards such an axis; a component of the point that
+no motion shows stays where it starts. None of these is stated.
 """
 
 from collections.abc import Mapping
@@ -12,12 +16,20 @@ from functools import cached_property
 
 import numpy as np
 
+from diagnosis.effects.body_box import (
+    bound_place,
+    find_box,
+    find_moved_axes,
+    hold_at_zero,
+    select_names,
+    state_shown,
+)
 from diagnosis.effects.passive_matrix import build_columns, build_passive, slope_passive
 from diagnosis.effects.points import find_own_springs, name_vector
 from diagnosis.effects.scales import ARM_UNIT_M, MASS_SHARE_UNIT
 from diagnosis.hypothesis import Value
 from diagnosis.rounding import HALF_PRECISION
-from identification.words import Real
+from identification.words import Mask, Real
 from mbmodel import (
     WORLD,
     AddedPart,
@@ -30,6 +42,7 @@ from mbmodel import (
     transport,
 )
 
+_AWAY = np.array([3.0, 2.0, 1.0])  # units: a point at which turns of the bodies show
 _ASIDE_SHARE = 0.4  # of the distance of the centres of mass: points of the scan beside the middle
 
 
@@ -46,22 +59,21 @@ def list_start_points() -> Real:
 class Link:
     """A link between two bodies of a machine, or from the ground to a body.
 
-    A link to the ground starts at the body's centre of mass or beside it, and stays within
-    ``radii`` radii of gyration.
+    A link to the ground starts at the body's centre of mass or beside it.
 
     Args:
         machine: the nominal machine.
+        jacobian: motion of the bodies per coordinate that gives way; (6 n_body, nv).
         pair: numbers of the bodies; None first for the ground.
         omega: frequency in the middle of the band [rad/s].
         at: number of its start point.
-        radii: largest distance of a place from its centre of mass [radii of gyration].
     """
 
     machine: Machine
+    jacobian: Real
     pair: tuple[int | None, int]
     omega: float
     at: int
-    radii: float
 
     @cached_property
     def bodies(self) -> tuple[str, str]:
@@ -88,15 +100,7 @@ class Link:
     def _distance(self) -> float:
         if len(self._moving) == 2:
             return float(np.linalg.norm(np.ptp(self._centres, axis=0)))
-        span = slice(6 * self._moving[0], 6 * self._moving[0] + 6)
-        inertia = self.machine.body_mass[span, span]
-        return self.radii * float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
-
-    @cached_property
-    def _offset(self) -> Real:
-        """Start point, from halfway between the centres of mass [m]; (3,)."""
-        offset: Real = self._distance * list_start_points()[self.at]
-        return offset
+        return float(np.ptp(find_box(self.machine, self._moving), axis=0).max()) / 2
 
     @cached_property
     def units(self) -> Real:
@@ -138,24 +142,55 @@ class Link:
         if not any(slides):
             return ()
         size = float(np.median([value for value in slides if value > 0])) / float(self.units[0])
-        return (dict.fromkeys(self.along_axes[:3], size),)
+        return (dict.fromkeys(self.scored[: self.moved.sum()], size),)
+
+    @cached_property
+    def moved(self) -> Mask:
+        """World axes along which something moves both bodies apart; (3,)."""
+        return find_moved_axes(self.jacobian, self._find_motion(_AWAY) @ self._frame.T)
+
+    @cached_property
+    def _shown(self) -> Mask:
+        """Components of the point that show: its turns move another axis; (3,)."""
+        sizes = [
+            np.abs(slope[self.moved] @ self._frame.T @ self.jacobian).max(initial=0.0)
+            for slope in self._motion_slopes
+        ]
+        is_shown: Mask = np.array(sizes) > HALF_PRECISION * np.abs(self.jacobian).max()
+        return is_shown
+
+    @property
+    def scored(self) -> tuple[str, ...]:
+        """Names of the sizes along axes that move."""
+        return select_names(self.along_axes, np.tile(self.moved, 2))
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Bounds of N, and of the point: as far aside as the centres of mass are apart."""
-        low, high = (
-            (-self._distance - self._offset) / ARM_UNIT_M,
-            (self._distance - self._offset) / ARM_UNIT_M,
-        )
+        """Bounds of N and of the point, and of what no motion shows."""
         turned = dict.fromkeys(self.names[6:9], (-1.0, 1.0))
-        return turned | {
-            name: (float(low[k]), float(high[k])) for k, name in enumerate(self.names[9:])
-        }
+        ends = bound_place(self.machine, self._moving, self.start)
+        places = zip(self.names[9:], ends, strict=True)
+        bounds = {name: (low / ARM_UNIT_M, high / ARM_UNIT_M) for name, (low, high) in places}
+        rows, columns = np.triu_indices(3, k=1)
+        return (
+            turned
+            | bounds
+            | hold_at_zero(
+                [
+                    *select_names(self.along_axes, np.tile(~self.moved, 2)),
+                    *select_names(self.names[6:9], ~(self.moved[rows] & self.moved[columns])),
+                    *select_names(self.names[9:], ~self._shown),
+                ]
+            )
+        )
 
-    @property
+    @cached_property
     def start(self) -> Real:
         """Start point [m]; (3,)."""
-        start: Real = self._centres.mean(axis=0) + self._offset
+        aside = self._distance * list_start_points()[self.at]
+        start: Real = np.clip(
+            self._centres.mean(axis=0) + aside, *find_box(self.machine, self._moving)
+        )
         return start
 
     @property
@@ -183,11 +218,21 @@ class Link:
             slopes[3 * k : 3 * k + 3, k], slopes[6:, k] = by_entry[:3], by_entry[3:]
         return slopes
 
-    def _find_motion(self, theta: Real) -> Real:
-        """Return R, the relative motion at the point per motion of both bodies; (3, 12)."""
-        point = self.start + ARM_UNIT_M * theta[9:]
+    def _find_motion(self, offset: Real) -> Real:
+        """Return R, the relative motion at the point per motion of both bodies; (3, 12).
+
+        Args:
+            offset: of the point from the start [units]; (3,).
+        """
+        point = self.start + ARM_UNIT_M * offset
         low, high = (transport(point - centre)[:3] for centre in self._centres)
         return np.hstack([-low, high])
+
+    @cached_property
+    def _motion_slopes(self) -> Real:
+        """Slopes of R by the point; (3, 3, 12)."""
+        turned = [transport(ARM_UNIT_M * unit)[:3] - np.eye(3, 6) for unit in np.eye(3)]
+        return np.array([np.hstack([-turn, turn]) for turn in turned])
 
     def _build_change(self, core: Real) -> Change:
         whole = np.zeros((*core.shape[:-3], 3, 12, 12))
@@ -196,29 +241,42 @@ class Link:
 
     def compute_change(self, theta: Real) -> tuple[Change, ...]:
         """Return the change by springs and dampers."""
-        motion = self._find_motion(theta)
+        motion = self._find_motion(theta[9:])
         core = self.units[:, None, None] * (motion.T @ self._build_matrices(theta) @ motion)
         return (self._build_change(core),)
 
     def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
         """Return the slopes by each parameter."""
-        motion, both = self._find_motion(theta), self._build_matrices(theta)
+        motion, both = self._find_motion(theta[9:]), self._build_matrices(theta)
         core = np.zeros((len(theta), 2, 12, 12))
         core[:9] = motion.T @ self._build_slopes(theta) @ motion
-        for axis, unit in enumerate(np.eye(3)):
-            turned = transport(ARM_UNIT_M * unit)[:3] - np.eye(3, 6)
-            slope = np.hstack([-turned, turned])
+        for axis, slope in enumerate(self._motion_slopes):
             half = slope.T @ both @ motion
             core[9 + axis] = half + half.swapaxes(-1, -2)
         return (self._build_change(core * self.units[:, None, None]),)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """Return the mean stiffness and damping [SI]."""
-        stiffness, damping = self._build_matrices(np.array([fitted[name] for name in self.names]))
-        weight = stiffness if stiffness.any() else np.eye(3)
-        means = [np.trace(weight @ matrix) / np.trace(weight) for matrix in (stiffness, damping)]
-        mean_stiffness, mean_damping = (self.units * means).tolist()
-        return {"stiffness": mean_stiffness, "damping": mean_damping}
+        """Return stiffness and damping along the world axes [SI], and the point [m].
+
+        Only P K P is felt, with P the projection on the directions in which something moves.
+        """
+        theta = np.array([fitted[name] for name in self.names])
+        felt = self._projection @ self._build_matrices(theta) @ self._projection
+        sizes = self.units[:, None] * np.diagonal(felt, axis1=1, axis2=2)
+        point = self.start + ARM_UNIT_M * theta[9:]
+        stated = (*sizes.tolist(), point.tolist())
+        shown = (self.moved.tolist(), self.moved.tolist(), self._shown.tolist())
+        vectors = map(state_shown, stated, shown)
+        return dict(zip(("stiffness", "damping", "position"), vectors, strict=True))
+
+    @cached_property
+    def _projection(self) -> Real:
+        """Projection on the directions in which something moves both bodies apart; (3, 3)."""
+        motion = self._find_motion(_AWAY) @ self._frame.T @ self.jacobian
+        directions, sizes, _ = np.linalg.svd(motion, full_matrices=False)
+        kept = directions[:, sizes > HALF_PRECISION * sizes.max(initial=0.0)]
+        projection: Real = kept @ kept.T
+        return projection
 
     def write(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
         """Return a tendon along each axis, with a spring and a damper."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from diagnosis.effects.points import list_gains, list_sensors, list_varying_names
+from diagnosis.effects.scales import GAIN_ENDS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
 from identification import FAULT_PHRASES
 
@@ -14,7 +15,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for site in (site for site in list_sensors(scene) if site not in unknown):
         for direction, name in list_gains(site):
             if name in varying:
-                yield release_tolerance("sensor_gain", f"sensor:{site}", direction, (name,), "gain")
+                place, bounds = f"sensor:{site}", {name: GAIN_ENDS}
+                yield release_tolerance("sensor_gain", place, direction, (name,), "gain", bounds)
 
 
 EFFECT = Effect(

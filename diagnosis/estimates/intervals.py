@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value
+from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value, may_be_zero
 from diagnosis.refits.measured import count_measured_frfs
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.rounding import NEGLIGIBLE_SHARE
@@ -104,7 +104,7 @@ class FittedParameters:
             *(state_at(sign * point) for point in farthest for sign in (-1, 1)),
         ]
         return _drop_undetermined(
-            _pair_ends(middle, np.min(points, axis=0), np.max(points, axis=0))
+            middle, _pair_ends(middle, np.min(points, axis=0), np.max(points, axis=0))
         )
 
     def _find_interior(self, stating: list[int]) -> Real:
@@ -150,10 +150,17 @@ def _draw_directions(points: int, count: int) -> Real:
     return np.random.default_rng(0).standard_normal((points, count))
 
 
-def _drop_undetermined(intervals: dict[str, Ends]) -> dict[str, Ends]:
-    """Return the intervals without those of numbers that depend on a size that may be zero."""
-    rows = {name: np.array(ends) for name, ends in intervals.items()}
-    doubtful = {name for name, row in rows.items() if row.ndim == 1 and row[0] < 0 < row[1]}
+def _drop_undetermined(middle: Mapping[str, Value], intervals: dict[str, Ends]) -> dict[str, Ends]:
+    """Return the intervals without those of numbers that depend on a size that may be zero.
+
+    Of vectors only the size of the effect counts, its first parameter: a place may be zero.
+    """
+    size = next(iter(middle))
+    doubtful = {
+        name
+        for name, ends in intervals.items()
+        if may_be_zero(ends) and (name == size or not isinstance(middle[name], tuple))
+    }
     return {name: ends for name, ends in intervals.items() if not doubtful or name in doubtful}
 
 
@@ -230,8 +237,14 @@ def _count_values(campaign: Campaign, stride: int) -> float:
 
 
 def _flatten(stated: Mapping[str, Value]) -> Real:
-    """Return all numbers in a row."""
-    return np.concatenate([np.ravel(value) for value in stated.values()] or [np.zeros(0)])
+    """Return all numbers in a row, without components that nothing shows."""
+    return np.array([number for value in stated.values() for number in _list_numbers(value)], float)
+
+
+def _list_numbers(value: Value) -> list[float]:
+    """Return the numbers of a value that something shows."""
+    components = value if isinstance(value, tuple) else (value,)
+    return [component for component in components if component is not None]
 
 
 def _pair_ends(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, Ends]:
@@ -239,10 +252,14 @@ def _pair_ends(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, 
     intervals: dict[str, Ends] = {}
     place = 0
     for name, value in stated.items():
-        size = int(np.size(value))
+        size = len(_list_numbers(value))
         span = slice(place, place + size)
-        pairs = tuple(zip(low[span].tolist(), high[span].tolist(), strict=True))
+        pairs = zip(low[span].tolist(), high[span].tolist(), strict=True)
         if (high[span] > low[span]).any() and not isinstance(value, Vague):
-            intervals[name] = pairs if isinstance(value, tuple) else pairs[0]
+            intervals[name] = (
+                tuple(None if number is None else next(pairs) for number in value)
+                if isinstance(value, tuple)
+                else next(pairs)
+            )
         place += size
     return intervals

@@ -76,7 +76,7 @@ def build_law_hypothesis(
     names = tuple(parameter.name for parameter in first)
 
     def state(fitted: Mapping[str, float]) -> dict[str, Value]:
-        return family.state(np.array([fitted[name] for name in names]))
+        return {**family.state(np.array([fitted[name] for name in names]))}
 
     return Hypothesis(
         family.effect,

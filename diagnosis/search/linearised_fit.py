@@ -8,7 +8,7 @@ import scipy.linalg
 
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.rounding import HALF_PRECISION, NEGLIGIBLE_SHARE
-from identification.words import Integers, Real
+from identification.words import Integers, Mask, Real
 from tuning import Parametrisation
 from tuning.misfit.probing import ProbedEquations
 
@@ -91,9 +91,8 @@ class ScoredFit:
             projected -= self._couple_to_released(released, halved, both)
         schur, right = square - projected[:, :-1], slope - projected[:, -1]
         unit = 1 / np.sqrt(np.maximum(np.diag(square), np.finfo(float).tiny))
-        gain, step = _maximise_gain(
-            schur * np.outer(unit, unit), right * unit, signed=hypothesis.signed
-        )
+        signed = np.array([name in hypothesis.positive for name in hypothesis.coordinates], bool)
+        gain, step = _maximise_gain(schur * np.outer(unit, unit), right * unit, signed)
         return gain, step * unit
 
     def _couple_to_released(self, released: Integers, left: Real, right: Real) -> Real:
@@ -149,7 +148,7 @@ class Factor:
         return solved * self.scale[:, None]
 
 
-def _maximise_gain(square: Real, slope: Real, *, signed: bool) -> tuple[float, Real]:
+def _maximise_gain(square: Real, slope: Real, signed: Mask) -> tuple[float, Real]:
     """Return gain and step of the quadratic model; signed steps cannot be negative."""
     chosen = np.arange(len(slope))
     step = np.zeros(len(slope))
@@ -158,8 +157,9 @@ def _maximise_gain(square: Real, slope: Real, *, signed: bool) -> tuple[float, R
         determined = values > NEGLIGIBLE_SHARE
         along = vectors[:, determined].T @ slope[chosen]
         best = -(vectors[:, determined] @ (along / values[determined]))
-        if not signed or (best >= 0).all():
+        limited = np.where(signed[chosen], best, 0.0)
+        if (limited >= 0).all():
             step[chosen] = best
             return 0.5 * float((along**2 / values[determined]).sum()), step
-        chosen = np.delete(chosen, np.argmin(best))
+        chosen = np.delete(chosen, np.argmin(limited))
     return 0.0, step

@@ -45,8 +45,8 @@ def test_what_was_drawn_lies_in_the_interval(effect, seed, tmp_path):
     null = refit_null(scene)
     sure = fit_parameters(refit_with(scene, null, one))
     intervals = sure.estimate_intervals(one)
-    assert set(intervals) == set(answer["parameters"])
-    for name, ends in intervals.items():
+    assert set(intervals) >= set(answer["parameters"])
+    for name, ends in ((name, intervals[name]) for name in answer["parameters"]):
         true, said = (
             np.array(of[name]) for of in (answer["parameters"], sure.state_parameters(one))
         )
