@@ -36,7 +36,7 @@ from diagnosis.movable import Movable
 from identification.words import Mask, Real
 from mbmodel import Machine, transport
 
-_AWAY = np.array([3.0, 2.0, 1.0]) * ARM_UNIT_M  # a place from which turns of the body show
+_TURNING_ARM_M = np.array([3.0, 2.0, 1.0]) * ARM_UNIT_M  # a place from which turns of the body show
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -95,7 +95,7 @@ class _Place:
     def find(cls, machine: Machine, jacobian: Real, number: int) -> Self:
         """Return the place on a body."""
         frame = np.eye(len(machine.body_mass))[:, 6 * number : 6 * number + 6]
-        moved = find_moved_axes(jacobian, transport(_AWAY)[:3] @ frame.T)
+        moved = find_moved_axes(jacobian, transport(_TURNING_ARM_M)[:3] @ frame.T)
         shown = find_shown_offsets(jacobian, number, np.eye(3)[:, moved])
         ends = bound_place(machine, [number], machine.layout.centres[number])
         return cls(frame, moved, shown, ends)

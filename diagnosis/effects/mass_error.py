@@ -40,7 +40,7 @@ from mbmodel import AddedPart, Change, Machine, Parameter, transport
 _LEAST = 0.1  # units of mass: less has no place
 # Corners about a square or cube of edge 1, which the body fills at most: half of the edge of a box
 # is its margin. By the number of components of the place that show.
-_CORNERS = (
+_SIMPLEX_CORNERS = (
     np.zeros((1, 0)),
     np.array([[-1.0], [1.0]]),
     np.array([[0.0, 1.5], [-1.5, -0.75], [1.5, -0.75]]),
@@ -169,7 +169,7 @@ class _AddedMass:
         shown = self._felt[1:4]
         centre = self.machine.layout.centres[self.number]
         ends = np.array(bound_place(self.machine, [self.number], centre))[shown]
-        relative = _CORNERS[int(shown.sum())]
+        relative = _SIMPLEX_CORNERS[int(shown.sum())]
         corners = np.zeros((len(relative), 3))
         corners[:, shown] = ends.mean(axis=1) + relative * np.ptp(ends, axis=1) / 2
         return corners

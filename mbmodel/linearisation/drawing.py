@@ -154,7 +154,7 @@ def _box_geoms(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> Real:
     axes, so that its vertices are taken instead. Planes have no end.
     """
     corners = np.array(list(product((-1.0, 1.0), repeat=3)))
-    found = [np.zeros((0, 3))]
+    pieces = [np.zeros((0, 3))]
     for geom in np.flatnonzero(np.isin(model.geom_bodyid, stage_members(model, stage))):
         kind = model.geom_type[geom]
         if kind == mujoco.mjtGeom.mjGEOM_PLANE:
@@ -166,6 +166,6 @@ def _box_geoms(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> Real:
         else:
             middle, half = model.geom_aabb[geom].reshape(2, 3)
             points = middle + half * corners
-        found.append(points @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
-    points = np.vstack(found)
+        pieces.append(points @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
+    points = np.vstack(pieces)
     return np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else points
