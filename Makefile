@@ -5,8 +5,6 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 SEALED ?= ../shared/campaigns/sealed
-MEASURED ?= ../shared/real/kagra
-MEASURED_CAMPAIGNS ?= clean focus
 
 .PHONY: demo test check docs figures bench field same sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
 
@@ -47,11 +45,9 @@ sealed: $(VENV)/.installed
 	for name in $(SEALED)/*; do $(BIN)/mbw diagnose $$name --out $(OUT)-sealed/$$(basename $$name) \
 		--json tests/bench/results/sealed/$$(basename $$name).json || exit 1; done
 
-# Verdicts on real machines: campaigns that others measured.
-measured: $(VENV)/.installed
-	mkdir -p tests/bench/results/measured
-	for name in $(MEASURED_CAMPAIGNS); do $(BIN)/mbw diagnose $(MEASURED)/$$name \
-		--out $(OUT)-measured/$$name --json tests/bench/results/measured/$$name.json || exit 1; done
+# Verdicts on real machines that others measured; AGAIN=1 makes those anew that are committed.
+measured: $(VENV)/.installed-bench
+	$(BIN)/python -m tests.bench measured
 
 # Remakes the meshes of the station, byte for byte, what they weigh in its MJCF, its tuned model.
 station: $(VENV)/.installed

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from identification import Fault, delay_response, mount_response
 from identification.words import Campaign, Complex, Dof, FrfEstimate, Mask, Port, Real
 
 Reading = Callable[[Real], Complex]
@@ -79,6 +81,52 @@ def exchange_channels(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) ->
         return _keep_channels(moved, kept)
 
     return _edit_estimates(campaign, edit)
+
+
+def read_inverted(freq_hz: Real) -> Complex:
+    """Return the reading of an inverted channel per motion; (n_freq,)."""
+    return np.full(len(freq_hz), -1.0 + 0.0j)
+
+
+def find_correction(fault: Fault, campaign: Campaign) -> Callable[[Campaign], Campaign] | None:
+    """Return what corrects the channels of a sensor; None for another kind of fault."""
+    concerns = match_channels(fault.location, fault.dof)
+    if fault.effect == "sensor_polarity":
+        return lambda c: divide_channels(c, concerns, read_inverted)
+    if fault.effect == "sensor_swap":
+        pairs = _list_pairs(fault, campaign)
+        return lambda c: exchange_channels(c, pairs)
+    reading = _find_reading(fault)
+    return None if reading is None else lambda c: divide_channels(c, concerns, reading)
+
+
+def _find_reading(fault: Fault) -> Reading | None:
+    """Return the reading of a faulty channel per motion; None for another kind of fault."""
+    if fault.effect == "sensor_gain":
+        gain = _read_number(fault.parameters["gain"])
+        return lambda freq_hz: np.full(len(freq_hz), gain, np.complex128)
+    if fault.effect == "sensor_delay":
+        return partial(delay_response, delay=_read_number(fault.parameters["delay"]))
+    if fault.effect == "mount_resonance":
+        frequency, damping = (_read_number(fault.parameters[k]) for k in ("frequency", "damping"))
+        return lambda freq_hz: mount_response(freq_hz, frequency, damping)
+    return None
+
+
+def _read_number(value: float | tuple[float, ...]) -> float:
+    return value if isinstance(value, float) else value[0]
+
+
+def _list_pairs(fault: Fault, campaign: Campaign) -> tuple[tuple[Dof, Dof], ...]:
+    """Return the pairs of exchanged channels: two of one sensor, or all of two sensors."""
+    sites = fault.location.partition(":")[2].split("+")
+    if len(sites) == 1:
+        first, second = str(fault.dof).split("+")
+        return ((Dof.parse(f"{sites[0]}:+{first}"), Dof.parse(f"{sites[0]}:+{second}")),)
+    axes = [dof.direction[1:] for dof in campaign.outputs if dof.point == sites[0]]
+    return tuple(
+        (Dof.parse(f"{sites[0]}:+{axis}"), Dof.parse(f"{sites[1]}:+{axis}")) for axis in axes
+    )
 
 
 def _keep_channels(estimate: FrfEstimate, kept: Mask) -> FrfEstimate:

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.noise.variance import difference_variance
-from identification.words import Campaign, InputError, Mask, Real, Test
+from identification.words import Campaign, InputError, Mask, Real, Test, thinning_step
 
 _MIN_BAND_COHERENCE = 0.5  # median over channels at the first and the last line of the band
 # Lines inwards from an end of the band that are examined: at most 31, and a share of all lines.
@@ -66,7 +66,8 @@ def select_band(
     """
     choice = _choose_band(campaign, band, source)
     remarks = (*campaign.remarks, choice.remark) if choice.remark else campaign.remarks
-    return replace(campaign.select_lines(choice.lines), remarks=remarks)
+    low, high = np.flatnonzero(choice.lines)[[0, -1]]  # a band has no gaps: a slice copies nothing
+    return replace(campaign.select_lines(slice(low, high + 1)), remarks=remarks)
 
 
 def band_lines(
@@ -174,6 +175,15 @@ def _median_coherence(tests: list[Test], below: Mask) -> tuple[Real, str]:
     return np.asarray(np.median(stacked[:, alive], axis=1), np.float64), remark
 
 
+def _channel_step(n_values: int) -> int:
+    """Return n such that every n-th channel of a large test is enough; 1 for all of them.
+
+    No multiple of three is returned: sensors of three axes shall count with all of them.
+    """
+    step = thinning_step(n_values)
+    return step if step % 3 else step + 1
+
+
 def _between_ends(good: Mask) -> Mask:
     """Return the lines from the first to the last that enough good lines confirm; (n_freq,)."""
     count = len(good)
@@ -195,8 +205,9 @@ def _between_ends(good: Mask) -> Mask:
 def _smooth_lines(tests: list[Test]) -> Mask:
     """Return the lines at which the median FRF hardly scatters; (n_freq,)."""
     ratios = []
+    step = _channel_step(sum(test.estimate.frf.values.size for test in tests))
     for test in tests:
-        values = test.estimate.frf.values.reshape(len(test.estimate.frf.freq_hz), -1)
+        values = test.estimate.frf.values[:, ::step, 0]
         if len(values) < _SCATTER_STEP * _MIN_SCATTER_SAMPLES:
             return np.zeros(len(values), bool)
         variance = np.empty(values.shape)

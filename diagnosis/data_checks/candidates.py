@@ -13,7 +13,7 @@ from tuning import Session
 
 def build_gross_hypotheses(checks: SensorChecks, session: Session) -> tuple[Hypothesis, ...]:
     """Return the hypotheses of gross faults, which every set of causes has."""
-    hypotheses = (build_fault_hypothesis(fault, session) for fault in checks.gross)
+    hypotheses = (build_fault_hypothesis(fault, session, is_certain=True) for fault in checks.gross)
     return tuple(hypothesis for hypothesis in hypotheses if hypothesis is not None)
 
 

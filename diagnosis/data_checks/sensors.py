@@ -7,17 +7,11 @@ exchange, delay, mounting), or releases tolerances that a fit must find (gain, a
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import reduce
 
 import numpy as np
 
-from diagnosis.corrections import (
-    Reading,
-    divide_channels,
-    exchange_channels,
-    mask_channels,
-    match_channels,
-)
+from diagnosis.corrections import find_correction, mask_channels, match_channels
 from diagnosis.data_checks.bending_bodies import (
     GROSS,
     RELEASED,
@@ -28,8 +22,7 @@ from diagnosis.data_checks.bending_bodies import (
 )
 from diagnosis.effects.flexible_body import build_bending_hypothesis
 from diagnosis.effects.points import list_gains, name_vector
-from diagnosis.effects.sensor_polarity import read_inverted
-from diagnosis.hypothesis import Hypothesis, Value, release_tolerance
+from diagnosis.hypothesis import Hypothesis, release_tolerance
 from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.settings import DiagnosisSettings
 from identification import (
@@ -37,12 +30,10 @@ from identification import (
     Fault,
     check_bodies,
     check_reciprocity,
-    delay_response,
     duplicate_channels,
-    mount_response,
     noise_only_channels,
 )
-from identification.words import Campaign, Dof, Output
+from identification.words import Campaign, Output
 from tuning import Session
 
 _UNKNOWN = "sensor_unknown"
@@ -58,24 +49,33 @@ class SensorChecks:
         faults: proven faults.
         alive: campaign without useless channels: dead ones, those that read noise alone, and those
             with an unknown fault or on another body than drawn.
-        campaign: ``alive`` without the channels of gross faults, any of which ruins a fit.
+        campaign: ``alive`` without the channels of gross faults, any of which ruins a fit; what
+            reciprocity proves is corrected instead.
+        reciprocal: those of the faults that reciprocity proves.
     """
 
     bodies: tuple[BodyCheck, ...]
     faults: tuple[Fault, ...]
     alive: Campaign
     campaign: Campaign
+    reciprocal: tuple[Fault, ...] = ()
 
     @property
     def gross(self) -> tuple[Fault, ...]:
-        """Exchanged channels and opposite signs, which every set of causes has."""
-        return tuple(fault for fault in self.faults if fault.effect in GROSS)
+        """Exchanged channels, opposite signs and unreciprocal ones, which every set has."""
+        return tuple(
+            fault for fault in self.faults if fault.effect in GROSS or fault in self.reciprocal
+        )
 
     @property
     def small(self) -> tuple[Fault, ...]:
         """Faults of some size, which compete with all other hypotheses."""
         taken_out = (*GROSS, *_USELESS)
-        return tuple(fault for fault in self.faults if fault.effect not in taken_out)
+        return tuple(
+            fault
+            for fault in self.faults
+            if fault.effect not in taken_out and fault not in self.reciprocal
+        )
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -116,17 +116,27 @@ def check_sensors(campaign: Campaign, settings: DiagnosisSettings, doubt: str = 
             for key, fault in proven.items()
             if key[0] in (BENDS, *GROSS) or key in constant
         }
-    if reciprocity := check_reciprocity(campaign, doubt):
-        proven = {key_of(fault): fault for fault in reciprocity.faults(campaign)} | proven
+    reciprocity = check_reciprocity(campaign, doubt)
+    unreciprocal = () if reciprocity is None else reciprocity.faults(campaign)
+    reciprocal = [fault for fault in unreciprocal if key_of(fault) not in proven]
+    proven |= {key_of(fault): fault for fault in reciprocal}
     faults = tuple(fault for fault in proven.values() if _is_credible(fault, campaign, silent))
     useless = [fault for fault in faults if fault.effect in _USELESS]
     audible = mask_channels(campaign, lambda dof: dof.positive in silent) if silent else campaign
-    gross = [fault for fault in faults if fault.effect in (*GROSS, *_USELESS)]
+    gross = [
+        fault for fault in faults if fault.effect in (*GROSS, *_USELESS) and fault not in reciprocal
+    ]
     moved = {check.moved.phrase: None for check in bodies if check.moved is not None}
     remarks = (f"{phrase}; its channels were left out of the diagnosis" for phrase in moved)
     audible = replace(audible, remarks=(*audible.remarks, *remarks))
+    corrections = (find_correction(fault, campaign) for fault in reciprocal)
+    right = reduce(lambda c, correct: correct(c), filter(None, corrections), audible)
     return SensorChecks(
-        bodies, faults, _remove_channels(audible, useless), _remove_channels(audible, gross)
+        bodies,
+        faults,
+        _remove_channels(audible, useless),
+        _remove_channels(right, gross),
+        tuple(reciprocal),
     )
 
 
@@ -175,6 +185,8 @@ def build_fault_hypothesis(
     bodies: Sequence[str] = (),
     correct_campaign: Campaign | None = None,
     frequency_ratio: float = 1.0,
+    *,
+    is_certain: bool = False,
 ) -> Hypothesis | None:
     """Return the hypothesis of a fault; None if it is no effect of the catalogue.
 
@@ -184,59 +196,26 @@ def build_fault_hypothesis(
         bodies: all bodies that bend, if the fault is the bending of one of them.
         correct_campaign: campaign without wrong channels; the whole campaign if None.
         frequency_ratio: start of the frequency of a mode, relative to its highest peak.
+        is_certain: whether the size is that of the fault, and no fit finds it.
     """
     if fault.effect == BENDS:
         campaign = correct_campaign or session.campaign
         return build_bending_hypothesis(fault, bodies, session, campaign, frequency_ratio)
-    base = Hypothesis(fault.effect, fault.location, fault.dof)
     site = fault.location.partition(":")[2]
-    concerns = match_channels(fault.location, fault.dof)
-    if fault.effect in RELEASED:
+    if fault.effect in RELEASED and not is_certain:
         tolerance, stated = RELEASED[fault.effect]
         prefix = f"{site}.{tolerance}_"
         names = name_vector(prefix) if fault.dof is None else (dict(list_gains(site))[fault.dof],)
         hypothesis = release_tolerance(fault.effect, fault.location, fault.dof, names, stated)
         values = np.ravel(fault.parameters[stated]).tolist()
         return replace(hypothesis, begin=dict(zip(names, values, strict=True)))
-    if fault.effect == "sensor_polarity":
-        return replace(base, correct=lambda c: divide_channels(c, concerns, read_inverted))
-    if fault.effect == "sensor_swap":
-        pairs = _list_pairs(fault, session.campaign)
-        return replace(base, correct=lambda c: exchange_channels(c, pairs))
-    reading = _find_reading(fault)
-    if reading is None:
+    correct = find_correction(fault, session.campaign)
+    if correct is None:
         return None
-    return replace(
-        base,
-        correct=lambda c: divide_channels(c, concerns, reading),
+    return Hypothesis(
+        fault.effect,
+        fault.location,
+        fault.dof,
+        correct=correct,
         state=lambda _: dict(fault.parameters),
-    )
-
-
-def _find_reading(fault: Fault) -> Reading | None:
-    """Return the reading of a faulty channel per motion; None for another kind of fault."""
-    if fault.effect == "sensor_delay":
-        return partial(delay_response, delay=_read_number(fault.parameters["delay"]))
-    if fault.effect == "mount_resonance":
-        frequency, damping = (_read_number(fault.parameters[k]) for k in ("frequency", "damping"))
-        return lambda freq_hz: mount_response(freq_hz, frequency, damping)
-    return None
-
-
-def _read_number(value: Value) -> float:
-    number = value[0] if isinstance(value, tuple) else value
-    if number is None:
-        raise ValueError("a fault without its number")
-    return number
-
-
-def _list_pairs(fault: Fault, campaign: Campaign) -> tuple[tuple[Dof, Dof], ...]:
-    """Return the pairs of exchanged channels: two of one sensor, or all of two sensors."""
-    sites = fault.location.partition(":")[2].split("+")
-    if len(sites) == 1:
-        first, second = str(fault.dof).split("+")
-        return ((Dof.parse(f"{sites[0]}:+{first}"), Dof.parse(f"{sites[0]}:+{second}")),)
-    axes = [dof.direction[1:] for dof in campaign.outputs if dof.point == sites[0]]
-    return tuple(
-        (Dof.parse(f"{sites[0]}:+{axis}"), Dof.parse(f"{sites[1]}:+{axis}")) for axis in axes
     )

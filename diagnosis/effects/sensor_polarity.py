@@ -8,18 +8,10 @@ without a model.
 from collections.abc import Iterator
 from functools import partial
 
-import numpy as np
-
-from diagnosis.corrections import divide_channels, match_channels
+from diagnosis.corrections import divide_channels, match_channels, read_inverted
 from diagnosis.effects.points import list_gains, list_sensors, list_varying_names
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from identification import FAULT_PHRASES
-from identification.words import Complex, Real
-
-
-def read_inverted(freq_hz: Real) -> Complex:
-    """Return the reading of an inverted channel per motion; (n_freq,)."""
-    return np.full(len(freq_hz), -1.0 + 0.0j)
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:

@@ -20,8 +20,10 @@ from identification.words import Dof
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each two translations of a sensor that some test reads."""
     varying = list_varying_names(scene)
-    measured = {dof.positive for dof in scene.session.campaign.outputs}
-    for site in list_sensors(scene):
+    outputs = scene.session.campaign.outputs
+    measured = {dof.positive for dof in outputs if isinstance(dof, Dof)}
+    sites = {dof.point for dof in measured}
+    for site in (site for site in list_sensors(scene) if site in sites):
         for axes in combinations("xyz", 2):
             first, second = (Dof(site, f"+t{axis}") for axis in axes)
             gains = tuple(f"{site}.gain_{axis}" for axis in axes)

@@ -68,12 +68,11 @@ def noise_only_rows(estimate: FrfEstimate, margin: float = 1.0) -> list[int]:
         estimate: FRFs of one test.
         margin: factor on the largest measure of noise, above 1 where other evidence must follow.
     """
+    levels = zip(_signal_levels(estimate), estimate.reads_zero[:, 0], strict=True)
     return [
         row
-        for row, level in enumerate(_signal_levels(estimate))
-        if level.value <= margin * level.max_noise
-        and level.is_good_test
-        and not estimate.reads_zero[row, 0]
+        for row, (level, is_zero) in enumerate(levels)
+        if level.value <= margin * level.max_noise and level.is_good_test and not is_zero
     ]
 
 

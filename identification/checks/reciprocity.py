@@ -15,6 +15,10 @@ noise of both FRFs and by what breaks reciprocity beside k, such as cross-talk a
 point, of size e |G_ii G_jj|^(1/2); e makes the mean square 1. These errors are alike on
 neighbouring lines, so that deviations come from the jackknife over blocks of lines.
 
+Hits in several directions at one point may be tilted against the axes of the sensor there. A force
+along j then has parts along the others, H_ij + sum_k H_ik E_kj, which feigns gains; a machine of as
+few modes as directions cannot even tell both apart. Of such tests only exchanges and signs count.
+
 Two exchanged channels make H reciprocal when they are put back. So do two exchanged hits: which of
 the two happened, only a model or the labels can tell. The same holds for a sign.
 """
@@ -34,7 +38,9 @@ _MIN_CARRIED_VALUE = 1e-6
 _MAX_UNREAD = 1e-6  # part of a reference's row that the channels of its body do not determine
 _MAX_REFERENCES = 12
 _MIN_RATIO_LINES = 10 * BLOCKS
-_ITERATIONS = 20  # for the size of what breaks reciprocity
+_ITERATIONS, _MAX_CHANGE = 20, 0.01  # for the size of what breaks reciprocity
+_NOISY_EXCESS = 1.5  # below, reciprocity holds to the noise, and nothing can be exchanged
+_MAX_VALUES = 100_000  # ratios of a fit: of more, every so many-th line counts
 # Factor by which an exchange must reduce what breaks reciprocity. With as many independent blocks
 # as there are, the logarithm of the likelihood then rises by 12 ln 2 = 8.
 _MIN_EXCHANGE_GAIN = 2.0
@@ -43,7 +49,7 @@ _MAX_UNRECIPROCAL = 0.3  # over the motion of the drive points: 1 is that of unr
 
 @dataclass(frozen=True, eq=False)
 class _Reading:
-    """What reads the motion along a reference.
+    """Channel or channels that read the motion along a reference.
 
     Args:
         reference: its label.
@@ -113,7 +119,8 @@ def check_reciprocity(campaign: Campaign, doubt: str = "") -> Reciprocity | None
     readings, square = measured
     exchanged: tuple[int, ...] = ()
     fit = _fit(square)
-    for pair in combinations(range(len(readings)), 2) if len(readings) > 2 else ():
+    is_suspect = len(readings) > 2 and (fit is None or fit.excess > _NOISY_EXCESS)
+    for pair in combinations(range(len(readings)), 2) if is_suspect else ():
         repaired = _fit(square.exchange(*pair))
         if repaired and (fit is None or _MIN_EXCHANGE_GAIN * repaired.error < fit.error):
             fit, exchanged = repaired, pair
@@ -125,8 +132,15 @@ def check_reciprocity(campaign: Campaign, doubt: str = "") -> Reciprocity | None
         ChannelRatio(reading.reference, reading.channel, *(float(value) for value in values))
         for reading, *values in zip(readings, *numbers, strict=True)
     )
-    doubt = doubt or _doubt(campaign)
-    return Reciprocity(tuple(rows), fit.error, fit.excess, exchanged, doubt)
+    points = {Dof.parse(reading.reference).point for reading in readings}
+    return Reciprocity(
+        tuple(rows),
+        fit.error,
+        fit.excess,
+        exchanged,
+        doubt or _doubt(campaign),
+        may_tilt=len(points) < len(readings),
+    )
 
 
 def _read_square(campaign: Campaign) -> tuple[list[_Reading], _Square] | None:
@@ -155,10 +169,11 @@ def _read_square(campaign: Campaign) -> tuple[list[_Reading], _Square] | None:
     chosen = [[cells[channel, force] for force in forces] for channel in channels]
     values = np.array([[_along_positive(*cell) for cell in line] for line in chosen])
     noise = np.array([[t.estimate.variance[:, row, 0] for t, row in line] for line in chosen])
+    lines = slice(None, None, 1 + len(campaign.freq_hz) * len(forces) ** 2 // _MAX_VALUES)
     square = _Square(
-        np.asarray(2j * np.pi * campaign.freq_hz, np.complex128),
-        np.einsum("io,ojf->fij", weights, values),
-        np.einsum("io,ojf->fij", weights**2, noise),
+        np.asarray(2j * np.pi * campaign.freq_hz[lines], np.complex128),
+        np.einsum("io,ojf->fij", weights, values[:, :, lines]),
+        np.einsum("io,ojf->fij", weights**2, noise[:, :, lines]),
     )
     return readings, square
 
@@ -223,7 +238,10 @@ def _fit(square: _Square) -> _Fit | None:
         weight = np.where(good, 1 / np.where(good, noisy + size * broken, 1.0), 0.0)
         fitted = _solve(_blocks(weight, logarithm, omega, incidence), np.ones(BLOCKS))
         rest = logarithm - _model(fitted, omega, incidence)
-        size *= float((weight * np.abs(rest) ** 2).sum() / (2 * good.sum()))
+        change = float((weight * np.abs(rest) ** 2).sum() / (2 * good.sum()))
+        size *= change
+        if abs(change - 1) < _MAX_CHANGE:
+            break
     sums = _blocks(weight, logarithm, omega, incidence)
     without = np.array([_solve(sums, mask) for mask in 1.0 - np.eye(BLOCKS)])
     spread = ((without - without.mean(axis=0)) ** 2).sum(axis=0) * (BLOCKS - 1) / BLOCKS
@@ -248,17 +266,17 @@ def _model(fitted: Real, omega: Real, incidence: Real) -> Complex:
 
 
 def _blocks(weight: Real, logarithm: Complex, omega: Real, incidence: Real) -> tuple[Real, Real]:
-    """Return normal equations of g and d over blocks of equal weight: matrices, right-hand sides.
+    """Return the normal equations of g and d over blocks of equally many ratios.
 
     Returns:
-        (n_block, 2, n, n) and (n_block, 2, n).
+        Matrices (n_block, 2, n, n) and right-hand sides (n_block, 2, n).
     """
     total = np.cumsum((weight > 0).sum(axis=1))
     edges = np.searchsorted(total, total[-1] * np.arange(BLOCKS) / BLOCKS)
-    left = np.stack([weight, weight * omega**2], axis=1)
-    right = np.stack([weight * logarithm.real, -weight * omega * logarithm.imag], axis=1)
-    left, right = (np.add.reduceat(each, edges, axis=0) for each in (left, right))
-    return np.einsum("bkp,pi,pj->bkij", left, incidence, incidence), right @ incidence
+    weights = np.stack([weight, weight * omega**2], axis=1)
+    weighted = np.stack([weight * logarithm.real, -weight * omega * logarithm.imag], axis=1)
+    weights, weighted = (np.add.reduceat(each, edges, axis=0) for each in (weights, weighted))
+    return np.einsum("bkp,pi,pj->bkij", weights, incidence, incidence), weighted @ incidence
 
 
 def _solve(sums: tuple[Real, Real], kept: Real) -> Real:

@@ -1,4 +1,4 @@
-"""What reciprocity finds: ratios of gains, differences of delays, signs and exchanges, in words."""
+"""Findings of the reciprocity check: gains, delays, signs, exchanges; sentences and faults."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -36,16 +36,28 @@ class ChannelRatio:
     def sizes(self, tolerance: Tolerance) -> dict[str, tuple[float, float]]:
         """Return the size of gain and delay, each with the probability that it is no chance.
 
-        Chance is the scatter of the estimate and the tolerances of channels and hits. The jackknife
-        has few blocks, so that the sum has Welch's number of degrees of freedom.
+        Chance is the scatter of the estimate, and the tolerances of channels and hits, but at least
+        those that are usual: a drift between hits gives smaller ones. The jackknife has few blocks,
+        so that the sum has Welch's number of degrees of freedom.
         """
         gain = abs(self.gain)
-        usual_gain = np.hypot(tolerance.sensor_gain, tolerance.hammer_gain)
-        usual_delay = np.hypot(tolerance.sensor_delay, tolerance.hammer_delay)
+        usual_gain, usual_delay = (
+            max(np.hypot(*stated), np.hypot(*usual)) for stated, usual in _tolerances(tolerance)
+        )
         return {
             "gain": (gain, _probability(np.log(gain), self.gain_sd / gain, usual_gain)),
             "delay": (self.delay, _probability(self.delay, self.delay_sd, usual_delay)),
         }
+
+
+def _tolerances(tolerance: Tolerance) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
+    """Yield tolerances of gains and of delays, each of channel and hammer, stated and usual."""
+    for name in ("gain", "delay"):
+        stated, usual = (
+            (getattr(each, f"sensor_{name}"), getattr(each, f"hammer_{name}"))
+            for each in (tolerance, Tolerance())
+        )
+        yield stated, usual
 
 
 def _probability(size: float, deviation: float, usual: float) -> float:
@@ -59,7 +71,7 @@ def _probability(size: float, deviation: float, usual: float) -> float:
 
 @dataclass(frozen=True)
 class Reciprocity:
-    """What reciprocity says of the channels and hits of a campaign.
+    """Result of the reciprocity check of a campaign.
 
     Args:
         rows: one for each reference.
@@ -67,6 +79,7 @@ class Reciprocity:
         excess: what they leave, over the noise.
         exchanged: numbers of two references whose channels, or hits, are exchanged; or none.
         doubt: why it is a hint alone, such as a rotor; empty if it holds.
+        may_tilt: whether hits in several directions at one point may feign gains and delays.
     """
 
     rows: tuple[ChannelRatio, ...]
@@ -74,6 +87,7 @@ class Reciprocity:
     excess: float
     exchanged: tuple[int, ...] = ()
     doubt: str = ""
+    may_tilt: bool = False
 
     def remarks(self, tolerance: Tolerance) -> list[str]:
         """Say which channels or hits are exchanged, reversed, or beyond their tolerances.
@@ -110,9 +124,25 @@ class Reciprocity:
 
     def _proven(self, row: ChannelRatio, tolerance: Tolerance) -> dict[str, tuple[float, float]]:
         """Return the sizes that are no chance, with their probabilities."""
+        if self.may_tilt:
+            return {}
         chance = _MAX_FALSE_ALARMS / (2 * (len(self.rows) - 1))
         sizes = row.sizes(tolerance)
         return {name: size for name, size in sizes.items() if 1 - size[1] < chance}
+
+    def _exchanged_place(self, campaign: Campaign) -> tuple[str, str | None] | None:
+        """Return location and directions of an exchange: of one sensor, or of two whole ones."""
+        labels = [self.rows[number].channel for number in self.exchanged]
+        if not labels or not all(":" in label for label in labels):
+            return None
+        first, second = (Dof.parse(label) for label in labels)
+        axes = first.direction[1:], second.direction[1:]
+        if first.point == second.point:
+            return f"sensor:{first.point}", "+".join(axes)
+        channels = [dof for dof in campaign.outputs if dof.point in (first.point, second.point)]
+        if len(channels) > len(labels) or axes[0] != axes[1]:
+            return None  # of two sensors only some channels are exchanged
+        return f"sensor:{first.point}+{second.point}", None
 
     def faults(self, campaign: Campaign) -> list[Fault]:
         """Return the faults of sensors that compete with all others in a diagnosis.
@@ -127,13 +157,8 @@ class Reciprocity:
         if self.doubt or len(hammers) > 1 or len(self.rows) < 3:
             return []
         faults = []
-        if self.exchanged:
-            first, second = (Dof.parse(self.rows[number].channel) for number in self.exchanged)
-            axes = first.direction[1:], second.direction[1:]
-            sites, dof = f"{first.point}+{second.point}", None
-            if first.point == second.point:
-                sites, dof = first.point, "+".join(axes)
-            faults.append(Fault("sensor_swap", f"sensor:{sites}", dof, 1.0, {}, self.excess))
+        if place := self._exchanged_place(campaign):
+            faults.append(Fault("sensor_swap", *place, 1.0, {}, self.excess))
         for row in self.rows:
             if ":" not in row.channel:  # the sensors of a body
                 continue

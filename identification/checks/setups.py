@@ -104,6 +104,7 @@ def compare_setups(campaign: Campaign) -> tuple[SetupCheck, ...]:
         campaign: campaign on the lines of the band.
     """
     checks = []
+    resonances: dict[Test, Real] = {}  # each test once: files of one channel make many pairs
     for first, second in combinations(campaign.tests, 2):
         a, b = first.condition, second.condition
         is_same_point = a.reference.positive == b.reference.positive
@@ -111,12 +112,18 @@ def compare_setups(campaign: Campaign) -> tuple[SetupCheck, ...]:
         if len(hammers) > 1 and hammers & campaign.unknown_gains.hammers:
             continue  # their FRFs differ by a factor that nobody knows
         if is_same_point and (a.spindle_speed, a.level_n) == (b.spindle_speed, b.level_n):
-            checks.append(_compare(first, second))
+            checks.append(_compare(first, second, resonances))
     return tuple(checks)
 
 
-def _compare(first: Test, second: Test) -> SetupCheck:
-    """Compare two tests by their shared channels, or by their poles."""
+def _compare(first: Test, second: Test, resonances: dict[Test, Real]) -> SetupCheck:
+    """Compare two tests by their shared channels, or by their poles.
+
+    Args:
+        first: a test.
+        second: another with its reference.
+        resonances: natural frequencies by test, to which those of both are added.
+    """
     pair = _pair(first, second)
     names = _name(first), _name(second)
     if names[0] == names[1]:
@@ -124,7 +131,8 @@ def _compare(first: Test, second: Test) -> SetupCheck:
     reference = first.condition.reference
     empty = np.zeros(0)
     if not pair.shared:
-        shift, sd, count = _shift_of_poles(first, second)
+        first_hz, second_hz = (_known_resonances(test, resonances) for test in (first, second))
+        shift, sd, count = _shift_of_poles(first_hz, second_hz)
         return SetupCheck(names, reference, (), empty, empty, None, shift, sd, count)
     noise = pair.first_var + pair.second_var
     excess = np.sqrt((np.abs(pair.second - pair.first) ** 2 / noise).mean())
@@ -242,12 +250,18 @@ def _shift(pair: _Pair) -> tuple[float | None, float | None]:
     return shift, float(np.sqrt(max(1.0, middle / n_value) / curvature))
 
 
-def _shift_of_poles(first: Test, second: Test) -> tuple[float | None, float | None, int]:
+def _known_resonances(test: Test, resonances: dict[Test, Real]) -> Real:
+    """Return the natural frequencies of a test, which are computed once."""
+    if test not in resonances:
+        resonances[test] = _resonances(test)
+    return resonances[test]
+
+
+def _shift_of_poles(first_hz: Real, second_hz: Real) -> tuple[float | None, float | None, int]:
     """Return the median shift of the resonances of two tests, its deviation, and their number.
 
     The standard deviation comes from the median absolute deviation of the shifts.
     """
-    first_hz, second_hz = _resonances(first), _resonances(second)
     if not first_hz.size or not second_hz.size:
         return None, None, 0
     ratio = second_hz / first_hz[:, None] - 1

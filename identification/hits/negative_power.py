@@ -11,7 +11,9 @@ they are accelerances or receptances: their power is negative, but their reactan
 
 A hammer beside its point makes some modes take power, which a delay by half their periods feigns.
 But a delay turns the phases of all channels, while a hammer at another place leaves them at 0 or
-180 degrees at resonances: the squares of all mobilities, which know no sign, tell both apart.
+180 degrees at resonances: the squares of all mobilities, which know no sign, tell both apart. Where
+few lines lie on narrow resonances, a delay may feign their power too; but it turns the phase of the
+many lines between them, where motion and force are in quadrature.
 """
 
 from dataclasses import dataclass
@@ -92,7 +94,9 @@ def explain_negative_power(point: DrivePointMobility, place: str) -> str | None:
             f'set quantity = "{quantity}" in its [[test]]'
         )
     delay_s, delayed_share = _find_delay(point)
-    if delayed_share < max(_MIN_EXPLAINED_SHARE, abs(share) + _MIN_SHARE_GAIN):
+    is_explained = delayed_share >= max(_MIN_EXPLAINED_SHARE, abs(share) + _MIN_SHARE_GAIN)
+    turn, turn_as_read = (_turn_from_quadrature(point, delay) for delay in (delay_s, 0.0))
+    if not is_explained or turn > turn_as_read:
         return None
     if _peak_phase_score(point, delay_s) < _peak_phase_score(point, 0.0) + _MIN_PHASE_GAIN:
         return (
@@ -104,6 +108,12 @@ def explain_negative_power(point: DrivePointMobility, place: str) -> str | None:
         f"at {place} the motion {late} the force by {1e3 * abs(delay_s):.2g} ms: a delay between "
         "their channels, not an opposite sign; remove it in the export"
     )
+
+
+def _turn_from_quadrature(point: DrivePointMobility, delay_s: float) -> float:
+    """Return the median of |Re Y| / |Y|: between resonances a delay turns motion towards force."""
+    mobility = point.values * np.exp(2j * np.pi * point.freq_hz * delay_s)
+    return float(np.median(np.abs(mobility.real) / np.abs(mobility)))
 
 
 def _peak_phase_score(point: DrivePointMobility, delay_s: float) -> float:

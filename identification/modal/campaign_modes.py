@@ -17,15 +17,18 @@ from identification.modal.shape_fit import WeightedFrfs
 from identification.modal.user_choices import ModeChoices
 from identification.words import (
     DERIVATIVE_ORDER,
+    MAX_SHOWN_VALUES,
     Campaign,
     Complex,
     Dof,
     Input,
     InputError,
+    Integers,
     Mask,
     ModalModel,
     Output,
     Real,
+    thinning_step,
 )
 
 # Sub-bands in which the noise of a cell is compared with its mean; a count.
@@ -87,6 +90,14 @@ class MeasuredFrfs:
             inputs=self.outputs,
         )
 
+    def thin_lines(self) -> "MeasuredFrfs":
+        """Return every n-th line of a large test, enough to be shown; else all of them."""
+        step = thinning_step(self.values.size, MAX_SHOWN_VALUES)
+        if step == 1:
+            return self
+        arrays = {name: getattr(self, name)[::step] for name in ("freq_hz", "values", "variance")}
+        return replace(self, **{name: array.copy() for name, array in arrays.items()})
+
     def weight_by_variance(self) -> WeightedFrfs:
         """Return the FRFs with weights of one over their variance, separable in lines and cells.
 
@@ -100,18 +111,19 @@ class MeasuredFrfs:
         """
         measured = self.measured
         mean = np.where(measured, self.variance.mean(axis=0), 1.0)
-        relative = np.where(measured, self.variance / mean, np.nan)
-        line_variance = np.nanmedian(relative.reshape(len(self.freq_hz), -1), axis=1)
-        power = np.where(measured, np.abs(self.values) ** 2 / mean, np.nan)
-        line_variance = _limit_line_weights(
-            line_variance, np.nanmedian(power.reshape(len(self.freq_hz), -1), axis=1)
-        )
+        lines = np.array_split(np.arange(len(self.freq_hz)), _N_NOISE_BANDS)
+        medians = [self._line_medians(chosen, mean) for chosen in lines]
+        line_variance = _limit_line_weights(*np.concatenate(medians, axis=1))
         # A cell that is far noisier in one sub-band is weighted by the noise of that sub-band,
         # which would otherwise be fitted as modes.
         bands = np.stack(
             [
-                band.mean(axis=0)
-                for band in np.array_split(relative / line_variance[:, None, None], _N_NOISE_BANDS)
+                np.where(
+                    measured,
+                    (self.variance[chosen] / mean / line_variance[chosen, None, None]).mean(axis=0),
+                    np.nan,
+                )
+                for chosen in lines
             ]
         )
         worst = np.nan_to_num(bands.max(axis=0), nan=1.0)
@@ -125,11 +137,25 @@ class MeasuredFrfs:
         return WeightedFrfs(
             self.laplace,
             self.order,
-            self.values * measured,
+            self.values if measured.all() else self.values * measured,
             (1.0 / (correlated_lines * line_variance))[:, None, None],
             cell_weights,
             correlated_lines,
         )
+
+    def _line_medians(self, lines: Integers, mean: Real) -> Real:
+        """Return the medians over measured cells of variance and power over the mean variance.
+
+        Args:
+            lines: numbers of frequency lines; (n_line,).
+            mean: mean variance of each cell; (n_out, n_in).
+
+        Returns:
+            (2, n_line).
+        """
+        variance, power = self.variance[lines], np.abs(self.values[lines]) ** 2
+        ratios = [np.where(self.measured, part / mean, np.nan) for part in (variance, power)]
+        return np.stack([np.nanmedian(r.reshape(len(lines), -1), axis=1) for r in ratios])
 
 
 def _limit_line_weights(variance: Real, power: Real) -> Real:
@@ -218,10 +244,12 @@ def combine_tests(campaign: Campaign) -> MeasuredFrfs:
     # A cell of zeros has no variance. AC coupling can leave a line of zeros, which is dropped.
     measured &= (variance > 0).mean(axis=0) > 0.5
     usable = ((variance > 0) | ~measured).all(axis=(1, 2))
+    values[:, ~measured], variance[:, ~measured] = 0.0, 0.0
+    chosen = slice(None) if usable.all() else usable  # a mask copies
     return MeasuredFrfs(
-        freq[usable],
-        (values * measured)[usable],
-        np.where(measured, variance, 0.0)[usable],
+        freq[chosen],
+        values[chosen],
+        variance[chosen],
         measured,
         outputs,
         inputs,

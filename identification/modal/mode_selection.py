@@ -3,13 +3,15 @@
 Poles of the upper half of the model orders that agree in frequency, damping and participation form
 a cluster. Clusters that recur in enough orders start the refinement (``refinement``). Then the
 residual of the fit is searched for modes that the polynomials missed (``missing_modes``). At last
-the choices of the user are applied (``user_choices``).
+the choices of the user are applied (``user_choices``). Many channels are compressed before
+(``channel_compression``), and shapes are fitted to all of them afterwards.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.modal.channel_compression import compress_channels
 from identification.modal.indicators import mpc, mpd
 from identification.modal.lscf_method import Poles, lscf
 from identification.modal.missing_modes import add_missing_modes, is_inside_band
@@ -20,7 +22,12 @@ from identification.modal.pole_clusters import (
     find_growing_modes,
 )
 from identification.modal.refinement import refine
-from identification.modal.shape_fit import ModalFit, WeightedFrfs, shape_deviations
+from identification.modal.shape_fit import (
+    ModalFit,
+    WeightedFrfs,
+    fit_shapes,
+    shape_deviations,
+)
 from identification.modal.user_choices import ModeChoices, apply_choices
 from identification.words import Mask, Real
 
@@ -88,8 +95,7 @@ def identify_modes(
         UsageError: a choice that the data do not allow.
     """
     criteria = criteria or ModeCriteria()
-    values = data.values
-    if values.shape[2] > values.shape[1]:
+    if data.values.shape[2] > data.values.shape[1]:
         transposed = identify_modes(
             _transpose_data(data), freq_hz, criteria, choices, roots=roots, is_quick=is_quick
         )
@@ -98,7 +104,8 @@ def identify_modes(
             fit=_transpose_fit(transposed.fit),
             residue_sd=transposed.residue_sd.transpose(1, 0, 2),
         )
-    n_in = values.shape[2]
+    whole, data = data, compress_channels(data)
+    values, n_in = data.values, data.values.shape[2]
     size = np.sqrt((np.abs(values) ** 2).mean(axis=(0, 2)))
     rows = values[:, size > 0] / size[size > 0, None]
     highest = min(-(-roots // n_in), len(freq_hz) // 2 - 1)
@@ -119,8 +126,10 @@ def identify_modes(
     fixed = np.zeros(len(fitted.poles), bool)
     if choices:
         fitted, matrix, fixed = apply_choices(data, freq_hz, fitted, choices)
+    if data is not whole:
+        fitted = fit_shapes(whole, fitted.poles, fitted.participation)
     order = np.argsort(np.abs(fitted.poles))
-    reduced_cost = _reduced_cost(data, fitted, len(matrix))
+    reduced_cost = _reduced_cost(whole, fitted, len(matrix))
     freq_sd, damping_sd = (
         max(1.0, reduced_cost) ** 0.5 * sd for sd in _standard_deviations(fitted, matrix, fixed)
     )
@@ -130,7 +139,7 @@ def identify_modes(
         participation=fitted.participation[:, order],
         shapes=fitted.shapes[:, order],
     )
-    residue_sd = shape_deviations(data, fitted)[:, None, :] * np.abs(fitted.participation)
+    residue_sd = shape_deviations(whole, fitted)[:, None, :] * np.abs(fitted.participation)
     return IdentifiedModes(
         fitted,
         is_inside_band(fitted, freq_hz) & _meets_phase_criteria(fitted, criteria),

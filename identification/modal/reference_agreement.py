@@ -136,8 +136,14 @@ class _Corrections:
         base: int,
     ) -> None:
         self.data, self.columns, self.labels, self.base = data, columns, labels, base
-        self.values: Complex = data.values.copy()
+        self.values: Complex = data.values
         self.sentences: list[str] = []
+
+    def _writable_values(self) -> Complex:
+        """Return the values, which are those of the data until the first correction."""
+        if self.values is self.data.values:
+            self.values = self.values.copy()
+        return self.values
 
     def remove_shift(self, inp: int, shift: float) -> None:
         """Move a run to the frequencies of the base reference; its noise stays.
@@ -148,7 +154,7 @@ class _Corrections:
             return
         fit, data = self.columns[inp].fit, self.data
         moved = fit.values(data.laplace * (1 + shift), data.order) * (1 + shift) ** (2 - data.order)
-        self.values[:, :, [inp]] += moved - fit.values(data.laplace, data.order)
+        self._writable_values()[:, :, [inp]] += moved - fit.values(data.laplace, data.order)
         base = self.labels.inputs[self.base]
         self.sentences.append(
             f"frequencies shift by {100 * shift:+.2g} % from the run with the reference {base} to "
@@ -161,7 +167,9 @@ class _Corrections:
         fit, data = self.columns[inp].fit, self.data
         shapes = fit.shapes * (np.arange(len(fit.poles)) == mode)
         alone = replace(fit, shapes=shapes, lower=0 * fit.lower, upper=0 * fit.upper)
-        self.values[:, out, inp] -= 2 * alone.values(data.laplace, data.order)[:, out, 0]
+        self._writable_values()[:, out, inp] -= (
+            2 * alone.values(data.laplace, data.order)[:, out, 0]
+        )
         phrase = negative_residue_phrase(self.labels.inputs[inp])
         self.sentences.append(
             f"mode at {fit.freq_hz[mode]:.4g} Hz: {phrase}; the sign was changed here"
@@ -169,7 +177,7 @@ class _Corrections:
 
     def divide(self, out: int, inp: int, factor: float) -> None:
         """Divide one FRF by a factor."""
-        self.values[:, out, inp] /= factor
+        self._writable_values()[:, out, inp] /= factor
         self.sentences.append(_factor_sentence(factor, self.labels, out, inp, self.base))
 
 

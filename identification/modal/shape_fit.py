@@ -17,6 +17,7 @@ from identification.words import Complex, HasPoles, Real, modal_sum
 
 # Added to each diagonal entry of a normal matrix, relative to it, for collinear columns.
 _NORMAL_RIDGE = 1e-12
+_N_BLOCK_VALUES = 1_000_000  # values whose error is held at once, 16 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,7 @@ class KernelSums:
     """Sums over lines of products of kernels with each other and with the data."""
 
     def __init__(self, data: WeightedFrfs, poles: Complex) -> None:
-        self.data = data
+        self.data, self.poles = data, poles
         self.kernels = build_kernels(data, poles)
         n_out, n_in = data.cells.shape
         weights = np.broadcast_to(data.weights, (len(data.laplace), *data.weights.shape[1:]))
@@ -139,17 +140,36 @@ def fit_shapes(data: WeightedFrfs, poles: Complex, participation: Complex) -> Mo
     Returns:
         The fit with these poles and participation.
     """
-    fitted, _ = fit_shapes_with_sums(data, poles, participation)
-    return fitted
+    fitted = _solve_linear(data, participation, *_linear_system(data, poles, participation))
+    step = max(1, _N_BLOCK_VALUES // max(data.cells.size, 1))
+    blocks = [slice(first, first + step) for first in range(0, len(data.laplace), step)]
+    return replace(fitted, cost=sum(_cost(data, lines, fitted)[0] for lines in blocks))
 
 
 def fit_shapes_with_sums(
     data: WeightedFrfs, poles: Complex, participation: Complex
 ) -> tuple[ModalFit, "LinearFit"]:
     """Fit shapes and residuals, and return the intermediate results of the linear fit too."""
+    sums, frame, normal = _linear_system(data, poles, participation)
+    fitted = _solve_linear(data, participation, sums, frame, normal)
+    cost, error = _cost(data, slice(None), fitted)
+    return replace(fitted, cost=cost), LinearFit(sums, frame, normal, error)
+
+
+def _linear_system(
+    data: WeightedFrfs, poles: Complex, participation: Complex
+) -> tuple[KernelSums, Complex, Real]:
+    """Return sums over lines, the map from parameters to kernels, and the normal matrices."""
     sums = KernelSums(data, poles)
     frame = _linear_frame(participation)
-    normal = _normal_matrices_of_outputs(data, sums, frame)
+    return sums, frame, _normal_matrices_of_outputs(data, sums, frame)
+
+
+def _solve_linear(
+    data: WeightedFrfs, participation: Complex, sums: KernelSums, frame: Complex, normal: Real
+) -> ModalFit:
+    """Return the fit that solves the normal equations; its cost is not computed yet."""
+    poles = sums.poles
     right = np.einsum(
         "oi,ikb,oik->ob", data.cells, frame.conj(), sums.project(data.values), optimize=True
     ).real
@@ -157,10 +177,13 @@ def fit_shapes_with_sums(
     m, n_in = len(poles), len(participation)
     shapes = solution[:, :m] + 1j * solution[:, m : 2 * m]
     lower, upper = solution[:, 2 * m : 2 * m + n_in], solution[:, 2 * m + n_in :]
-    fitted = ModalFit(poles, participation, shapes, lower, upper, 0.0)
-    error = data.values - fitted.values(data.laplace, data.order)
-    cost = float((np.abs(error) ** 2 * data.weights * data.cells).sum())
-    return replace(fitted, cost=cost), LinearFit(sums, frame, normal, error)
+    return ModalFit(poles, participation, shapes, lower, upper, 0.0)
+
+
+def _cost(data: WeightedFrfs, lines: slice, fitted: ModalFit) -> tuple[float, Complex]:
+    """Return the cost of some lines, and the error there; (n_line, n_out, n_in)."""
+    error = data.values[lines] - fitted.values(data.laplace[lines], data.order)
+    return float((np.abs(error) ** 2 * data.weights[lines] * data.cells).sum()), error
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +254,8 @@ def shape_deviations(data: WeightedFrfs, fitted: ModalFit) -> Real:
     Returns:
         sqrt(E|error|^2) of each entry; (n_out, n_mode).
     """
-    _, linear = fit_shapes_with_sums(data, fitted.poles, fitted.participation)
+    _, _, normal = _linear_system(data, fitted.poles, fitted.participation)
     m = len(fitted.poles)
-    variances = np.diagonal(np.linalg.inv(linear.normal), axis1=1, axis2=2)[:, : 2 * m] / 2
+    variances = np.diagonal(np.linalg.inv(normal), axis1=1, axis2=2)[:, : 2 * m] / 2
     deviation: Real = np.sqrt(np.maximum(variances[:, :m] + variances[:, m:], 0.0))
     return deviation

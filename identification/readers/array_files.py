@@ -1,5 +1,6 @@
-"""Variables of MATLAB and numpy files, whatever bytes the files hold."""
+"""Variables of MATLAB, numpy and text files, whatever bytes the files hold."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -7,22 +8,37 @@ import numpy as np
 from identification.readers.matlab5 import read_matlab5
 from identification.readers.matlab73 import read_matlab73
 from identification.readers.numpy_archive import read_archive
+from identification.readers.text_arrays import read_text_arrays
 from identification.words import InputError
 from identification.words.file_access import check_file
 
+TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".lvm")
 # Version and order of bytes of MATLAB 7.3, at their place in the header before HDF5.
 _HEADERS_OF_VERSION_73, _VERSION_PLACE = (b"\x00\x02IM", b"\x02\x00MI"), slice(124, 128)
 
 
-def load_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Read all variables of a .mat file (any version) or .npz file.
+def is_text(path: Path) -> bool:
+    """Return whether a file is a table of text, by its suffix."""
+    return path.suffix.lower() in TEXT_SUFFIXES
+
+
+def load_arrays(path: Path, columns: Sequence[int | str] | None = None) -> dict[str, np.ndarray]:
+    """Read all variables of a .mat file (any version) or .npz file, or the columns of a text file.
 
     Every size that a file announces is checked before memory is allocated for it. HDF5 files are
     read in a process of their own.
 
+    Args:
+        path: the file.
+        columns: headings or numbers of the columns of a text file; None for all.
+
     Raises:
         InputError: the file is missing or unreadable.
     """
+    if is_text(path):
+        return read_text_arrays(path, columns)
+    if columns is not None:
+        raise InputError(f"{path} is no text file: remove columns from its [[test]]")
     check_file(path, "name the file of the test")
     version, read = "", read_archive
     try:

@@ -1,16 +1,19 @@
-"""FRFs from MATLAB and numpy files, whose channels campaign.toml names."""
+"""FRFs from MATLAB, numpy and text files, whose channels campaign.toml names."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from identification.readers.array_files import load_arrays
+from identification.readers.array_files import is_text, load_arrays
 from identification.readers.array_noise import input_spectra as find_input_spectra
 from identification.readers.array_noise import stated_variance
 from identification.readers.channel_labels import parse_channels, parse_references
 from identification.readers.coherence import real_coherence
 from identification.readers.frf_table import FrfTable
-from identification.readers.frf_units import parse_frf_units, unit_remarks
+from identification.readers.frf_units import labelled_unit, parse_frf_units, unit_remarks
+from identification.readers.text_arrays import fold_columns
+from identification.readers.units import frequency_factor
 from identification.words import (
     MAX_INPUT_MAGNITUDE,
     Complex,
@@ -30,8 +33,12 @@ def read_arrays(
     quantity: Quantity,
     unit: str | None,
     input_spectra: str | None = None,
+    frequency_unit: str | None = None,
+    columns: Sequence[int | str] | None = None,
 ) -> FrfTable:
-    """Read the FRFs of a .mat file (FRFs, COHs, freqs) or .npz file (frf, coherence, freq_hz).
+    """Read the FRFs of a .mat file (FRFs, COHs, freqs), .npz file or text file.
+
+    An .npz file has frf, coherence and freq_hz; headings say what a text file has.
 
     The axes of the FRFs are (out, in, freq), as is usual in MATLAB, or (freq, out, in). The
     lengths of the three axes decide; if both fit, frequency is the first axis. Coherence is
@@ -44,6 +51,8 @@ def read_arrays(
         quantity: quantity of the FRFs.
         unit: units such as ``g/N`` or ``g/N, rad/s^2/(N m)``; None for SI.
         input_spectra: name of the array of the inputs' cross spectra, if it is not the usual one.
+        frequency_unit: unit of the frequencies; None for what a heading says, else Hz.
+        columns: headings or numbers of the columns of a text file; None for all.
 
     Raises:
         InputError: the file is unreadable, or its arrays contradict channels or references.
@@ -52,7 +61,7 @@ def read_arrays(
     inputs = parse_references(path, references)
     names = ("FRFs", "COHs", "freqs") if path.suffix.lower() == ".mat" else (
         "frf", "coherence", "freq_hz")  # fmt: skip
-    arrays = load_arrays(path)
+    arrays = load_arrays(path, columns)
     for name in (names[0], names[2]):
         if name not in arrays:
             raise InputError(
@@ -60,8 +69,11 @@ def read_arrays(
                 "save it under that name"
             )
     _refuse_non_numbers(path, arrays, names)
-    freq_hz = np.real(arrays[names[2]]).astype(float).ravel()
+    hertz, remarks = frequency_factor(path, frequency_unit, str(arrays.get("freq_label", "")))
+    freq_hz = hertz * np.real(arrays[names[2]]).astype(float).ravel()
     shape = (len(freq_hz), len(responses), len(inputs))
+    if is_text(path):
+        remarks += fold_columns(path, arrays, shape)
     values: Complex = _freq_first(path, names[0], np.asarray(arrays[names[0]]), shape) + 0j
     coherence = arrays.get(names[1])
     if coherence is not None:
@@ -74,6 +86,7 @@ def read_arrays(
     for name, table in ((names[1], coherence), (names[0], values)):
         if table is not None:
             _refuse_nan(path, name, table, freq_hz, responses, inputs)
+    unit, label_remarks = labelled_unit(path, arrays, quantity, unit)
     units = parse_frf_units(path, quantity, unit)
     factors = units.factors(responses, inputs)
     variance = stated_variance(path, arrays, values)
@@ -88,7 +101,7 @@ def read_arrays(
         responses=responses,
         references=inputs,
         quantity=quantity,
-        remarks=unit_remarks(path, units, responses, inputs),
+        remarks=(*remarks, *label_remarks, *unit_remarks(path, units, responses, inputs)),
         variance=None if variance is None else variance * factors**2,
         input_spectra=spectra,
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.channel_labels import parse_channels, parse_references
-from identification.readers.frf_units import parse_frf_units
+from identification.readers.frf_units import labelled_unit, parse_frf_units
 from identification.words import MAX_INPUT_MAGNITUDE, InputError, Quantity, Real, Records
 
 # Names of variables.
@@ -67,15 +67,35 @@ def read_array_records(
             "samples: correct channels, references or the order of the axes"
         )
     force = force.reshape(n_in, hits, n_sample)
+    unit, remarks = labelled_unit(path, arrays, quantity, unit)
     factors = parse_frf_units(path, quantity, unit).factors(outputs, inputs)
     motion = motion.reshape(n_in, hits, n_out, n_sample) * factors.T[:, None, :, None]
     try:
         return tuple(
-            Records(rate, force[k], motion[k], outputs, reference, quantity, test=path.name)
+            Records(
+                rate,
+                force[k],
+                motion[k],
+                outputs,
+                reference,
+                quantity,
+                test=path.name,
+                remarks=(*_force_remarks(path, arrays), *remarks),
+            )
             for k, reference in enumerate(inputs)
         )
     except ValueError as error:
         raise InputError(f"{path}: {error}: save it again") from error
+
+
+def _force_remarks(path: Path, arrays: dict[str, np.ndarray]) -> tuple[str, ...]:
+    """Return a remark if only the order of columns says which one is the force."""
+    if "force_label" not in arrays:
+        return ()
+    return (
+        f"{path.name}: its first column, {arrays['force_label']}, counts as the force, since no "
+        "heading or unit names one alone: state columns in its [[test]], the force first",
+    )
 
 
 def _numbers(path: Path, arrays: dict[str, np.ndarray], name: str) -> Real:

@@ -43,7 +43,6 @@ from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.several_inputs import CoherenceKind, resolve_several_inputs
 from identification.readers.uff_frfs import read_uff
 from identification.readers.uff_nodes import site_axes_remarks
-from identification.readers.units import frequency_factor
 from identification.words import (
     Campaign,
     Complex,
@@ -91,9 +90,9 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
         if entry.file in raw:
             tests += raw[entry.file]
         else:
-            table = _table(path, entry, layout, entry.coherence or settings.coherence)
-            remarks += table.remarks
-            tests += _tests_of_table(path.parent / entry.file, entry, settings.sensor, table)
+            of_file, of_table = _tests_of_file(path, entry, settings, layout)
+            tests += of_file
+            remarks += of_table
     try:
         tolerance = Tolerance(**settings.tolerance.model_dump())
         campaign = Campaign(
@@ -199,7 +198,7 @@ def _table(
 
 def _refuse_values_without_phase(file: Path, table: FrfTable) -> None:
     """Refuse FRFs that are real on every line, such as magnitudes or decibels."""
-    values = table.values[:, table.measured]
+    values = table.values if table.measured.all() else table.values[:, table.measured]
     if len(values) < _MIN_LINES_OF_PHASE or values.imag.any() or not values.real.any():
         return
     low, high = float(values.real.min()), float(values.real.max())
@@ -207,6 +206,14 @@ def _refuse_values_without_phase(file: Path, table: FrfTable) -> None:
         f"{file}: its FRFs are real on every line ({low:.3g} to {high:.3g}), such as magnitudes or "
         "decibels, and modes need the phase: export complex FRFs"
     )
+
+
+def _tests_of_file(
+    path: Path, entry: TestSettings, settings: CampaignSettings, layout: Layout
+) -> tuple[list[Test], tuple[str, ...]]:
+    """Return the tests of a file of FRFs, and remarks on it; its table is not kept."""
+    table = _table(path, entry, layout, entry.coherence or settings.coherence)
+    return _tests_of_table(path.parent / entry.file, entry, settings.sensor, table), table.remarks
 
 
 def _tests_of_table(
@@ -232,13 +239,20 @@ def _tests_of_table(
 def _read_table(file: Path, entry: TestSettings) -> FrfTable:
     """Read the FRFs of one file, with points named as in the file."""
     if is_arrays(file):
-        table = read_arrays(
-            file, **array_description(file, entry), input_spectra=entry.input_spectra
+        return read_arrays(
+            file,
+            **array_description(file, entry),
+            input_spectra=entry.input_spectra,
+            frequency_unit=entry.frequency_unit,
+            columns=entry.columns,
         )
-        hertz, _ = frequency_factor(file, entry.frequency_unit)
-        return replace(table, freq_hz=hertz * table.freq_hz)
     if not is_universal(file):
-        raise InputError(f"{file} is of an unknown kind: give a .uff, .unv, .mat or .npz file")
+        raise InputError(
+            f"{file} is of an unknown kind: give a .uff, .unv, .mat, .npz, .csv, .txt, .dat "
+            "or .lvm file"
+        )
+    if entry.columns is not None:
+        raise InputError(f"{file} is no text file: remove columns from its [[test]]")
     return read_uff(
         file,
         entry.quantity,
@@ -302,17 +316,16 @@ def _name_sites(
 
 def _test(entry: TestSettings, table: FrfTable, reference: Input, rows: Mask) -> Test:
     """Build the test of one reference from a column of the table of a file."""
-    column = [table.references.index(reference)]
+    place = table.references.index(reference)
+    cells = (slice(None), rows, slice(place, place + 1))
     outputs = tuple(dof for dof, keep in zip(table.responses, rows, strict=True) if keep)
-    frf = Frf(
-        table.freq_hz, table.values[:, rows][:, :, column], outputs, (reference,), table.quantity
-    )
+    frf = Frf(table.freq_hz, table.values[cells], outputs, (reference,), table.quantity)
     values = frf.values
-    coherence = None if table.coherence is None else table.coherence[:, rows][:, :, column]
+    coherence = None if table.coherence is None else table.coherence[cells]
     coherence = _complete_coherence(values, coherence, entry.averages)
     variance, source = _variance(values, None if table.is_multiple else coherence, entry.averages)
     if table.variance is not None:
-        variance, source = table.variance[:, rows][:, :, column], "stated"
+        variance, source = table.variance[cells], "stated"
     estimate = FrfEstimate(
         frf=frf,
         variance=variance,

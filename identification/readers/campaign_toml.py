@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, StrictInt, StrictStr
 
 from identification.readers.ignored_lines import FrequencyRanges
 from identification.readers.loop_toml import CampaignLoopTable
@@ -40,6 +40,8 @@ class TestSettings(TomlTable):
     ``coherence = "multiple"`` says that several inputs acted at once; ``input_spectra`` names the
     array of their cross spectra, which is found under that very name without the key.
 
+    ``columns`` chooses columns of a text file, by heading or number, in the order of the channels.
+
     ``as_stated = true`` says that unit, quantity and frequency unit are right, however much the
     nominal model differs.
 
@@ -60,6 +62,7 @@ class TestSettings(TomlTable):
     window_tau: float = Field(default=0.0, ge=0)
     channels: str | list[str] | None = None
     references: list[str] | None = None
+    columns: list[StrictInt | StrictStr] | None = Field(default=None, min_length=1)
     quantity: Quantity | None = None
     unit: str | None = None
     time_sign: Literal["+", "-"] = "+"

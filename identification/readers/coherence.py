@@ -26,14 +26,15 @@ def real_coherence(name: str, values: np.ndarray) -> Real:
     Raises:
         InputError: an imaginary part is not zero.
     """
-    if np.abs(np.imag(values)).max(initial=0.0) > _IMAGINARY_ROUNDING:
+    if np.iscomplexobj(values) and np.abs(values.imag).max(initial=0.0) > _IMAGINARY_ROUNDING:
         raise InputError(
             f"{name} is complex, but a coherence is a real number from 0 to 1: export |Sxf|^2 / "
             "(Sxx Sff), not the cross spectrum"
         )
-    real = np.asarray(np.real(values), np.float64)
-    clipped = np.clip(real, 0.0, 1.0)
-    return np.where(np.abs(real - clipped) <= _MAX_ROUNDING, clipped, real)
+    real = np.array(np.real(values), np.float64)
+    for end, is_slip in ((0.0, real < 0.0), (1.0, real > 1.0)):
+        real[is_slip & (np.abs(real - end) <= _MAX_ROUNDING)] = end
+    return real
 
 
 def check_coherence(file: Path, table: FrfTable) -> FrfTable:
@@ -48,18 +49,18 @@ def check_coherence(file: Path, table: FrfTable) -> FrfTable:
     """
     if table.coherence is None:
         return table
-    values = np.array(table.coherence)
-    measured = values[:, table.measured]
-    finite = measured[np.isfinite(measured)]
-    if not finite.size:
+    values = np.asarray(table.coherence)
+    given = np.isfinite(values) & table.measured
+    if not given.any():
         return table
+    low, high = values.min(where=given, initial=np.inf), values.max(where=given, initial=-np.inf)
+    if high - low < _MAX_EQUAL_SPREAD:
+        return _without_coherence(file, table, float(values[given][0]))
     outside = ((values < 0) | (values > 1)) & table.measured
-    if np.ptp(finite) < _MAX_EQUAL_SPREAD:
-        return _without_coherence(file, table, float(finite[0]))
-    if outside.any():
-        table = _without_slips(file, table, outside)
-        values[outside] = np.nan
-    return replace(table, coherence=values)
+    if not outside.any():
+        return table
+    table = _without_slips(file, table, outside)
+    return replace(table, coherence=np.where(outside, np.nan, values))
 
 
 def _without_coherence(file: Path, table: FrfTable, value: float) -> FrfTable:

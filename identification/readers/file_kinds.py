@@ -3,11 +3,12 @@
 from pathlib import Path
 from typing import TypedDict
 
+from identification.readers.array_files import TEXT_SUFFIXES
 from identification.readers.campaign_toml import TestSettings
 from identification.readers.units import quantity_of_unit
 from identification.words import InputError, Quantity
 
-_ARRAY_SUFFIXES = (".mat", ".npz")
+_ARRAY_SUFFIXES = (".mat", ".npz", *TEXT_SUFFIXES)
 _UNIVERSAL_SUFFIXES = (".uff", ".unv", ".uf", ".ufb", ".bunv")
 
 
@@ -21,7 +22,7 @@ class ArrayDescription(TypedDict):
 
 
 def is_arrays(file: Path) -> bool:
-    """Return whether a file is a MATLAB or numpy file, by its suffix."""
+    """Return whether a file is a MATLAB, numpy or text file, by its suffix."""
     return file.suffix.lower() in _ARRAY_SUFFIXES
 
 

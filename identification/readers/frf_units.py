@@ -16,6 +16,7 @@ from identification.readers.units import (
     force_label_factor,
     is_electrical_label,
     motion_label_factor,
+    parse_frf_unit,
     quantity_of_unit,
     rotation_label_factor,
     torque_label_factor,
@@ -149,6 +150,31 @@ def parse_frf_units(path: Path, quantity: Quantity, unit: str | None) -> FrfUnit
                     f"{path}: unit {unit!r} states two units of {kind}: leave one of them"
                 )
     return units
+
+
+def labelled_unit(
+    path: Path, arrays: dict[str, np.ndarray], quantity: Quantity, stated: str | None
+) -> tuple[str | None, tuple[str, ...]]:
+    """Return the unit of a text file, by campaign.toml or else by its headings, and remarks.
+
+    Args:
+        path: the file, for remarks.
+        arrays: content of the file; ``unit_label`` holds the unit of its headings.
+        quantity: quantity of the FRFs.
+        stated: unit that campaign.toml states; None if it states none.
+    """
+    label = str(arrays.get("unit_label", ""))
+    if stated is not None or not label:
+        return stated, ()
+    if parse_frf_unit(label, quantity) is None:
+        return None, (
+            f"{path.name}: its headings name {label}, which is no single unit of {quantity}, so "
+            "that the numbers count as SI: state unit and quantity in its [[test]]",
+        )
+    return label, (
+        f"{path.name}: its headings name the unit {label}: state unit in its [[test]] if they are "
+        "wrong",
+    )
 
 
 def unit_remarks(

@@ -116,10 +116,11 @@ def list_dead_channels(campaign: Campaign) -> tuple[Dof, ...]:
     measured, alive = set(), set()
     for test in campaign.tests:
         estimate = test.estimate
+        reads_zero = estimate.reads_zero[:, 0]
         for row, dof in enumerate(estimate.frf.outputs):
             if isinstance(dof, Dof) and estimate.measured[row, 0]:
                 measured.add(dof.positive)
-                if not estimate.reads_zero[row, 0]:
+                if not reads_zero[row]:
                     alive.add(dof.positive)
     return tuple(dof for dof in campaign.outputs if dof in measured - alive)
 

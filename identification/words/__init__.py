@@ -39,6 +39,7 @@ from identification.words.hits import (
     SignalTraces,
     SpectralDensities,
 )
+from identification.words.large_tests import MAX_SHOWN_VALUES, thinning_step
 from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import ModalModel, drive_point_scale, modal_sum
 from identification.words.names import percent_text, shorten_names
@@ -62,6 +63,7 @@ __all__ = [
     "JOINT_PREFIX",
     "MAX_FREQUENCY_HZ",
     "MAX_INPUT_MAGNITUDE",
+    "MAX_SHOWN_VALUES",
     "MIN_FREQUENCY_HZ",
     "TOLERANCE_BOUND_SIGMA",
     "Campaign",
@@ -114,5 +116,6 @@ __all__ = [
     "settle_port",
     "shorten_names",
     "split_label",
+    "thinning_step",
     "zero_order_hold",
 ]

@@ -10,6 +10,7 @@ from identification.words.dof import Dof, distinct_dofs
 from identification.words.frf import FrfEstimate
 from identification.words.gains import UnknownGains
 from identification.words.hits import HitEstimate
+from identification.words.large_tests import thinning_step
 from identification.words.layout import Layout
 from identification.words.names import shorten_names
 from identification.words.signal import Input, Output, Signal
@@ -225,3 +226,8 @@ class Campaign:
         """
         tests = tuple(replace(t, estimate=t.estimate.select_lines(chosen)) for t in self.tests)
         return replace(self, tests=tests)
+
+    def thin_lines(self) -> Self:
+        """Return every n-th line of a large campaign, enough for a check; else all of it."""
+        step = thinning_step(sum(test.estimate.frf.values.size for test in self.tests))
+        return self if step == 1 else self.select_lines(slice(None, None, step))

@@ -89,7 +89,7 @@ class Addition:
 
 
 class MjcfLack(StrEnum):
-    """What no MJCF holds, with the reason of each kind: the list in docs/reference/mjcf.md."""
+    """Reasons why an MJCF cannot hold a change: the closed list in docs/reference/mjcf.md."""
 
     SENSOR_GAIN = "an MJCF site has no gain"
     SENSOR_DELAY = "an MJCF site has no delay"

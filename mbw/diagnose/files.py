@@ -8,11 +8,12 @@ import numpy as np
 from diagnosis import Diagnosis, Verdict
 from diagnosis.inference.evidence import Evidence
 from identification.readers.result_files import read_result_arrays, read_result_json
-from identification.words import InputError
+from identification.words import InputError, Real
 from mbmodel import WrittenModel, write_model
 from mbw.diagnose.machine_rows import restore_machine
 from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.schema import ShownFile
+from tuning import Session
 from tuning.control_loops.loops_file import LOOPS_JSON, write_loops
 from tuning.files.result import TUNED_JSON, TUNED_MJCF, final_folder, not_held_error
 
@@ -54,16 +55,26 @@ class WrittenAugmented:
 
 
 def write_augmented(diagnosis: Diagnosis, target: Path) -> WrittenAugmented:
-    """Write the tuned MJCF with the detected effect, beside it the control loops of the test."""
-    held_out_gap = diagnosis.after or diagnosis.retuned
-    theta = diagnosis.parameters.theta if diagnosis.parameters else held_out_gap.theta
-    session = held_out_gap.refit.session
+    """Write the tuned MJCF with the established causes, beside it the control loops of the test."""
+    session, theta = find_established_fit(diagnosis)
     model = session.model
     stated = model.without_small_sizes(theta)
     write_loops(model.machine.loops, target.with_name(LOOPS_JSON))
     written = write_model(model, stated, target, final_folder(target.parent))
     error = not_held_error(model, stated, session.campaign) if written.not_held else None
     return WrittenAugmented(written, error)
+
+
+def find_established_fit(diagnosis: Diagnosis) -> tuple[Session, Real]:
+    """Return session and parameters of the fit that has the established causes alone."""
+    present = diagnosis.present
+    fitted = {cause.key for cause in present.causes if cause not in diagnosis.gross_hypotheses}
+    wanted = fitted & set(present.established)
+    if wanted == fitted and diagnosis.after and diagnosis.parameters:
+        return diagnosis.after.refit.session, diagnosis.parameters.theta
+    refit = diagnosis.search.refit_of(tuple(wanted)) if wanted else None
+    refit = refit or diagnosis.retuned.refit
+    return refit.session, refit.fit.theta
 
 
 def read_result(path: Path) -> StoredDiagnosis:

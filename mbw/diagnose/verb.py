@@ -110,7 +110,7 @@ def run(
         _explain(diagnosis)
     _say(result.verdict, diagnosis)
     SCREEN.say(f"verdict in {output.path / VERDICT}")
-    effect = " with the effect" if diagnosis.after else ""
+    effect = " with the effect" if diagnosis.present.established else ""
     SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
     SCREEN.say(f"  {calibration_sentence(session.known_force_tolerance)}")
     shown = result.shown

@@ -99,9 +99,9 @@ def collect_result(
 
 
 def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> IdentifiedModesFile:
-    measured, scaled, error = parts.measured, parts.scaled, parts.error
+    measured, scaled, error = parts.all_lines, parts.scaled, parts.error
     full_matrix = parts.full_matrix_error
-    single_modes = check_single_modes(parts.measured, parts.model)[: parts.n_inside]
+    single_modes = check_single_modes(measured, parts.model)[: parts.n_inside]
     modes = [_row(parts, mode, check) for mode, check in enumerate(single_modes)]
     return IdentifiedModesFile(
         campaign=parts.campaign.name,
@@ -134,14 +134,15 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
             *unknown_gain_sentences(parts.campaign),
             *measured.corrections,
             *(check.sentence for check in checks.setups if check.agrees is False),
+            *filter(None, [parts.thinning_remark]),
         ],
     )
 
 
 def _reciprocity_rows(campaign: Campaign) -> list[ReciprocityRow]:
     """Return what reciprocity says of channels and hits whose gains are known."""
-    known = leave_out_unknown_gains(campaign)
-    reciprocity = None if known is None else check_reciprocity(known)
+    comparable = leave_out_unknown_gains(campaign)
+    reciprocity = None if comparable is None else check_reciprocity(comparable)
     return [ReciprocityRow(**vars(row)) for row in reciprocity.rows] if reciprocity else []
 
 

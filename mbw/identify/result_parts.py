@@ -34,7 +34,8 @@ class ResultParts:
 
     Args:
         campaign: measured campaign.
-        measured: FRFs of all tests in one matrix.
+        all_lines: FRFs of all tests in one matrix.
+        measured: the same, in a large test every n-th line alone, enough for files and page.
         identified: identification with its poles of all orders.
         model: modal model with scaled shapes.
         scaled: modal model together with its scaling ``a_r``.
@@ -51,6 +52,7 @@ class ResultParts:
     """
 
     campaign: Campaign
+    all_lines: MeasuredFrfs
     measured: MeasuredFrfs
     identified: IdentifiedModes
     model: ModalModel
@@ -70,6 +72,17 @@ class ResultParts:
         """Quantity of the FRFs, such as ``accelerance``."""
         return next(
             name for name, order in DERIVATIVE_ORDER.items() if order == self.measured.order
+        )
+
+    @property
+    def thinning_remark(self) -> str:
+        """Sentence on the lines of a large test that files and page hold; empty for all."""
+        shown, count = len(self.measured.freq_hz), len(self.all_lines.freq_hz)
+        if shown == count:
+            return ""
+        return (
+            f"the test is large: modes and shapes are those of all {count} frequency lines; files "
+            f"and page hold the curves of {shown} of them, and bodies are checked on a part of them"
         )
 
     @property
@@ -93,7 +106,8 @@ def derive_parts(
         identified: return value of ``identification.modal.identify``.
         reference: reference modes to compare with.
     """
-    model, modes, measured = identified
+    model, modes, all_lines = identified
+    measured = all_lines.thin_lines()
     order = np.argsort(~modes.inside, kind="stable")
     scaled = scale_shapes(model, campaign.layout, modes.residue_sd[:, :, order])
     n_inside = int(modes.inside.sum())
@@ -103,6 +117,7 @@ def derive_parts(
     values = synthesise_frfs(scaled.model, measured)
     return ResultParts(
         campaign,
+        all_lines,
         measured,
         modes,
         scaled.model,

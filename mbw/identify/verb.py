@@ -141,7 +141,8 @@ def run(
     Returns:
         The folder of the result.
     """
-    source, machine, whole = _open_campaign(campaign, band)
+    with SCREEN.status("reading and checking the tests"):
+        source, machine, whole = _open_campaign(campaign, band)
     first, *further = [
         TestsOfMachine.of_variant(machine, whole, name) for name in sorted(whole.variants, key=bool)
     ]
@@ -232,6 +233,7 @@ def _identify(
     reference = _reference_modes(choices.against, machine, campaign)
     with SCREEN.status("poles, shapes, refinement"):
         identified = identify(campaign, choices.tolerances, choices.modes)
+    with SCREEN.status("bodies and set-ups"):
         is_roving = is_roving_hammer(campaign)
         if is_roving and machine is not None and machine.loops:
             SCREEN.say(

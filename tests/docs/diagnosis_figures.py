@@ -17,6 +17,7 @@ from tests.docs.grades import (
 from tests.docs.results import (
     RESULTS,
     bench_cases,
+    bench_rows,
     bench_values,
     grade_rate,
     grade_tables,
@@ -167,9 +168,9 @@ def sealed_table() -> str:
 
 
 def measured_table() -> str:
-    """Verdicts on campaigns that others measured, with the first places and all likely causes."""
+    """Verdicts on the suspension, with the first places and all likely causes."""
     rows = []
-    for path in sorted((RESULTS / "measured").glob("*.json")):
+    for path in sorted((RESULTS / "measured").glob("suspension.*.json")):
         verdict = json.loads(path.read_text(encoding="utf-8"))
         places = [f"`{row['location']}` {row['share']:.2f}" for row in verdict["where"][:4]]
         causes = [
@@ -183,6 +184,16 @@ def measured_table() -> str:
         )
     header = ("Campaign", "Verdict", "Probability unexplained", "First places", "Causes")
     return table(header, rows, text=5)
+
+
+def tower_table() -> str:
+    """Verdicts on the measured tower, before reciprocity and now, beside the answer."""
+    rows = [
+        (row["campaign"].removeprefix("tower."), row["before"], row["now"], row["answer"])
+        for row in bench_rows("measured")
+        if row["campaign"].startswith("tower.")
+    ]
+    return table(("Campaign", "Before", "Now", "Answer"), rows, text=4)
 
 
 FIGURES = {
@@ -212,6 +223,7 @@ FIGURES = {
     "diagnosis-size-errors": lambda: size_errors("diagnosis"),
     "diagnosis-intervals": rate_fragment("diagnosis", "intervals", "all", "hold the truth"),
     "measured-table": measured_table,
+    "measured-tower-table": tower_table,
     "sealed-table": sealed_table,
     "silence-campaigns": lambda: str(len(bench_cases("silence.270000"))),
     "silence-seeds": seeds_fragment("silence.270000"),

@@ -57,6 +57,34 @@ def large_table() -> str:
     return table(("Work", "Time [s]", "Time / this project's", "Peak memory"), rows)
 
 
+def large_test_table() -> str:
+    """Core seconds, peak memory and modes found of large hammer tests."""
+    rows = [
+        (
+            f"{row['channels']} x {row['references']} x {row['lines']}",
+            f"{row['found']} of {row['modes']}",
+            row["extra"],
+            significant(row["rms error over deviation"], 2),
+            significant(row["core s"], 2),
+            significant(row["peak GB"], 2),
+        )
+        for row in bench_rows("large_identify")
+    ]
+    header = ("Channels x references x lines", "Modes found", "Extra", "Error / deviation")
+    return table((*header, "Core seconds", "Peak memory [GB]"), rows)
+
+
+def large_test_size() -> str:
+    """Return the size of the largest test in words."""
+    row = bench_rows("large_identify")[-1]
+    return f"{row['channels']} channels, {row['references']} references and {row['lines']} lines"
+
+
+def large_test_figure(key: str) -> str:
+    """Return core seconds or peak memory of the largest test."""
+    return significant(bench_rows("large_identify")[-1][key], 2)
+
+
 def machine_size_table() -> str:
     """Core seconds and peak memory by the number of bodies, with their exponents."""
     steps = {"model": "Model", "frfs": "FRFs and gradient", "step": "Gauss-Newton step"}
@@ -107,5 +135,9 @@ FIGURES = {
     "frf-gradient-ms": frf_gradient_ms,
     "frf-error": frf_error,
     "large-table": large_table,
+    "large-test-table": large_test_table,
+    "large-test-size": large_test_size,
+    "large-test-seconds": lambda: large_test_figure("core s"),
+    "large-test-memory": lambda: large_test_figure("peak GB"),
     "large-seconds": lambda: significant(bench_rows("large")[0]["s"], 2),
 }

@@ -25,9 +25,11 @@ from identification_examples import (
     units,
     write_campaign,
 )
+from text_files import labview
 
 from identification.readers.array_files import load_arrays
-from identification.readers.array_records import read_array_records
+from identification.readers.array_frfs import read_arrays
+from identification.readers.array_records import holds_time_records, read_array_records
 from identification.readers.layout import read_layout
 from identification.readers.uff_modes_read import read_uff_modes
 from identification.readers.uff_records import read_uff_records
@@ -138,6 +140,29 @@ def read_recordings(path: Path) -> object:
     )
 
 
+def write_texts(folder: Path) -> Sequence[Path]:
+    """Write FRFs and time records as text tables and as LabVIEW measurement files."""
+    named = ["Frequency [Hz];re [g/N];im [g/N];coherence"]
+    named += [f"{k};{k}.5;-0.25;1" for k in range(8)]
+    plain = [f"{k} {value}" for k, value in enumerate(numbers(2, 8).tolist())]
+    paths = [folder / name for name in ("a.csv", "b.txt", "c.lvm", "d.lvm")]
+    paths[0].write_text("\n".join(named))
+    paths[1].write_text("\n".join(plain))
+    signals = np.real(numbers(3, 48)).reshape(2, 2, 12)
+    paths[2].write_text(labview(signals, 256.0))
+    paths[3].write_text(labview(signals, 256.0, x_columns="Multi", decimal=","))
+    return paths
+
+
+def read_texts(path: Path) -> object:
+    """Read the FRFs or time records of a text file, with one channel."""
+    options = {"channels": ["1:z"], "references": ["1:z"], "quantity": "accelerance", "unit": None}
+    arrays = load_arrays(path)
+    if holds_time_records(arrays):
+        return read_array_records(path, arrays, **options)
+    return read_arrays(path, **options)
+
+
 def write_time_records(folder: Path) -> Sequence[Path]:
     """Write time records as universal files, ASCII and binary."""
     paths = []
@@ -241,6 +266,7 @@ MEASUREMENT_TARGETS = (
         read_measurement,
     ),
     FuzzTarget("time records in mat and npz", write_array_records, read_recordings),
+    FuzzTarget("text", write_texts, read_texts),
     FuzzTarget(
         "mat 7.3",
         Campaigns(

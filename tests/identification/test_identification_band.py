@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from identification_examples import a_layout, an_estimate, numbers
 
-from identification import band_lines, select_band
+from identification import band, band_lines, select_band
 from identification.words import Campaign, Condition, Dof, InputError, Test
 
 FREQ = np.array([0.0, 0.5, 1.0, 2.0, 3.5, 4.0, 5.5, 6.0, 9.0])
@@ -91,3 +91,10 @@ def test_channels_across_the_motion_do_not_hide_the_band():
 def test_coherence_too_low_everywhere_is_refused_with_a_remedy(level):
     with pytest.raises(InputError, match=r"camp: .* at no line: .* give a band"):
         band_lines(a_campaign(np.full(9, level)))
+
+
+@pytest.mark.parametrize("values", [1, 500_000, 500_001, 1_400_000, 23_040_000])
+def test_a_part_of_many_channels_has_all_axes_of_triaxial_sensors(values):
+    step = band._channel_step(values)
+    assert values / step <= 500_000
+    assert {place % 3 for place in range(0, 3 * step, step)} == {0, 1, 2}

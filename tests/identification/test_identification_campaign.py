@@ -144,7 +144,7 @@ def test_one_response_under_two_names_is_refused(refusal):
     assert "b.npz" in refusal(text, b_npz=npz(frf=numbers(5, (9, 4, 2)), freq_hz=EVEN))
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a", "a.h5"])
+@pytest.mark.parametrize("name", ["a.xlsx", "a", "a.h5"])
 def test_an_unknown_kind_of_file_is_refused(refusal, name):
     assert "is of an unknown kind: give" in refusal(TEST.replace("a.uff", name))
 

@@ -60,6 +60,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         window_tau = 0.25
         channels = "nodes 1..23, xyz"
         references = ["11:+x", "11:+y"]
+        columns = ["H1", 3]
         quantity = "mobility"
         unit = "mm/s/N"
         time_sign = "-"
@@ -127,6 +128,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "window_tau": 0.25,
         "channels": "nodes 1..23, xyz",
         "references": ["11:+x", "11:+y"],
+        "columns": ["H1", 3],
         "quantity": "mobility",
         "unit": "mm/s/N",
         "time_sign": "-",

@@ -1,6 +1,7 @@
 """A drive point that takes power: a delay turns all channels, a hammer beside it does not."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,3 +38,19 @@ def test_a_delay_of_all_channels_is_named(delay_s):
 def test_a_hammer_beside_its_point_is_no_delay(drive):
     sentence = explain_negative_power(drive_point(drive=drive), "here")
     assert sentence is None or "ms" not in sentence
+
+
+def test_few_lines_on_narrow_resonances_are_no_delay():
+    """The measured tower on all its lines: modes of one line's width, and none of 1.6 ms."""
+    with np.load(Path(__file__).parents[2] / "assets" / "tower" / "accelerance.npz") as data:
+        freq_hz, frf = data["freq_hz"], data["frf"].astype(complex)
+    chosen = freq_hz > 3.5
+    laplace = 2j * np.pi * freq_hz[chosen]
+    for floor in range(3):
+        channels = frf[chosen, :, floor] / laplace[:, None]
+        deviation = np.full(chosen.sum(), 1e-9)
+        point = DrivePointMobility(
+            freq_hz[chosen], laplace, channels[:, floor], "accelerance", deviation, channels
+        )
+        sentence = explain_negative_power(point, "here")
+        assert sentence is None or "ms" not in sentence

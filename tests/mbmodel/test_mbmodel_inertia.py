@@ -6,7 +6,7 @@ import pytest
 from mbmodel_examples import mass_on_spring, mjcf
 from scipy.spatial.transform import Rotation
 
-from mbmodel import Model, body_parts, load_machine, write_mjcf
+from mbmodel import Model, NotInMjcf, body_parts, load_machine, write_mjcf
 from mbmodel.spatial import nearest_inertia
 
 
@@ -67,7 +67,8 @@ def test_mass_and_centre_are_written_where_no_body_has_the_moments(model, tmp_pa
     inertia = {"inertia_xx": 1.0, "inertia_yy": 1.1, "inertia_zz": moment, "inertia_xy": 0.9}
     theta = theta_with(model, mass=6.5, com_x=0.02, com_z=-0.01, **inertia)
     target = tmp_path / "tuned.xml"
-    (missing,) = write_mjcf(model.machine.source, target, model.edits(theta))
+    assert write_mjcf(model.machine.source, target, model.edits(theta)) == ()
+    (missing,) = (edit for edit in model.edits(theta) if isinstance(edit, NotInMjcf))
     assert str(missing) == (
         "a.inertia (no body can have the fitted moments of inertia, "
         "so the nearest possible ones are written)"
@@ -91,5 +92,6 @@ def test_mujoco_itself_takes_the_thinnest_body_that_is_written(model, tmp_path):
 def test_of_moments_that_a_body_can_have_nothing_is_said(model, tmp_path):
     theta = theta_with(model, mass=6.5, inertia_xx=1.0, inertia_yy=1.1, inertia_zz=1.2)
     assert write_mjcf(model.machine.source, tmp_path / "m.xml", model.edits(theta)) == ()
+    assert not any(isinstance(edit, NotInMjcf) for edit in model.edits(theta))
     written = load_machine(tmp_path / "m.xml")
     np.testing.assert_allclose(written.body_mass[3:, 3:], np.diag([1.0, 1.1, 1.2]), rtol=1e-12)

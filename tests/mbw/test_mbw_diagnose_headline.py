@@ -85,7 +85,7 @@ def test_several_causes_confounded_causes_and_removed_sensors_are_stated_in_word
     first, second = sensor_check_sentences(shown)
     assert first.startswith("Sensor acc11 along y: a turned sign")
     assert "the search left the channel out" in first
-    assert second.startswith("Sensors acc21 and acc22 are exchanged, as the redundant channels")
+    assert second.startswith("Sensors acc21 and acc22 are exchanged, as the channels prove")
     out = [c["output"] for c in data_of(page)["channels"] if c["out"] and c["test"] == 0]
     assert out == ["acc11:+ty", *(f"acc{n}:+t{axis}" for n in (21, 22) for axis in "xyz")]
 

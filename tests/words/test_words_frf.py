@@ -139,6 +139,30 @@ def test_labels_given_as_lists_become_tuples():
     assert (frf.outputs, frf.inputs) == (OUTPUTS, INPUTS)
 
 
+def test_a_frozen_array_is_not_copied_again():
+    first = frozen_array(np.arange(6.0).reshape(2, 3), np.float64, (2, 3), "it")
+    again = frozen_array(first[:, 1:], np.float64, (2, 2), "it")
+    assert np.shares_memory(first, again)
+
+
+def test_an_array_that_somebody_can_write_to_is_copied():
+    owner = np.arange(6.0)
+    view = owner[:4]
+    view.flags.writeable = False
+    frozen = frozen_array(view, np.float64, (4,), "it")
+    owner[:] = -1.0
+    np.testing.assert_array_equal(frozen, [0, 1, 2, 3])
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 2e30])
+@pytest.mark.parametrize("kind", [np.float64, np.complex128])
+def test_a_value_that_is_not_finite_or_too_large_is_refused(kind, wrong):
+    values = np.ones((3, 2), kind)
+    values[1, 0] = wrong if kind is np.float64 else 1 + 1j * wrong
+    with pytest.raises(ValueError, match=r"it is .* at index \(1, 0\)"):
+        frozen_array(values, kind, (3, 2), "it", 1e30)
+
+
 def test_a_frozen_array_keeps_what_it_was_given():
     given = [[1.0, 2.0], [3.0, 4.0]]
     np.testing.assert_array_equal(frozen_array(given, np.float64, (2, None), "it"), given)

@@ -33,9 +33,9 @@ def name_exchanged_channels(predicted: Sequence[Complex], campaign: Campaign) ->
     """
     best: tuple[float, str] | None = None
     for site in dict.fromkeys(dof.point for dof in campaign.outputs if isinstance(dof, Dof)):
-        found = _find_order(site, predicted, campaign)
-        if found is not None and (best is None or found[0] < best[0]):
-            best = found
+        candidate = _find_order(site, predicted, campaign)
+        if candidate is not None and (best is None or candidate[0] < best[0]):
+            best = candidate
     return None if best is None else best[1]
 
 

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import scipy.io
 from identification_examples import Function, dataset
+from text_files import labview
 
 from tests.field.make_inputs.folder import (
     ARRAYS,
@@ -32,6 +33,7 @@ def write():
     _broken_universal_files()
     _arrays()
     _broken_arrays()
+    _text_files()
 
 
 def _files(content, test=UNIVERSAL, name="t.uff"):
@@ -251,3 +253,69 @@ def _broken_arrays():
 
 def _mat_plain(values):
     return _mat(compressed=False, FRFs=values[:20], freqs=FREQ_HZ[:20])
+
+
+def _text_files():
+    values, _ = measured()
+    right = modes_are(field_machine().modes()[0])
+    tests, files = [], {"layout.toml": layout_text()}
+    for column, reference in enumerate(("1:+z", "3:+z")):
+        tests.append(_text_test(f"force_{column}.csv", CHANNELS, reference))
+        files[f"force_{column}.csv"] = "".join(
+            ";".join(f"{complex(value)}".strip("()") for value in (freq, *row)) + "\n"
+            for freq, row in zip(FREQ_HZ, values[:, :, column].tolist(), strict=True)
+        )
+    write_case(
+        "readers/csv_complex",
+        "a .csv for each force: complex frequency and FRFs such as 0.1-0.2j, separated by ;",
+        "the modes",
+        [identify("--json", "r.json", value=right)],
+        {"campaign.toml": campaign("\n[[test]]\n".join(tests)), **files},
+    )
+    tests, files = [], {"layout.toml": layout_text()}
+    for row in range(5):
+        tests.append(_text_test(f"acc_{row}.txt", f'channels = ["{row + 1}:+z"]', "1:+z"))
+        body = np.column_stack([FREQ_HZ, values[:, row, 0].real, values[:, row, 0].imag])
+        files[f"acc_{row}.txt"] = "Frequency (Hz)\tReal\tImaginary\n" + "".join(
+            "\t".join(f"{number:.7g}".replace(".", ",") for number in line) + "\n" for line in body
+        )
+    write_case(
+        "readers/text_file_for_each_channel",
+        "a text file for each channel: tabs, decimal comma, headings Real and Imaginary",
+        "the modes",
+        [identify("--json", "r.json", value=right)],
+        {"campaign.toml": campaign("\n[[test]]\n".join(tests)), **files},
+    )
+    rate_hz, n_sample = 256.0, 1024
+    sections = np.array([_hit(rate_hz, n_sample, seed) for seed in range(2)])
+    names, units = ("Acc 1", "Acc 2", "Acc 3", "Acc 4", "Acc 5", "Hammer"), (*["g"] * 5, "N")
+    write_case(
+        "readers/labview_text",
+        "two hits in a LabVIEW measurement file, accelerations in g, the force last",
+        "the modes, and a remark on the unit",
+        [identify("--json", "r.json", value=right, says=["g/N"])],
+        {
+            "campaign.toml": campaign(_text_test("t.lvm", CHANNELS, "1:+z")),
+            "layout.toml": layout_text(),
+            "t.lvm": labview(sections, rate_hz, names=names, units=units),
+        },
+    )
+
+
+def _text_test(name, channels, reference):
+    return f'file = "{name}"\n{channels}\nreferences = ["{reference}"]'
+
+
+def _hit(rate_hz, n_sample, seed):
+    """Return accelerations [g] and force [N] of one hit at sensor 1; (6, n_sample)."""
+    rng = np.random.default_rng(seed)
+    force = np.zeros(n_sample)
+    force[20:24] = rng.uniform(80, 120) * np.array([0.5, 1.0, 1.0, 0.5])
+    padded = 8 * n_sample  # the motion decays before the period of the transform ends
+    freq = np.fft.rfftfreq(padded, 1 / rate_hz)
+    motion = np.fft.irfft(
+        field_machine().accelerance(freq, references=(0,))[:, :, 0].T * np.fft.rfft(force, padded),
+        padded,
+    )[:, :n_sample]
+    noise = 1e-3 * np.abs(motion).max() * rng.normal(size=motion.shape)
+    return np.vstack([(motion + noise) / 9.80665, force + 0.02 * rng.normal(size=n_sample)])

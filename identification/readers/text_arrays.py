@@ -1,0 +1,255 @@
+"""Arrays of text files, under the names that .npz files have: FRFs, or force and response.
+
+Headings say what the columns are: ``re`` and ``im``, ``mag`` and ``phase`` (in degrees unless they
+say rad), ``coherence``; without one a column holds complex FRFs.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from identification.readers.labview_text import read_labview_text
+from identification.readers.text_tables import TextTable, name_words, read_text_table
+from identification.readers.units import FREQUENCY_UNITS_HZ
+from identification.words import Complex, InputError, Real, shorten_names
+
+_FRF_PARTS = {
+    "real": {"re", "real"},
+    "imaginary": {"im", "imag", "imaginary"},
+    "magnitude": {"mag", "magnitude", "abs", "amplitude"},
+    "phase": {"phase", "angle"},
+    "coherence": {"coh", "coherence"},
+}
+_DECIBELS = {"db", "decibel", "decibels"}
+_TIME_WORDS = {"time", "t"}
+_FREQUENCY_WORDS = {"frequency", "freq", "hz", "khz"}
+_FORCE_WORDS, _FORCE_UNITS = {"force", "hammer"}, {"n", "newton", "lbf"}
+_MAX_TIME_STEP_SPREAD = 1e-2  # relative: what six printed digits leave of steps of a long record
+
+_UNIT_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]{1,20})[\])]\s*$")
+
+Arrays = dict[str, np.ndarray]
+
+
+def read_text_arrays(path: Path, columns: Sequence[int | str] | None = None) -> Arrays:
+    """Read ``frf``, ``coherence``, ``freq_hz``, or ``force``, ``response``, ``rate_hz``.
+
+    FRFs have the shape (freq, column), force (hit, sample) and response (hit, channel, sample).
+    ``unit_label`` is the unit of motion over force in the headings, empty without one,
+    ``freq_label`` the unit in the heading of the frequencies. ``force_label`` is there if the
+    force is only supposed to be one, and holds its heading.
+
+    Args:
+        path: .csv, .txt, .dat or .lvm.
+        columns: headings or numbers, from 1, of the columns beside frequency or time; None for all.
+            The first one of time records is the force.
+
+    Raises:
+        InputError: the file is no table of FRFs or of time records.
+    """
+    is_labview = path.suffix.lower() == ".lvm"
+    tables = read_labview_text(path) if is_labview else (read_text_table(path),)
+    chosen = [table if columns is None else _choose(table, columns) for table in tables]
+    axis_words = name_words(tables[0].axis_name)
+    if axis_words & _TIME_WORDS and not axis_words & _FREQUENCY_WORDS:
+        return _records(chosen, is_force_stated=columns is not None)
+    if len(chosen) > 1:
+        raise InputError(f"{path} holds {len(chosen)} sections of FRFs: export one to a file")
+    return _frfs(chosen[0])
+
+
+def _choose(table: TextTable, columns: Sequence[int | str]) -> TextTable:
+    """Return the columns of a table that campaign.toml names, in its order."""
+    places: list[int] = []
+    for column in columns:
+        if isinstance(column, int):
+            fitting = [column - 1] if 1 <= column <= len(table.names) else []
+        else:
+            bare = [name.split(" [")[0] for name in table.names]
+            fitting = [k for k, name in enumerate(table.names) if column in {name, bare[k]}]
+        if len(fitting) != 1:
+            count = "no column" if not fitting else f"{len(fitting)} columns"
+            headings = [name or k for k, name in enumerate(table.names, start=1)]
+            raise InputError(
+                f"{table.path} has {count} {column!r} beside {table.axis_name or 'the first'} "
+                f"(there are {shorten_names(headings)}): correct columns in its [[test]]"
+            )
+        places += fitting
+    names = tuple(table.names[place] for place in places)
+    return replace(table, names=names, values=table.values[:, places])
+
+
+def _records(tables: Sequence[TextTable], *, is_force_stated: bool) -> Arrays:
+    """Return force, response and rate of time records; each table is one record."""
+    first = tables[0]
+    shapes = {table.values.shape for table in tables}
+    if len(shapes) > 1 or first.values.shape[1] < 2 or len(first.axis) < 2:
+        raise InputError(
+            f"{first.path}: its sections have the shapes {shorten_names(sorted(shapes))} (samples, "
+            "channels): export force and responses of equal length, two samples at least"
+        )
+    rates = [_rate(table) for table in tables]
+    if max(rates) - min(rates) > _MAX_TIME_STEP_SPREAD * max(rates):
+        raise InputError(f"{first.path}: its sections have different rates: export one rate a file")
+    values = np.array([table.values.T for table in tables])
+    if values.imag.any():
+        raise InputError(f"{first.path}: its time records are complex: export real numbers")
+    named = [
+        k
+        for k, name in enumerate(first.names)
+        if name_words(name) & _FORCE_WORDS or _unit(name).lower() in _FORCE_UNITS
+    ]
+    force = named[0] if len(named) == 1 and not is_force_stated else 0
+    arrays = {
+        "force": values.real[:, force],
+        "response": np.delete(values.real, force, axis=1),
+        "rate_hz": np.array(rates[0]),
+        "unit_label": np.array(_unit_of_motion(first.names, force)),
+    }
+    if len(named) != 1 and not is_force_stated:
+        arrays["force_label"] = np.array(first.names[force] or "1")
+    return arrays
+
+
+def _rate(table: TextTable) -> float:
+    """Return the samples per second of a record."""
+    steps = np.diff(table.axis)
+    mean = float(steps.mean())
+    if np.abs(steps - mean).max() > _MAX_TIME_STEP_SPREAD * mean:
+        raise InputError(
+            f"{table.path}: its times are not evenly spaced, {steps.min():g} to {steps.max():g} s: "
+            "export samples of one rate"
+        )
+    return 1 / mean
+
+
+def _frfs(table: TextTable) -> Arrays:
+    """Return FRFs, coherence and frequencies of a table."""
+    parts = [_part(table.path, name) for name in table.names]
+    columns = {part: table.values[:, [p == part for p in parts]] for part in ("", *_FRF_PARTS)}
+    values = _complex_values(table, columns)
+    units = {
+        _unit(name)
+        for name, part in zip(table.names, parts, strict=True)
+        if part not in {"phase", "coherence"}
+    }
+    arrays: Arrays = {
+        "frf": values,
+        "freq_hz": table.axis,
+        "unit_label": np.array(", ".join(sorted(unit for unit in units if "/" in unit))),
+        "freq_label": np.array(_unit_at_end(table.axis_name)),
+    }
+    if "coherence" in parts:
+        arrays["coherence"] = _real(table.path, columns["coherence"])
+    return arrays
+
+
+def _complex_values(table: TextTable, columns: dict[str, Complex]) -> Complex | Real:
+    """Return the FRFs of complex columns, or of pairs; real columns without a part stay real."""
+    count = {part: columns[part].shape[1] for part in columns}
+    pair = next((p for p in (("real", "imaginary"), ("magnitude", "phase")) if count[p[0]]), None)
+    used = sum(count.values()) - count["coherence"]
+    if pair is None and used == count[""] > 0:
+        plain = columns[""]
+        return plain if plain.imag.any() else plain.real
+    if pair is None or count[pair[0]] != count[pair[1]] or used != 2 * count[pair[0]]:
+        held = ", ".join(f"{n} of {part or 'no part'}" for part, n in count.items() if n)
+        raise InputError(
+            f"{table.path}: its headings name columns {held}: give re and im, or mag and phase, of "
+            "each FRF, or complex columns alone"
+        )
+    first, second = (_real(table.path, columns[part]) for part in pair)
+    if pair[0] == "real":
+        return first + 1j * second
+    phases = [name for name in table.names if name_words(name) & _FRF_PARTS["phase"]]
+    in_rad = np.array([bool({"rad", "radian", "radians"} & name_words(n)) for n in phases])
+    return first * np.exp(1j * np.where(in_rad, second, np.radians(second)))
+
+
+def fold_columns(path: Path, arrays: Arrays, shape: tuple[int, int, int]) -> list[str]:
+    """Give FRFs and coherence of a text file the axes (freq, out, in); return remarks.
+
+    The columns hold all channels of the first reference, then those of the next. Twice as many real
+    columns are pairs of real and imaginary parts, if the first of each is negative somewhere, as a
+    magnitude never is.
+
+    Args:
+        path: the file, for messages.
+        arrays: content of the file, which is changed.
+        shape: numbers of frequencies, channels and references.
+    """
+    lines, n_out, n_in = shape
+    values, remarks = arrays["frf"], []
+    if values.shape[1] == 2 * n_out * n_in and values.dtype.kind == "f":
+        if not (values[:, ::2] < 0).any(axis=0).all():
+            raise InputError(
+                f"{path}: its {values.shape[1]} real columns are parts of {n_out * n_in} FRFs "
+                "without a name: add a header line with re and im, or mag and phase"
+            )
+        arrays["frf"] = values[:, ::2] + 1j * values[:, 1::2]
+        remarks = [
+            f"{path.name}: its columns have no headings re and im, and count as real and imaginary "
+            "parts in turn"
+        ]
+    for name, what in (("frf", "FRFs"), ("coherence", "coherences")):
+        if name not in arrays:
+            continue
+        count = arrays[name].shape[1]
+        if count != n_out * n_in:
+            raise InputError(
+                f"{path} has columns of {count} {what}, but {n_out} channels and {n_in} references "
+                f"need {n_out * n_in}: correct channels or references, or choose columns in its "
+                "[[test]]"
+            )
+        arrays[name] = arrays[name].reshape(lines, n_in, n_out).swapaxes(1, 2)
+    return remarks
+
+
+def _unit(name: str) -> str:
+    """Return the unit in brackets at the end of a heading such as ``acc 1 [g]``; empty without."""
+    match = _UNIT_IN_BRACKETS.search(name)
+    return match.group(1).strip() if match else ""
+
+
+def _unit_of_motion(names: Sequence[str], force: int) -> str:
+    """Return the unit of motion over force of time records; empty if no heading has one.
+
+    Args:
+        names: headings of all columns.
+        force: column of the force.
+    """
+    motions = sorted({_unit(name) for k, name in enumerate(names) if k != force})
+    units = [" and ".join(unit or "no unit" for unit in motions), _unit(names[force]) or "no unit"]
+    return "" if set(units) == {"no unit"} else "/".join(units)
+
+
+def _unit_at_end(name: str) -> str:
+    """Return the unit of frequency at the end of a heading such as ``Frequency [Hz]``; or empty."""
+    text = name.rstrip(" )]").lower()
+    units = [unit for unit in FREQUENCY_UNITS_HZ if text.endswith(unit.lower())]
+    return max(units, key=len, default="")
+
+
+def _part(path: Path, name: str) -> str:
+    """Return which part of an FRF a column holds by its heading; empty for all of it."""
+    words = name_words(name)
+    parts = [part for part, known in _FRF_PARTS.items() if known & words]
+    if len(parts) > 1 or words & _DECIBELS:
+        raise InputError(
+            f"{path}: the heading {name!r} names {' and '.join(parts) or 'decibels'}: export real "
+            "and imaginary parts, with headings re and im"
+        )
+    return parts[0] if parts else ""
+
+
+def _real(path: Path, values: Complex) -> Real:
+    """Return real numbers, unless one is complex."""
+    if values.imag.any():
+        raise InputError(
+            f"{path}: a column with the heading of a part or coherence holds complex numbers: "
+            "correct the heading"
+        )
+    return np.array(values.real)
