@@ -9,33 +9,10 @@ from diagnosis.labels import name_direction, name_place
 from diagnosis.movable import Movable
 from diagnosis.refit_record import RefitRecord
 from diagnosis.settings import SETTINGS, DiagnosisSettings
+from diagnosis.stated_values import Value
 from identification.words import Campaign, Real
 from mbmodel import Machine, Model, Part, RigidDirection
 from tuning import Session
-
-Value = float | tuple[float | None, ...]  # None: a component that no motion of the machine shows
-Ends = tuple[float, float] | tuple[tuple[float, float] | None, ...]  # one pair for each component
-
-
-def may_be_zero(ends: Ends) -> bool:
-    """Return whether an interval holds zero: of a vector, those of all known components."""
-    pairs = list_pairs(ends)
-    known = [pair for pair in pairs if pair is not None]
-    return bool(known) and all(low < 0 < high for low, high in known)
-
-
-def list_pairs(ends: Ends) -> list[tuple[float, float] | None]:
-    """Return the ends of each component, or the one pair of a number."""
-    low, high = ends[0], ends[-1]
-    if isinstance(low, int | float) and isinstance(high, int | float):
-        return [(low, high)]
-    return [end for end in ends if not isinstance(end, int | float)]
-
-
-class Vague(tuple[float | None, ...]):
-    """Vector with a component that is a convention and not known: it has no interval."""
-
-    __slots__ = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,13 +168,6 @@ class Hypothesis:
         return (*self.release, *(name for name in added if name not in stays))
 
     @property
-    def positive(self) -> frozenset[str]:
-        """Names of the coordinates that cannot be negative."""
-        if self.signed:
-            return frozenset(self.coordinates)
-        return frozenset(name for name, (low, _) in self.bounds.items() if low == 0.0)
-
-    @property
     def held(self) -> tuple[str, ...]:
         """Names of the parameters that stay at their only value."""
         return tuple(name for name, (low, high) in self.bounds.items() if low == high)
@@ -257,12 +227,7 @@ class Effect:
 
 
 def release_tolerance(
-    effect: str,
-    location: str,
-    dof: str | None,
-    names: tuple[str, ...],
-    stated: str,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
+    effect: str, location: str, dof: str | None, names: tuple[str, ...], stated: str
 ) -> Hypothesis:
     """Return the release of a tolerance, stated as one number or as a vector.
 
@@ -272,11 +237,10 @@ def release_tolerance(
         dof: direction in the verdict.
         names: names of the parameters.
         stated: name of their value in the verdict.
-        bounds: lowest and highest values [SI], by name; any value if None.
     """
 
     def state(fitted: Mapping[str, float]) -> dict[str, Value]:
         values = tuple(fitted[name] for name in names)
         return {stated: values if len(values) > 1 else values[0]}
 
-    return Hypothesis(effect, location, dof, release=names, bounds=bounds or {}, state=state)
+    return Hypothesis(effect, location, dof, release=names, state=state)

@@ -28,15 +28,13 @@ from diagnosis.effects.body_box import (
     find_shown_offsets,
     hold_at_zero,
     select_names,
-    state_shown,
 )
 from diagnosis.effects.scales import ARM_UNIT_M, LOG_FREQUENCY_UNIT, LOG_UNIT, MASS_SHARE_UNIT
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Vague, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.movable import Movable
+from diagnosis.stated_values import Vague, Value, state_shown
 from identification.words import Mask, Real
-from mbmodel import Machine, transport
-
-_TURNING_ARM_M = np.array([3.0, 2.0, 1.0]) * ARM_UNIT_M  # a place from which turns of the body show
+from mbmodel import Machine
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -95,7 +93,7 @@ class _Place:
     def find(cls, machine: Machine, jacobian: Real, number: int) -> Self:
         """Return the place on a body."""
         frame = np.eye(len(machine.body_mass))[:, 6 * number : 6 * number + 6]
-        moved = find_moved_axes(jacobian, transport(_TURNING_ARM_M)[:3] @ frame.T)
+        moved = find_moved_axes(jacobian, number)
         shown = find_shown_offsets(jacobian, number, np.eye(3)[:, moved])
         ends = bound_place(machine, [number], machine.layout.centres[number])
         return cls(frame, moved, shown, ends)
@@ -174,7 +172,7 @@ def _find_axis(appendage: AppendagePart, fitted: Mapping[str, float]) -> str | N
 
 
 def _find_bounds(
-    appendage: AppendagePart, lowest: float, highest: float, place: "_Place"
+    appendage: AppendagePart, lowest: float, highest: float, place: _Place
 ) -> dict[str, tuple[float, float]]:
     """Return the bounds of the parameters.
 

@@ -16,9 +16,7 @@ import numpy as np
 from diagnosis.hypothesis import Scene
 from diagnosis.rounding import HALF_PRECISION
 from identification.words import Mask, Real
-from mbmodel import AddedPart, Machine
-
-_MARGIN_SHARE = 0.5  # of the largest edge
+from mbmodel import Machine, transport
 
 
 def find_box(machine: Machine, numbers: Sequence[int]) -> Real:
@@ -30,7 +28,7 @@ def find_box(machine: Machine, numbers: Sequence[int]) -> Real:
     """
     corners = np.vstack([_list_corners(machine, number) for number in numbers])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    margin = _MARGIN_SHARE * float((high - low).max())
+    margin = 0.5 * float((high - low).max())
     box: Real = np.array([low - margin, high + margin])
     return box
 
@@ -87,16 +85,28 @@ def find_jacobian(scene: Scene) -> Real:
     return jacobian
 
 
-def find_moved_axes(jacobian: Real, rows: Real) -> Mask:
-    """Return along which world axes some joint moves a point, or one body against another; (3,).
+def find_moved(jacobian: Real, rows: Real) -> Mask:
+    """Return which of some motions any joint makes; (n,).
 
     Args:
         jacobian: motion of the bodies per coordinate; (6 n_body, nv).
-        rows: motion of the point per motion of the bodies; (3, 6 n_body).
+        rows: these motions per motion of the bodies, each one row or several; (n, ..., 6 n_body).
     """
-    sizes = np.abs(rows @ jacobian).max(axis=1, initial=0.0)
-    is_moved: Mask = sizes > HALF_PRECISION * sizes.max()
+    sizes = np.abs(rows @ jacobian).reshape(len(rows), -1).max(axis=1, initial=0.0)
+    is_moved: Mask = sizes > HALF_PRECISION * np.abs(jacobian).max(initial=0.0)
     return is_moved
+
+
+def find_moved_axes(jacobian: Real, body: int) -> Mask:
+    """Return the world axes along which something moves some point on a body; (3,).
+
+    Args:
+        jacobian: motion of the bodies per coordinate; (6 n_body, nv).
+        body: number of the body.
+    """
+    points = (np.zeros(3), *np.eye(3))  # among these each turn of the body shows
+    rows = np.stack([transport(point)[:3] for point in points], axis=1)
+    return find_moved(jacobian[6 * body : 6 * body + 6], rows)
 
 
 def find_shown_offsets(jacobian: Real, body: int, axes: Real) -> Mask:
@@ -109,30 +119,8 @@ def find_shown_offsets(jacobian: Real, body: int, axes: Real) -> Mask:
         body: number of the body.
         axes: directions of the forces or readings, in columns; (3, n).
     """
-    turns = jacobian[6 * body + 3 : 6 * body + 6]
     moments = np.cross(np.eye(3)[:, None], axes.T)  # (3, n, 3)
-    sizes = np.abs(moments @ turns).max(axis=(1, 2), initial=0.0)
-    is_shown: Mask = sizes > HALF_PRECISION * np.abs(turns).max(initial=0.0)
-    return is_shown
-
-
-def list_unfelt(jacobian: Real, part: AddedPart, theta: Real) -> tuple[str, ...]:
-    """Return the parameters of a Part on bodies that change no force on any motion of the machine.
-
-    Args:
-        jacobian: motion of the bodies per coordinate; (6 n_body, nv).
-        part: whose changes are all between bodies.
-        theta: where slopes are taken: without zeros where none is meant; (n_parameter,).
-    """
-    is_felt = np.zeros(len(theta), bool)
-    for change in part.derivatives(theta):
-        left, right = jacobian.T @ change.left, jacobian.T @ change.right
-        felt = np.abs(left @ change.core @ right.T).max(axis=(1, 2, 3), initial=0.0)
-        whole = np.abs(change.core).max(axis=(1, 2, 3), initial=0.0)
-        size = np.abs(left).max(initial=0.0) * np.abs(right).max(initial=0.0)
-        is_felt |= felt > HALF_PRECISION * size * whole
-    names = (parameter.name for parameter in part.parameters)
-    return tuple(name for name, felt in zip(names, is_felt.tolist(), strict=True) if not felt)
+    return find_moved(jacobian[6 * body + 3 : 6 * body + 6], moments)
 
 
 def select_names(names: Sequence[str], chosen: Mask) -> tuple[str, ...]:
@@ -143,8 +131,3 @@ def select_names(names: Sequence[str], chosen: Mask) -> tuple[str, ...]:
 def hold_at_zero(names: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Return the bounds of parameters that stay at zero, since nothing shows them."""
     return dict.fromkeys(names, (0.0, 0.0))
-
-
-def state_shown(values: Sequence[float], is_shown: Sequence[bool]) -> tuple[float | None, ...]:
-    """Return a vector without the components that nothing shows, which are None."""
-    return tuple(value if shown else None for value, shown in zip(values, is_shown, strict=True))

@@ -6,6 +6,7 @@ known mass, tell both apart.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from diagnosis.effects.points import release_hammers
 from diagnosis.effects.scales import GAIN_ENDS
@@ -16,7 +17,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Return one for each hammer or drive whose gain has a tolerance."""
     if scene.session.campaign.unknown_gains.hammers:
         return iter(())
-    return release_hammers(scene, "hammer_gain", "gain", GAIN_ENDS)
+    return (
+        replace(released, bounds=dict.fromkeys(released.release, GAIN_ENDS))
+        for released in release_hammers(scene, "hammer_gain", "gain")
+    )
 
 
 EFFECT = Effect(

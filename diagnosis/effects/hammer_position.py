@@ -11,7 +11,8 @@ import numpy as np
 
 from diagnosis.effects.body_box import bound_place, find_jacobian, find_shown_offsets
 from diagnosis.effects.points import hits, list_varying_names, name_vector
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.stated_values import Value
 from identification.words import Dof
 
 

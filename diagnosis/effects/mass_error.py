@@ -13,60 +13,89 @@ of the six numbers of I has a standard deviation of the mass at the radius of gy
 and no sensor shows one of them, nothing but the prior keeps the whole inertia positive.
 
 A component of p that no motion of the body shows, as along slides, stays zero and is not stated:
-the tetrahedron is then a triangle, a line or the centre of mass.
+the tetrahedron is then a triangle, a line or the centre of mass. I about an axis about which the
+body does not turn stays zero, too.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import combinations_with_replacement
 
 import numpy as np
 
 from diagnosis.effects.body_box import (
     bound_place,
     find_jacobian,
+    find_moved,
+    find_shown_offsets,
     hold_at_zero,
-    list_unfelt,
-    select_names,
-    state_shown,
 )
 from diagnosis.effects.scales import MASS_SHARE_UNIT
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.movable import Movable
-from diagnosis.settings import DiagnosisSettings
+from diagnosis.stated_values import Value, state_shown
 from identification.words import Mask, Real
 from mbmodel import AddedPart, Change, Machine, Parameter, transport
-
-_LEAST = 0.1  # units of mass: less has no place
-# Corners about a square or cube of edge 1, which the body fills at most: half of the edge of a box
-# is its margin. By the number of components of the place that show.
-_SIMPLEX_CORNERS = (
-    np.zeros((1, 0)),
-    np.array([[-1.0], [1.0]]),
-    np.array([[0.0, 1.5], [-1.5, -0.75], [1.5, -0.75]]),
-    1.5 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),
-)
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield added and missing mass for each body with mass and moment of inertia."""
     machine, jacobian = scene.model.machine, find_jacobian(scene)
     for number, body in enumerate(machine.layout.bodies):
-        inertia = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+        span = slice(6 * number, 6 * number + 6)
+        inertia = machine.body_mass[span, span]
         if not (inertia[0, 0] > 0 and np.trace(inertia[3:, 3:]) > 0):
             continue  # a point, or the coordinate of a body's mode: it has no radius of gyration
+        shown = find_shown_offsets(jacobian, number, jacobian[span][:3])
+        turned = find_moved(jacobian[span], np.eye(6)[3:])
+        corners = _find_corners(machine, number, shown)
         for sign in (1.0, -1.0):
-            added = _AddedMass(machine, jacobian, number, sign)
-            spread = [name for name in added.spread if name not in added.unfelt]
+            added = _AddedMass(machine, number, shown, corners, sign)
+            held = [
+                added.spread[k]
+                for k, pair in enumerate(_list_entries())
+                if not turned[[*pair]].all()
+            ]
             yield Hypothesis(
                 "mass_error",
                 f"body:{body}",
                 parts=(added.part,),
-                bounds=added.find_bounds(scene.settings),
-                believed=dict.fromkeys(spread, 1 / MASS_SHARE_UNIT),
+                bounds=added.find_bounds(scene.settings.max_added_mass_share) | hold_at_zero(held),
+                believed=dict.fromkeys({*added.spread} - {*held}, 1 / MASS_SHARE_UNIT),
                 movable=Movable((body,), added.read, added.start),
                 state=added.state,
             )
+
+
+def _find_corners(machine: Machine, number: int, shown: Mask) -> Real:
+    """Return the corners of the tetrahedron, from the centre of mass [m]; (n_corner, 3)."""
+    ends = np.array(bound_place(machine, [number], machine.layout.centres[number]))[shown]
+    relative = _list_simplex_corners(int(shown.sum()))
+    corners = np.zeros((len(relative), 3))
+    corners[:, shown] = ends.mean(axis=1) + relative * np.ptp(ends, axis=1) / 2
+    return corners
+
+
+def _list_simplex_corners(count: int) -> Real:
+    """Return the corners of a simplex in units of half the edges of a box; (count + 1, count).
+
+    It holds the middle half of each edge. More of them the body does not fill: half of its largest
+    edge is the margin.
+
+    Args:
+        count: of axes.
+    """
+    if count < 2:
+        return np.linspace(-1, 1, count + 1)[:, None][:, :count]
+    if count == 2:
+        return np.array([[0, 2], [-2, -1], [2, -1]]) * 3 / 4
+    return np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * 3 / 2
+
+
+def _list_entries() -> list[tuple[int, int]]:
+    """Return the rows and columns of the upper triangle of I."""
+    return list(combinations_with_replacement(range(3), 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +106,16 @@ class _AddedMass:
 
     Args:
         machine: machine with the body.
-        jacobian: motion of the bodies per coordinate that gives way; (6 n_body, nv).
         number: number of the body.
+        shown: components of p that some motion shows; (3,).
+        corners: of the tetrahedron, from the centre of mass [m]; (n_corner, 3).
         sign: 1 for added mass, -1 for missing mass.
     """
 
     machine: Machine
-    jacobian: Real
     number: int
+    shown: Mask
+    corners: Real
     sign: float
 
     @property
@@ -92,20 +123,10 @@ class _AddedMass:
         return slice(6 * self.number, 6 * self.number + 6)
 
     @cached_property
-    def inertia(self) -> Real:
-        """Spatial inertia of the body as drawn; (6, 6)."""
-        inertia: Real = self.machine.body_mass[self._span, self._span]
-        return inertia
-
-    @cached_property
-    def unit(self) -> float:
-        """Unit of the mass [kg]."""
-        return MASS_SHARE_UNIT * float(self.inertia[0, 0])
-
-    @cached_property
-    def gyration(self) -> float:
-        """Radius of gyration of the body [m]."""
-        return float(np.sqrt(np.trace(self.inertia[3:, 3:]) / self.inertia[0, 0]))
+    def unit(self) -> Real:
+        """Unit of the spatial inertia: of the mass [kg], and about the radius of gyration."""
+        inertia: Real = MASS_SHARE_UNIT * self.machine.body_mass[self._span, self._span]
+        return np.array([inertia[0, 0], np.trace(inertia[3:, 3:])])
 
     @property
     def _prefix(self) -> str:
@@ -120,8 +141,7 @@ class _AddedMass:
     @cached_property
     def spread(self) -> tuple[str, ...]:
         """Names of the upper triangle of I."""
-        axes = [f"{'xyz'[i]}{'xyz'[j]}" for i, j in zip(*np.triu_indices(3), strict=True)]
-        return tuple(f"{self._prefix}_inertia_{entry}" for entry in axes)
+        return tuple(f"{self._prefix}_inertia_{'xyz'[i]}{'xyz'[j]}" for i, j in _list_entries())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -129,85 +149,49 @@ class _AddedMass:
         return (*self.weights, *self.spread)
 
     @cached_property
-    def _by_number(self) -> Real:
-        """Spatial inertia per unit of m, of m p and of I; (10, 6, 6)."""
-        core = np.zeros((10, 6, 6))
-        core[0, :3, :3] = self.unit * np.eye(3)
-        for k, direction in enumerate(np.eye(3)):
-            turned = self.unit * np.cross(np.eye(3), direction)  # [direction]x
-            core[1 + k, :3, 3:], core[1 + k, 3:, :3] = -turned, turned
-        for k, (i, j) in enumerate(zip(*np.triu_indices(3), strict=True)):
-            core[4 + k, 3 + i, 3 + j] = core[4 + k, 3 + j, 3 + i] = self.unit * self.gyration**2
-        return core
-
-    @cached_property
-    def _frame(self) -> Real:
-        frame: Real = np.eye(len(self.machine.body_mass))[:, self._span]
-        return frame
-
-    def _build_change(self, core: Real) -> Change:
-        whole = np.zeros((*core.shape[:-2], 3, 6, 6))
-        whole[..., 2, :, :] = core
-        return Change("body", self._frame, self._frame, whole)
-
-    @cached_property
-    def _felt(self) -> Mask:
-        """Which of m, m p and I some motion shows; (10,)."""
-        parameters = tuple(Parameter(str(k), 0.0, "1", positive=False) for k in range(10))
-        part = AddedPart.linear("", parameters, (self._build_change(self._by_number),))
-        unfelt = list_unfelt(self.jacobian, part, np.zeros(10))
-        return np.array([parameter.name not in unfelt for parameter in parameters])
-
-    @property
-    def unfelt(self) -> tuple[str, ...]:
-        """Names of the entries of I that no motion shows."""
-        return select_names(self.spread, ~self._felt[4:])
-
-    @cached_property
-    def corners(self) -> Real:
-        """Corners of the tetrahedron, from the centre of mass [m]; (n_corner, 3)."""
-        shown = self._felt[1:4]
-        centre = self.machine.layout.centres[self.number]
-        ends = np.array(bound_place(self.machine, [self.number], centre))[shown]
-        relative = _SIMPLEX_CORNERS[int(shown.sum())]
-        corners = np.zeros((len(relative), 3))
-        corners[:, shown] = ends.mean(axis=1) + relative * np.ptp(ends, axis=1) / 2
-        return corners
-
-    @cached_property
     def core(self) -> Real:
         """Spatial inertia per unit of each parameter; (n_parameter, 6, 6)."""
-        numbers = np.hstack([np.ones((len(self.corners), 1)), self.corners])
-        at_corners = self.sign * np.tensordot(numbers, self._by_number[:4], axes=1)
-        return np.concatenate([at_corners, self._by_number[4:]])
+        core = np.zeros((len(self.names), 6, 6))
+        for k, corner in enumerate(self.corners):
+            to_corner = self.sign * self.unit[0] * transport(corner)[:3]
+            core[k, :3], core[k, 3:, :3] = to_corner, to_corner[:, 3:].T
+        for k, (i, j) in enumerate(_list_entries(), len(self.corners)):
+            core[k, 3 + i, 3 + j] = core[k, 3 + j, 3 + i] = self.unit[1]
+        return core
 
     @property
     def part(self) -> AddedPart:
         """Part with the mass."""
-        body = self.machine.layout.bodies[self.number]
-        units = [f"{self.unit:g} kg"] * len(self.weights)
-        units += [f"{self.unit * self.gyration**2:g} kg m2"] * len(self.spread)
+        body, frame = self.machine.layout.bodies[self.number], np.eye(len(self.machine.body_mass))
+        units = [f"{self.unit[0]:g} kg"] * len(self.weights)
+        units += [f"{self.unit[1]:g} kg m2"] * len(self.spread)
         parameters = tuple(
             Parameter(name, 0.0, unit, positive=False)
             for name, unit in zip(self.names, units, strict=True)
         )
-        part = AddedPart.linear(f"body:{body}", parameters, (self._build_change(self.core),))
+        whole = np.zeros((len(self.core), 3, 6, 6))
+        whole[:, 2] = self.core
+        change = Change("body", frame[:, self._span], frame[:, self._span], whole)
+        part = AddedPart.linear(f"body:{body}", parameters, (change,))
         return replace(part, weighs=partial(np.tensordot, b=self.core, axes=1))
 
-    def find_bounds(self, settings: DiagnosisSettings) -> dict[str, tuple[float, float]]:
-        """Return the bounds of all parameters."""
-        relative = np.diag(self.inertia[3:, 3:]) / (self.inertia[0, 0] * self.gyration**2)
-        most = settings.max_added_mass_share
+    def find_bounds(self, most: float) -> dict[str, tuple[float, float]]:
+        """Return the bounds of all parameters.
+
+        Args:
+            most: largest added mass, as a share of the drawn one.
+        """
+        diagonal = MASS_SHARE_UNIT * np.diag(self.machine.body_mass[self._span, self._span])[3:]
         least = most / (1 + most)  # the drawn mass is too large by as much as it may be too small
         total = most if self.sign > 0 else least
         ends = [(0.0, total / len(self.weights))] * len(self.weights)
-        for i, j in zip(*np.triu_indices(3), strict=True):
-            ends.append((-least * float(relative[i]) if i == j else -(most**2), most**2))
-        bounds = {
+        for i, j in _list_entries():
+            lowest = least * diagonal[i] / self.unit[1] if i == j else most**2
+            ends.append((-float(lowest), most**2))
+        return {
             name: (low / MASS_SHARE_UNIT, high / MASS_SHARE_UNIT)
             for name, (low, high) in zip(self.names, ends, strict=True)
         }
-        return bounds | hold_at_zero(self.unfelt)
 
     def read(self, fitted: Mapping[str, float]) -> dict[str, Real]:
         """Return the spatial inertia about the origin, which holds at every body."""
@@ -226,10 +210,11 @@ class _AddedMass:
         """Return the mass [kg] and its position [m]."""
         weights = np.array([fitted[name] for name in self.weights])
         size = float(weights.sum())
-        if abs(size) < _LEAST:
-            return {"mass": self.sign * self.unit * size}
-        place = state_shown((weights @ self.corners / size).tolist(), self._felt[1:4].tolist())
-        return {"mass": self.sign * self.unit * size, "position": place}
+        mass = self.sign * float(self.unit[0]) * size
+        if not size:
+            return {"mass": mass}
+        place = (weights @ self.corners / size).tolist()
+        return {"mass": mass, "position": state_shown(place, self.shown.tolist())}
 
 
 EFFECT = Effect(

@@ -26,14 +26,14 @@ import numpy as np
 
 from diagnosis.effects.points import list_sensors
 from diagnosis.effects.scales import LOG_FREQUENCY_UNIT, LOG_UNIT, MAX_LOG_STEPS
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.settings import DiagnosisSettings
+from diagnosis.stated_values import Value
 from identification import FAULT_PHRASES, MOUNT_ENDS
 from identification.words import Complex, Dof, Real
 from mbmodel import AddedPart, Change, Parameter
 
 _DAMPING = LOG_FREQUENCY_UNIT  # ratio z of the scan: of wax and magnets 0.01 to 0.1
-_MOST_DAMPING = float(np.log(np.sqrt(0.5) / _DAMPING)) / LOG_UNIT  # without a peak
 
 Shape = Callable[[Complex], Complex]
 
@@ -85,12 +85,13 @@ class _Mounting:
 
     @property
     def damping_name(self) -> str:
-        """Name of the logarithm of b over that of the scan, in units of ``LOG_UNIT``."""
+        """Name of the logarithm of z over that of the scan, in units of ``LOG_UNIT``."""
         return f"{self.name}.damping"
 
     def propose(self) -> Hypothesis:
         """Return the hypothesis of this sensor and frequency."""
         location = f"sensor:{self.site}"
+        most_damped = float(np.log(np.sqrt(0.5) / _DAMPING)) / LOG_UNIT  # no peak beyond
         parameters = (
             Parameter(self.size_name, 0.0, f"({self.frequency:g} Hz)^-2", positive=False),
             Parameter(self.damping_name, 0.0, "1", positive=False),
@@ -104,7 +105,7 @@ class _Mounting:
             signed=True,
             bounds={
                 self.size_name: (0.0, np.inf),
-                self.damping_name: (-MAX_LOG_STEPS, _MOST_DAMPING),
+                self.damping_name: (-MAX_LOG_STEPS, most_damped),
             },
             valid_below_bound=(self.damping_name,),
             state=self.state,
@@ -116,7 +117,7 @@ class _Mounting:
         return (self._build_change(1.0, _log_response(self.frequency, u, damping)),) if u else ()
 
     def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
-        """Return the slopes by u and ln b; at u = 0, the change up to u = 1 in place of those."""
+        """Return the slopes by u and ln z; at u = 0, the change up to u = 1 in place of those."""
         u, damping = theta.tolist()
         by_u, by_damping = np.array([1.0, 0.0]), np.array([0.0, 1.0])
         if not u:

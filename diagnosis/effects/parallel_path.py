@@ -27,7 +27,8 @@ from itertools import combinations
 import numpy as np
 
 from diagnosis.effects.body_box import find_jacobian
-from diagnosis.effects.link import Link, list_start_points
+from diagnosis.effects.link import Link
+from diagnosis.effects.link_place import list_places
 from diagnosis.effects.points import are_joined, find_middle_frequency
 from diagnosis.effects.scales import ARM_UNIT_M
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
@@ -45,10 +46,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     pairs = [*combinations(solid, 2), *((None, body) for body in solid)]
     for low, high in pairs:
         if not are_joined(machine, WORLD if low is None else bodies[low], bodies[high]):
-            for at in range(len(list_start_points())):
-                link = Link(machine, jacobian, (low, high), omega, at)
-                if not link.moved.any():
+            for place in list_places(machine, jacobian, (low, high)):
+                if not place.moved.any():
                     continue
+                link = Link(place, omega)
                 yield Hypothesis(
                     "parallel_path",
                     f"pair:{link.name}",
@@ -70,14 +71,14 @@ def _read_values(link: Link, fitted: Mapping[str, float]) -> dict[str, Real]:
     return {
         "sizes": link.units[:, None] * theta[:6].reshape(2, 3),
         "axes": theta[6:9],
-        "point": link.start + ARM_UNIT_M * theta[9:],
+        "point": link.place.locate(theta[9:]),
     }
 
 
 def _start_values(link: Link, values: Mapping[str, Real]) -> dict[str, float]:
     """Return start values from those of a link between other bodies."""
     sizes = (values["sizes"] / link.units[:, None]).ravel()
-    point = (values["point"] - link.start) / ARM_UNIT_M
+    point = (values["point"] - link.place.start) / ARM_UNIT_M
     theta = np.concatenate([sizes, values["axes"], point]).tolist()
     return dict(zip(link.names, theta, strict=True))
 

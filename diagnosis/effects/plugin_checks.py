@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.rounding import HALF_PRECISION
+from diagnosis.stated_values import Value
 from identification.words import Complex
 from mbmodel import Change, Machine, Part, PartContext
 

@@ -94,23 +94,20 @@ def locate_hammer(scene: Scene, instrument: str) -> str:
     return f"hammer:{points[0] if points else instrument}"
 
 
-def release_hammers(
-    scene: Scene, effect: str, parameter: str, ends: tuple[float, float] = (-np.inf, np.inf)
-) -> Iterator[Hypothesis]:
+def release_hammers(scene: Scene, effect: str, parameter: str) -> Iterator[Hypothesis]:
     """Yield the release of a tolerance of each hammer or drive whose parameter varies.
 
     Args:
         scene: fit from which hypotheses are proposed.
         effect: name of the effect.
         parameter: ``gain`` or ``delay``.
-        ends: its lowest and highest value [SI].
     """
     varying = list_varying_names(scene)
     for instrument in list_instruments(scene):
         name = f"hammer({instrument}).{parameter}"
         if name in varying:
             place = locate_hammer(scene, instrument)
-            yield release_tolerance(effect, place, None, (name,), parameter, {name: ends})
+            yield release_tolerance(effect, place, None, (name,), parameter)
 
 
 def find_middle_frequency(scene: Scene) -> float:

@@ -1,6 +1,7 @@
 """A channel with a gain beyond its tolerance: a wrong calibration value."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from diagnosis.effects.points import list_gains, list_sensors, list_varying_names
 from diagnosis.effects.scales import GAIN_ENDS
@@ -15,8 +16,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for site in (site for site in list_sensors(scene) if site not in unknown):
         for direction, name in list_gains(site):
             if name in varying:
-                place, bounds = f"sensor:{site}", {name: GAIN_ENDS}
-                yield release_tolerance("sensor_gain", place, direction, (name,), "gain", bounds)
+                released = release_tolerance(
+                    "sensor_gain", f"sensor:{site}", direction, (name,), "gain"
+                )
+                yield replace(released, bounds={name: GAIN_ENDS})
 
 
 EFFECT = Effect(

@@ -11,10 +11,10 @@ from diagnosis.effects.body_box import (
     find_jacobian,
     find_shown_offsets,
     select_names,
-    state_shown,
 )
 from diagnosis.effects.points import list_sensors, list_varying_names, name_vector
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.stated_values import Value, state_shown
 from identification import FAULT_PHRASES
 from identification.words import Mask
 

@@ -16,7 +16,8 @@ import numpy as np
 
 from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.effects.spring_laws import Law, Shape, TimedLaw
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.stated_values import Value
 from identification.words import Complex
 from mbmodel.parts.spring_laws import Relaxation
 

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value, may_be_zero
+from diagnosis.hypothesis import Hypothesis
 from diagnosis.refits.measured import count_measured_frfs
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
+from diagnosis.stated_values import Ends, Value, flatten_values, may_be_zero, pair_ends
 from identification.words import Campaign, Real
 from mbmodel import NORMAL_QUANTILE_95
 from tuning import (
@@ -88,7 +89,7 @@ class FittedParameters:
             values = middle | hypothesis.state(
                 map_values(self.parametrisation, self.parametrisation.theta(x))
             )
-            return _flatten({name: values[name] for name in middle})
+            return flatten_values({name: values[name] for name in middle})
 
         slopes = _find_slopes(state_at, self._find_interior(stating))
         kept = _project_on_rows(slopes)
@@ -100,11 +101,11 @@ class FittedParameters:
         lengths = np.linalg.norm(directions, axis=1)[:, None]
         farthest = NORMAL_QUANTILE_95 * directions / lengths @ root
         points = [
-            _flatten(middle),
+            flatten_values(middle),
             *(state_at(sign * point) for point in farthest for sign in (-1, 1)),
         ]
         return _drop_undetermined(
-            middle, _pair_ends(middle, np.min(points, axis=0), np.max(points, axis=0))
+            middle, pair_ends(middle, np.min(points, axis=0), np.max(points, axis=0))
         )
 
     def _find_interior(self, stating: list[int]) -> Real:
@@ -234,32 +235,3 @@ def fit_parameters(
 def _count_values(campaign: Campaign, stride: int) -> float:
     """Return the number of values of a fit, about its cost where noise alone remains [nats]."""
     return count_measured_frfs(campaign) * len(campaign.freq_hz) / stride
-
-
-def _flatten(stated: Mapping[str, Value]) -> Real:
-    """Return all numbers in a row, without components that nothing shows."""
-    return np.array([number for value in stated.values() for number in _list_numbers(value)], float)
-
-
-def _list_numbers(value: Value) -> list[float]:
-    """Return the numbers of a value that something shows."""
-    components = value if isinstance(value, tuple) else (value,)
-    return [component for component in components if component is not None]
-
-
-def _pair_ends(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, Ends]:
-    """Return the ends of each number, and those of each component of a vector."""
-    intervals: dict[str, Ends] = {}
-    place = 0
-    for name, value in stated.items():
-        size = len(_list_numbers(value))
-        span = slice(place, place + size)
-        pairs = zip(low[span].tolist(), high[span].tolist(), strict=True)
-        if (high[span] > low[span]).any() and not isinstance(value, Vague):
-            intervals[name] = (
-                tuple(None if number is None else next(pairs) for number in value)
-                if isinstance(value, tuple)
-                else next(pairs)
-            )
-        place += size
-    return intervals

@@ -11,13 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.hypothesis import Hypothesis, JointDirection, Scene, Value
+from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_part import LawPart
 from diagnosis.levels.law_simulation import compute_peak_stretch
 from diagnosis.levels.law_table import LawTable
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.levels.tested_joint import TestedJoint
+from diagnosis.stated_values import Value
 from identification.words import TOLERANCE_BOUND_SIGMA
 from mbmodel import Parameter
 

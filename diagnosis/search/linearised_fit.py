@@ -91,8 +91,9 @@ class ScoredFit:
             projected -= self._couple_to_released(released, halved, both)
         schur, right = square - projected[:, :-1], slope - projected[:, -1]
         unit = 1 / np.sqrt(np.maximum(np.diag(square), np.finfo(float).tiny))
-        signed = np.array([name in hypothesis.positive for name in hypothesis.coordinates], bool)
-        gain, step = _maximise_gain(schur * np.outer(unit, unit), right * unit, signed)
+        gain, step = _maximise_gain(
+            schur * np.outer(unit, unit), right * unit, _find_signed(hypothesis)
+        )
         return gain, step * unit
 
     def _couple_to_released(self, released: Integers, left: Real, right: Real) -> Real:
@@ -146,6 +147,14 @@ class Factor:
             self.lower, self.solve_half(right), lower=True, trans=1, check_finite=False
         )
         return solved * self.scale[:, None]
+
+
+def _find_signed(hypothesis: Hypothesis) -> Mask:
+    """Return which coordinates cannot be negative; (n_coordinate,)."""
+    starts_at_bound = {name for name, (low, _) in hypothesis.bounds.items() if low == 0.0}
+    return np.array(
+        [hypothesis.signed or name in starts_at_bound for name in hypothesis.coordinates], bool
+    )
 
 
 def _maximise_gain(square: Real, slope: Real, signed: Mask) -> tuple[float, Real]:

@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict
 
-from diagnosis.hypothesis import Ends, Value
+from diagnosis.stated_values import Ends, Value
 from diagnosis.verdict.established import Spread, Word
 from tuning.files.schema import ChannelGainRow
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from diagnosis.estimates.intervals import FittedParameters, fit_parameters
-from diagnosis.hypothesis import Hypothesis, Vague
+from diagnosis.hypothesis import Hypothesis
+from diagnosis.stated_values import Vague
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import early_scene, propose_at, refit_null, refit_with
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.hypothesis import Vague
+from diagnosis.stated_values import Vague
 from identification.words import Condition
 from mbmodel import (
     Model,
