@@ -119,8 +119,6 @@ def sizes_of(estimates: Iterable[Estimate]) -> Sizes:
 def _estimate(cause: TrueCause, name: str, row: Row | None) -> Estimate:
     entry, true = CATALOGUE[cause.effect], cause.parameters[name]
     stated = None if row is None else row.parameters.get(name)
-    if stated is not None and len(true) == 1:
-        true = true * len(stated)  # alike along all axes
     if stated is not None and (len(stated) != len(true) or all(map(math.isnan, stated))):
         stated = None
     intervals = row.interval.get(name, ()) if row is not None and stated is not None else ()
