@@ -119,6 +119,8 @@ def sizes_of(estimates: Iterable[Estimate]) -> Sizes:
 def _estimate(cause: TrueCause, name: str, row: Row | None) -> Estimate:
     entry, true = CATALOGUE[cause.effect], cause.parameters[name]
     stated = None if row is None else row.parameters.get(name)
+    if stated is not None and len(stated) - sum(map(math.isnan, stated)) == len(true) == 1:
+        true = true * len(stated)  # the one direction that moves
     if stated is not None and (len(stated) != len(true) or all(map(math.isnan, stated))):
         stated = None
     intervals = row.interval.get(name, ()) if row is not None and stated is not None else ()
