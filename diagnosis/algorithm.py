@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 from diagnosis.data_checks.check_data import check_data
 from diagnosis.data_checks.sensors import SensorChecks
+from diagnosis.decision.established import Present, describe_present
+from diagnosis.decision.held_out_check import admit_predictive_causes
 from diagnosis.estimates.gap_by_level import LevelGaps, estimate_gaps_by_level
-from diagnosis.estimates.held_out_check import admit_predictive_causes
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, hold_out
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
@@ -21,7 +22,6 @@ from diagnosis.search.confounded import find_confounded
 from diagnosis.search.fitted_sets import Search
 from diagnosis.search.selection import admit_outliers_beside_causes, refit_null_model, select_causes
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-from diagnosis.verdict.established import Present, describe_present
 from tuning import Checkpoint, Gap, Session, channel_gaps, predict, summarise_gaps
 
 

@@ -9,18 +9,10 @@ from diagnosis.labels import name_direction, name_place
 from diagnosis.movable import Movable
 from diagnosis.refit_record import RefitRecord
 from diagnosis.settings import SETTINGS, DiagnosisSettings
+from diagnosis.stated_values import Value
 from identification.words import Campaign, Real
 from mbmodel import Machine, Model, Part, RigidDirection
 from tuning import Session
-
-Value = float | tuple[float, ...]
-Ends = tuple[float, float] | tuple[tuple[float, float], ...]  # one pair for each component
-
-
-class Vague(tuple[float, ...]):
-    """Vector with a component that is a convention and not known: it has no interval."""
-
-    __slots__ = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +109,8 @@ class Hypothesis:
         signed: whether the scored sizes cannot be negative.
         is_slope_informative: whether the slope at size zero tells what the effect explains; else
             each round refits it from the alternative start values too, whatever its score.
-        bounds: lowest and highest values of parameters of Parts, by name.
+        bounds: lowest and highest values of parameters of Parts, and of released tolerances [SI],
+            by name. A parameter whose two bounds are equal stays there.
         believed: standard deviations of the priors of parameters of Parts, by name.
         valid_below_bound: parameters that describe the effect only below their upper bound. A fit
             that ends at the bound describes another effect, such as a mass for an appendage.
@@ -171,7 +164,13 @@ class Hypothesis:
         if self.scored:
             return self.scored
         added = (p.name for part in self.parts for p in part.parameters)
-        return (*self.release, *(name for name in added if name not in self.follow))
+        stays = {*self.follow, *self.held}
+        return (*self.release, *(name for name in added if name not in stays))
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Names of the parameters that stay at their only value."""
+        return tuple(name for name, (low, high) in self.bounds.items() if low == high)
 
     @property
     def identity(self) -> tuple[tuple[str, str, str | None], tuple[str, ...]]:

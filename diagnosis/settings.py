@@ -48,8 +48,8 @@ class DiagnosisSettings:
             at a stride of 8.
         serial_lags: distances of neighbouring lines that show a gap by their product [lines]: a
             variance from third differences is correlated over three lines, a mode spans several.
-        max_added_mass_share: mass that an effect adds at most, as a share of that of its body, and
-            its distance in gyration radii: a heavier or farther one belongs to another body.
+        max_added_mass_share: mass that an effect adds at most, as a share of that of its body: a
+            heavier one belongs to another body.
         delay_phases_rad: phases at the highest line of the delays that are scanned [rad].
         max_force_values: values of the normal equations of free forces in memory at once.
         force_powers: mean power of a free force relative to the noise, at the median line; the best

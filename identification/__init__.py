@@ -1,6 +1,7 @@
 """Measurements: readers, FRFs from hits, their noise, checks of solid bodies, modal models."""
 
 from identification.band import band_lines, select_band
+from identification.campaign_reader import correct_layout, read_campaign
 from identification.checks.channels import duplicate_channels, noise_only_channels
 from identification.checks.reciprocity import check_reciprocity
 from identification.noise.line_independence import lines_are_independent
@@ -10,7 +11,6 @@ from identification.noise.repeatability import (
     remove_overstated_noise,
 )
 from identification.noise.variance import coherence_variance, difference_variance, smooth_variance
-from identification.readers.campaign import correct_layout, read_campaign
 from identification.readers.campaign_toml import CampaignSettings, read_settings
 from identification.readers.layout import read_layout
 from identification.solid import (

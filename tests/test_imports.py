@@ -35,8 +35,6 @@ ONLY_BEHIND = {
     "truth": {"truth", "mbw/blind"},
 }
 PACKAGES = sorted({name.split(".")[0] for name in MAY_IMPORT})
-# Packages with a circle between their rooms; the list shrinks.
-NOT_YET_STRAIGHT = {"identification", "diagnosis"}
 SHOWS_OTHER_VERBS = {"report", "demo", "blind"}
 WORDS_MAY_IMPORT = {"numpy", "identification"}
 
@@ -116,11 +114,7 @@ def _circle(root: Path, folder: str) -> list[str]:
 
 @pytest.mark.parametrize("folder", [*PACKAGES, "tuning/plant"])
 def test_the_rooms_of_a_package_import_one_another_one_way(folder):
-    circle = _circle(ROOT, folder)
-    if folder in NOT_YET_STRAIGHT:
-        assert circle, f"{folder} is straight: take it off NOT_YET_STRAIGHT"
-    else:
-        assert not circle
+    assert not _circle(ROOT, folder)
 
 
 def test_verbs_and_what_they_share_import_no_verb():

@@ -18,7 +18,6 @@ from tuning.assessment.parameter_confidence import (
 )
 from tuning.assessment.parameter_posterior import ParameterPosterior, PosteriorOfModel
 from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
-from tuning.assessment.residual_statistics import ResidualStatistics, residual_statistics
 from tuning.campaign_tuning import (
     CampaignTuning,
     FrfPlace,
@@ -46,6 +45,7 @@ from tuning.misfit.batch import predict
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.modal_misfit import modes_in_band, select_modes
 from tuning.misfit.model_error import estimate_model_error
+from tuning.misfit.residual_statistics import ResidualStatistics, residual_statistics
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
 from tuning.session import Session, open_campaign, open_session

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from identification import correct_layout, read_campaign, read_settings, select_band
-from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
+from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import Campaign, InputError
 from mbmodel import Machine, Model, as_drawn, load_machine, with_variants
 from tuning.campaign_machine import close_loops, load_variants, refuse_unknown_ports

@@ -21,9 +21,9 @@ from diagnosis.data_checks.bending_bodies import (
     reduce_to_bending,
 )
 from diagnosis.effects.flexible_body import build_bending_hypothesis
-from diagnosis.effects.points import list_gains, name_vector
 from diagnosis.hypothesis import Hypothesis, release_tolerance
 from diagnosis.inference.evidence import BENDS, Key
+from diagnosis.scene_points import list_gains, name_vector
 from diagnosis.settings import DiagnosisSettings
 from identification import (
     BodyCheck,

@@ -25,7 +25,6 @@ from diagnosis.effects.appendage_masses import (
     find_rigid_slopes,
     find_single_axis,
 )
-from diagnosis.effects.points import name_vector
 from diagnosis.effects.resonator import build_resonator, build_resonator_slope
 from diagnosis.effects.scales import (
     ARM_UNIT_M,
@@ -34,6 +33,7 @@ from diagnosis.effects.scales import (
     MASS_SHARE_UNIT,
 )
 from diagnosis.effects.spring_laws import Shape
+from diagnosis.scene_points import name_vector
 from identification.words import Real
 from mbmodel import (
     AddedPart,

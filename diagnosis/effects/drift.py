@@ -15,11 +15,12 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.points import find_own_springs, find_sprung_stages, list_references
 from diagnosis.effects.spring_laws import Law, evaluate_constant
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.labels import LEVELS
 from diagnosis.levels.free_levels import list_levels
+from diagnosis.scene_points import find_own_springs, find_sprung_stages, list_references
+from diagnosis.stated_values import Value
 from identification.level_check import group_visits
 from identification.words import Complex, Condition
 

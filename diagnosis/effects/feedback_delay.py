@@ -19,9 +19,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.effects.spring_laws import Shape
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import find_own_springs, find_sprung_stages
+from diagnosis.stated_values import Value
 from identification.words import Complex, Real
 from mbmodel import AddedPart, Change, Parameter
 from mbmodel.parts.spring_laws import LateForce

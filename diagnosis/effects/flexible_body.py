@@ -11,7 +11,8 @@ from functools import partial, reduce
 import numpy as np
 
 from diagnosis.effects.scales import MAX_LOG_STEPS
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.stated_values import Value
 from identification import Fault, estimate_bending_shape
 from identification.words import Campaign, Dof
 from mbmodel import BendingMode, Machine, add_bending_mode

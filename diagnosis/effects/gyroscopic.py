@@ -12,10 +12,11 @@ from functools import partial
 
 import numpy as np
 
-from diagnosis.effects.points import find_middle_frequency, name_vector
 from diagnosis.effects.scales import MASS_SHARE_UNIT
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.movable import Movable
+from diagnosis.scene_points import find_middle_frequency, name_vector
+from diagnosis.stated_values import Value
 from identification.words import Condition, Real
 from mbmodel import AddedPart, Change, MjcfLack, NotInMjcf, Parameter
 

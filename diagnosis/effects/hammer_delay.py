@@ -6,8 +6,8 @@ lags the motion has a negative delay.
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import release_hammers
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import release_hammers
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:

@@ -6,16 +6,21 @@ known mass, tell both apart.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
-from diagnosis.effects.points import release_hammers
+from diagnosis.effects.scales import GAIN_ENDS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import release_hammers
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Return one for each hammer or drive whose gain has a tolerance."""
     if scene.session.campaign.unknown_gains.hammers:
         return iter(())
-    return release_hammers(scene, "hammer_gain", "gain")
+    return (
+        replace(released, bounds=dict.fromkeys(released.release, GAIN_ENDS))
+        for released in release_hammers(scene, "hammer_gain", "gain")
+    )
 
 
 EFFECT = Effect(

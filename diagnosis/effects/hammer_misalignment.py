@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.effects.points import hits, list_varying_names, name_vector
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value, release_tolerance
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
+from diagnosis.scene_points import hits, list_varying_names, name_vector
+from diagnosis.stated_values import Value
 from identification.words import Real
 from mbmodel import rotation_matrix
 

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.effects.points import find_own_springs, find_sprung_stages, name_vector
 from diagnosis.effects.scales import ARM_UNIT_M
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import find_own_springs, find_sprung_stages, name_vector
+from diagnosis.stated_values import Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Machine, Parameter, joint_coupling_writer
 

@@ -4,6 +4,10 @@ Springs and dampers are passive, so K and C have no negative eigenvalue. Each sp
 beside it, so that both have the same axes (``passive_matrix``),
 
     K = (1 + N) diag(k) (1 + N),   C = (1 + N) diag(c) (1 + N).
+
+Springs along axes in which nothing moves both bodies apart are none, nor do springs turn towards
+such an axis; a component of the point that no motion shows stays where it starts (``link_place``).
+None of these is stated.
 """
 
 from collections.abc import Mapping
@@ -12,11 +16,13 @@ from functools import cached_property
 
 import numpy as np
 
+from diagnosis.effects.body_box import hold_at_zero, select_names
+from diagnosis.effects.link_place import LinkPlace
 from diagnosis.effects.passive_matrix import build_columns, build_passive, slope_passive
-from diagnosis.effects.points import find_own_springs, name_vector
 from diagnosis.effects.scales import ARM_UNIT_M, MASS_SHARE_UNIT
-from diagnosis.hypothesis import Value
 from diagnosis.rounding import HALF_PRECISION
+from diagnosis.scene_points import find_own_springs, name_vector
+from diagnosis.stated_values import Value, state_shown
 from identification.words import Real
 from mbmodel import (
     WORLD,
@@ -27,52 +33,31 @@ from mbmodel import (
     NotInMjcf,
     Parameter,
     link_elements,
-    transport,
 )
-
-_ASIDE_SHARE = 0.4  # of the distance of the centres of mass: points of the scan beside the middle
-
-
-def list_start_points() -> Real:
-    """Return the points of the scan, relative to the distance of the centres of mass; (7, 3).
-
-    They lie halfway between the centres, and beside that to both sides along each axis.
-    """
-    aside = _ASIDE_SHARE * np.eye(3)
-    return np.vstack([np.zeros(3), np.stack([aside, -aside], axis=1).reshape(-1, 3)])
 
 
 @dataclass(frozen=True, eq=False)
 class Link:
     """A link between two bodies of a machine, or from the ground to a body.
 
-    A link to the ground starts at the body's centre of mass or beside it, and stays within
-    ``radii`` radii of gyration.
-
     Args:
-        machine: the nominal machine.
-        pair: numbers of the bodies; None first for the ground.
+        place: its bodies and its point.
         omega: frequency in the middle of the band [rad/s].
-        at: number of its start point.
-        radii: largest distance of a place from its centre of mass [radii of gyration].
     """
 
-    machine: Machine
-    pair: tuple[int | None, int]
+    place: LinkPlace
     omega: float
-    at: int
-    radii: float
+
+    @property
+    def machine(self) -> Machine:
+        """The nominal machine."""
+        return self.place.machine
 
     @cached_property
     def bodies(self) -> tuple[str, str]:
         """Lower and upper body."""
-        low, high = (WORLD if k is None else self.machine.layout.bodies[k] for k in self.pair)
+        low, high = (WORLD if k is None else self.machine.layout.bodies[k] for k in self.place.pair)
         return low, high
-
-    @cached_property
-    def _moving(self) -> list[int]:
-        """Numbers of the bodies that move."""
-        return [k for k in self.pair if k is not None]
 
     @property
     def name(self) -> str:
@@ -80,43 +65,16 @@ class Link:
         return "-".join(self.bodies)
 
     @cached_property
-    def _centres(self) -> Real:
-        centres: Real = self.machine.layout.centres[[self._moving[0], self._moving[-1]]]
-        return centres
-
-    @cached_property
-    def _distance(self) -> float:
-        if len(self._moving) == 2:
-            return float(np.linalg.norm(np.ptp(self._centres, axis=0)))
-        span = slice(6 * self._moving[0], 6 * self._moving[0] + 6)
-        inertia = self.machine.body_mass[span, span]
-        return self.radii * float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
-
-    @cached_property
-    def _offset(self) -> Real:
-        """Start point, from halfway between the centres of mass [m]; (3,)."""
-        offset: Real = self._distance * list_start_points()[self.at]
-        return offset
-
-    @cached_property
     def units(self) -> Real:
         """Units of stiffness and damping."""
-        mass = min(float(self.machine.body_mass[6 * k, 6 * k]) for k in self._moving)
+        mass = min(float(self.machine.body_mass[6 * k, 6 * k]) for k in self.place.moving)
         unit = MASS_SHARE_UNIT * mass * self.omega**2
         return np.array([unit, unit / self.omega])
 
-    @cached_property
-    def _frame(self) -> Real:
-        frame = np.zeros((6 * len(self.machine.layout.bodies), 12))
-        for side, body in enumerate(self.pair):
-            if body is not None:
-                frame[6 * body : 6 * body + 6, 6 * side : 6 * side + 6] = np.eye(6)
-        return frame
-
     @property
     def _prefix(self) -> str:
-        low, high = self.pair  # names of bodies may hold a hyphen, numbers do not
-        return f"pair{WORLD if low is None else low}-{high}.link{self.at}"
+        low, high = self.place.pair  # names of bodies may hold a hyphen, numbers do not
+        return f"pair{WORLD if low is None else low}-{high}.link{self.place.at}"
 
     @property
     def along_axes(self) -> tuple[str, ...]:
@@ -138,25 +96,21 @@ class Link:
         if not any(slides):
             return ()
         size = float(np.median([value for value in slides if value > 0])) / float(self.units[0])
-        return (dict.fromkeys(self.along_axes[:3], size),)
+        return (dict.fromkeys(self.scored[: self.place.moved.sum()], size),)
+
+    @property
+    def scored(self) -> tuple[str, ...]:
+        """Names of the sizes along axes that move."""
+        return select_names(self.along_axes, np.tile(self.place.moved, 2))
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Bounds of N, and of the point: as far aside as the centres of mass are apart."""
-        low, high = (
-            (-self._distance - self._offset) / ARM_UNIT_M,
-            (self._distance - self._offset) / ARM_UNIT_M,
-        )
-        turned = dict.fromkeys(self.names[6:9], (-1.0, 1.0))
-        return turned | {
-            name: (float(low[k]), float(high[k])) for k, name in enumerate(self.names[9:])
-        }
-
-    @property
-    def start(self) -> Real:
-        """Start point [m]; (3,)."""
-        start: Real = self._centres.mean(axis=0) + self._offset
-        return start
+        """Bounds of N and of the point, and of what no motion shows."""
+        moved, (rows, columns) = self.place.moved, np.triu_indices(3, k=1)
+        ends = [*[(-1.0, 1.0)] * 3, *map(tuple, self.place.bound_offset().tolist())]
+        is_felt = [*np.tile(moved, 2), *(moved[rows] & moved[columns]), *self.place.shown]
+        held = select_names(self.names, ~np.array(is_felt))
+        return dict(zip(self.names[6:], ends, strict=True)) | hold_at_zero(held)
 
     @property
     def part(self) -> AddedPart:
@@ -183,47 +137,46 @@ class Link:
             slopes[3 * k : 3 * k + 3, k], slopes[6:, k] = by_entry[:3], by_entry[3:]
         return slopes
 
-    def _find_motion(self, theta: Real) -> Real:
-        """Return R, the relative motion at the point per motion of both bodies; (3, 12)."""
-        point = self.start + ARM_UNIT_M * theta[9:]
-        low, high = (transport(point - centre)[:3] for centre in self._centres)
-        return np.hstack([-low, high])
-
     def _build_change(self, core: Real) -> Change:
         whole = np.zeros((*core.shape[:-3], 3, 12, 12))
         whole[..., :2, :, :] = core
-        return Change("body", self._frame, self._frame, whole)
+        return Change("body", self.place.frame, self.place.frame, whole)
 
     def compute_change(self, theta: Real) -> tuple[Change, ...]:
         """Return the change by springs and dampers."""
-        motion = self._find_motion(theta)
+        motion = self.place.find_motion(theta[9:])
         core = self.units[:, None, None] * (motion.T @ self._build_matrices(theta) @ motion)
         return (self._build_change(core),)
 
     def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
         """Return the slopes by each parameter."""
-        motion, both = self._find_motion(theta), self._build_matrices(theta)
+        motion, both = self.place.find_motion(theta[9:]), self._build_matrices(theta)
         core = np.zeros((len(theta), 2, 12, 12))
         core[:9] = motion.T @ self._build_slopes(theta) @ motion
-        for axis, unit in enumerate(np.eye(3)):
-            turned = transport(ARM_UNIT_M * unit)[:3] - np.eye(3, 6)
-            slope = np.hstack([-turned, turned])
+        for axis, slope in enumerate(self.place.motion_slopes):
             half = slope.T @ both @ motion
             core[9 + axis] = half + half.swapaxes(-1, -2)
         return (self._build_change(core * self.units[:, None, None]),)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """Return the mean stiffness and damping [SI]."""
-        stiffness, damping = self._build_matrices(np.array([fitted[name] for name in self.names]))
-        weight = stiffness if stiffness.any() else np.eye(3)
-        means = [np.trace(weight @ matrix) / np.trace(weight) for matrix in (stiffness, damping)]
-        mean_stiffness, mean_damping = (self.units * means).tolist()
-        return {"stiffness": mean_stiffness, "damping": mean_damping}
+        """Return stiffness and damping along the world axes [SI], and the point [m].
+
+        Only P K P is felt, with P the projection on the directions in which something moves.
+        """
+        theta = np.array([fitted[name] for name in self.names])
+        projection = self.place.projection
+        felt = projection @ self._build_matrices(theta) @ projection
+        sizes = self.units[:, None] * np.diagonal(felt, axis1=1, axis2=2)
+        point = self.place.locate(theta[9:])
+        stated = (*sizes.tolist(), point.tolist())
+        moved = self.place.moved.tolist()
+        vectors = map(state_shown, stated, (moved, moved, self.place.shown.tolist()))
+        return dict(zip(("stiffness", "damping", "position"), vectors, strict=True))
 
     def write(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
         """Return a tendon along each axis, with a spring and a damper."""
         sizes = self.units[:, None] * theta[:6].reshape(2, 3)
-        point = self.start + ARM_UNIT_M * theta[9:]
+        point = self.place.locate(theta[9:])
         largest = sizes.max(axis=1, initial=0.0)
         additions: list[Addition] = []
         for number, axis in enumerate(build_columns(theta[6:9]).T):

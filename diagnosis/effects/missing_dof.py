@@ -20,9 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.effects.points import find_own_springs
 from diagnosis.effects.scales import LOG_UNIT, MAX_LOG_STEPS
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import find_own_springs
+from diagnosis.stated_values import Value
 from identification.words import Real
 from mbmodel import (
     AddedPart,

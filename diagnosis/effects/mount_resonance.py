@@ -5,12 +5,15 @@ transmissibility of its mounting, with the natural frequency f0, the damping rat
 
     h(s) = (1 + b s) / (1 + b s + u s^2 / w_k^2),   b = 2 z / w0,   w0 = w_k / sqrt(u).
 
-The frequency f_k of the scan is that of u = 1; at u = 0 the mounting is rigid. u and ln b are
+The frequency f_k of the scan is that of u = 1; at u = 0 the mounting is rigid. u and ln z are
 fitted. The scan has steps of the width of a resonance, 2 z, up to a little above the highest line.
 Farther above h = 1 + (f / f0)^2 throughout the band, so that a few frequencies are enough.
 
 The slope at u = 0 has no resonance. The score test therefore uses the whole change from u = 0 to
 u = 1, as that of a late spring does.
+
+A mounting is known by its resonance: a fit that ends at z = sqrt(1/2), beyond which there is no
+peak, describes a gain or a delay, and does not count.
 
 On a body with redundant channels the data checks prove such a mounting without a model.
 """
@@ -21,10 +24,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.points import list_sensors
 from diagnosis.effects.scales import LOG_FREQUENCY_UNIT, LOG_UNIT, MAX_LOG_STEPS
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import list_sensors
 from diagnosis.settings import DiagnosisSettings
+from diagnosis.stated_values import Value
 from identification import FAULT_PHRASES, MOUNT_ENDS
 from identification.words import Complex, Dof, Real
 from mbmodel import AddedPart, Change, Parameter
@@ -62,7 +66,7 @@ def _scan(highest: float, settings: DiagnosisSettings) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class _Mounting:
-    """Mounting of one sensor; its parameters are u and the logarithm of b, in units.
+    """Mounting of one sensor; its parameters are u and the logarithm of z, in units.
 
     Args:
         name: prefix of the parameters.
@@ -81,12 +85,13 @@ class _Mounting:
 
     @property
     def damping_name(self) -> str:
-        """Name of the logarithm of b over that of the scan, in units of ``LOG_UNIT``."""
+        """Name of the logarithm of z over that of the scan, in units of ``LOG_UNIT``."""
         return f"{self.name}.damping"
 
     def propose(self) -> Hypothesis:
         """Return the hypothesis of this sensor and frequency."""
         location = f"sensor:{self.site}"
+        most_damped = float(np.log(np.sqrt(0.5) / _DAMPING)) / LOG_UNIT  # no peak beyond
         parameters = (
             Parameter(self.size_name, 0.0, f"({self.frequency:g} Hz)^-2", positive=False),
             Parameter(self.damping_name, 0.0, "1", positive=False),
@@ -100,8 +105,9 @@ class _Mounting:
             signed=True,
             bounds={
                 self.size_name: (0.0, np.inf),
-                self.damping_name: (-MAX_LOG_STEPS, MAX_LOG_STEPS),
+                self.damping_name: (-MAX_LOG_STEPS, most_damped),
             },
+            valid_below_bound=(self.damping_name,),
             state=self.state,
         )
 
@@ -111,7 +117,7 @@ class _Mounting:
         return (self._build_change(1.0, _log_response(self.frequency, u, damping)),) if u else ()
 
     def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
-        """Return the slopes by u and ln b; at u = 0, the change up to u = 1 in place of those."""
+        """Return the slopes by u and ln z; at u = 0, the change up to u = 1 in place of those."""
         u, damping = theta.tolist()
         by_u, by_damping = np.array([1.0, 0.0]), np.array([0.0, 1.0])
         if not u:
@@ -132,14 +138,16 @@ class _Mounting:
         u = fitted[self.size_name]
         if u <= 0:
             return {}
-        damping = _DAMPING * np.exp(LOG_UNIT * fitted[self.damping_name]) / np.sqrt(u)
+        damping = _DAMPING * np.exp(LOG_UNIT * fitted[self.damping_name])
         return {"frequency": float(self.frequency / np.sqrt(u)), "damping": float(damping)}
 
 
-def _compute_terms(laplace: Complex, frequency: float, damping: float) -> tuple[Complex, Complex]:
+def _compute_terms(
+    laplace: Complex, frequency: float, u: float, damping: float
+) -> tuple[Complex, Complex]:
     """Return b s and s^2 / w_k^2."""
     ratio = laplace / (2 * np.pi * frequency)
-    return 2 * _DAMPING * np.exp(LOG_UNIT * damping) * ratio, ratio**2
+    return 2 * _DAMPING * np.exp(LOG_UNIT * damping) * np.sqrt(u) * ratio, ratio**2
 
 
 @lru_cache(1024)
@@ -147,7 +155,7 @@ def _log_response(frequency: float, u: float, damping: float) -> Shape:
     """Return ln h: the phase of h stays within half a turn."""
 
     def shape(laplace: Complex) -> Complex:
-        damped, square = _compute_terms(laplace, frequency, damping)
+        damped, square = _compute_terms(laplace, frequency, u, damping)
         return np.asarray(np.log((1 + damped) / (1 + damped + u * square)), complex)
 
     return shape
@@ -158,7 +166,7 @@ def _whole_change(frequency: float, damping: float) -> Shape:
     """Return h - 1 of u = 1."""
 
     def shape(laplace: Complex) -> Complex:
-        damped, square = _compute_terms(laplace, frequency, damping)
+        damped, square = _compute_terms(laplace, frequency, 1.0, damping)
         return np.asarray(-square / (1 + damped + square), complex)
 
     return shape
@@ -166,21 +174,22 @@ def _whole_change(frequency: float, damping: float) -> Shape:
 
 @lru_cache(1024)
 def _slope_by_size(frequency: float, u: float, damping: float) -> Shape:
-    """Return d ln h / d u."""
+    """Return d ln h / d u, where b grows with sqrt(u)."""
 
     def shape(laplace: Complex) -> Complex:
-        damped, square = _compute_terms(laplace, frequency, damping)
-        return np.asarray(-square / (1 + damped + u * square), complex)
+        damped, square = _compute_terms(laplace, frequency, u, damping)
+        by_damper = damped / 2 * square / (1 + damped)
+        return np.asarray((by_damper - square) / (1 + damped + u * square), complex)
 
     return shape
 
 
 @lru_cache(1024)
 def _slope_by_damping(frequency: float, u: float, damping: float) -> Shape:
-    """Return d ln h by ln b, in units."""
+    """Return d ln h by ln z, in units."""
 
     def shape(laplace: Complex) -> Complex:
-        damped, square = _compute_terms(laplace, frequency, damping)
+        damped, square = _compute_terms(laplace, frequency, u, damping)
         relative = damped / (1 + damped) - damped / (1 + damped + u * square)
         return np.asarray(LOG_UNIT * relative, complex)
 

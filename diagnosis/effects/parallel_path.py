@@ -16,12 +16,8 @@ p. An alternative start is a link as stiff in all directions as the drawn slides
 from no link to a stiff one a fit takes many steps, while joints soften that are too stiff without
 the link. A link along one axis is the same anywhere on its line.
 
-The verdict states the mean weighted by the stiffness,
-
-    k = tr(K K) / tr K,   c = tr(K C) / tr K.
-
-This is the stiffness in each direction of an isotropic link, and the stiffness along its axis of a
-link with one axis.
+The verdict states the diagonals of K and C in world axes, and the point: those of a strut along n
+are k n_a^2. A component along an axis in which nothing moves both bodies apart is not known.
 """
 
 from collections.abc import Iterator, Mapping
@@ -30,31 +26,35 @@ from itertools import combinations
 
 import numpy as np
 
-from diagnosis.effects.link import Link, list_start_points
-from diagnosis.effects.points import are_joined, find_middle_frequency
+from diagnosis.effects.body_box import find_jacobian
+from diagnosis.effects.link import Link
+from diagnosis.effects.link_place import list_places
 from diagnosis.effects.scales import ARM_UNIT_M
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.movable import Movable
+from diagnosis.scene_points import are_joined, find_middle_frequency
 from identification.words import Real
 from mbmodel import WORLD
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each pair of bodies, or of the ground and a body, and start point."""
-    machine, radii = scene.model.machine, scene.settings.max_added_mass_share
-    omega, bodies = find_middle_frequency(scene), machine.layout.bodies
+    machine, omega = scene.model.machine, find_middle_frequency(scene)
+    bodies, jacobian = machine.layout.bodies, find_jacobian(scene)
     # The coordinate of a body's mode is a point, to which no link is tied.
     solid = [k for k in range(len(bodies)) if machine.body_mass[6 * k + 3, 6 * k + 3] > 0]
     pairs = [*combinations(solid, 2), *((None, body) for body in solid)]
     for low, high in pairs:
         if not are_joined(machine, WORLD if low is None else bodies[low], bodies[high]):
-            for at in range(len(list_start_points())):
-                link = Link(machine, (low, high), omega, at, radii)
+            for place in list_places(machine, jacobian, (low, high)):
+                if not place.moved.any():
+                    continue
+                link = Link(place, omega)
                 yield Hypothesis(
                     "parallel_path",
                     f"pair:{link.name}",
                     parts=(link.part,),
-                    scored=link.along_axes,
+                    scored=link.scored,
                     signed=True,
                     bounds=link.bounds,
                     otherwise=link.stiff_starts,
@@ -71,14 +71,14 @@ def _read_values(link: Link, fitted: Mapping[str, float]) -> dict[str, Real]:
     return {
         "sizes": link.units[:, None] * theta[:6].reshape(2, 3),
         "axes": theta[6:9],
-        "point": link.start + ARM_UNIT_M * theta[9:],
+        "point": link.place.locate(theta[9:]),
     }
 
 
 def _start_values(link: Link, values: Mapping[str, Real]) -> dict[str, float]:
     """Return start values from those of a link between other bodies."""
     sizes = (values["sizes"] / link.units[:, None]).ravel()
-    point = (values["point"] - link.start) / ARM_UNIT_M
+    point = (values["point"] - link.place.start) / ARM_UNIT_M
     theta = np.concatenate([sizes, values["axes"], point]).tolist()
     return dict(zip(link.names, theta, strict=True))
 

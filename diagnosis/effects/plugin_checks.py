@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.rounding import HALF_PRECISION
+from diagnosis.stated_values import Value
 from identification.words import Complex
 from mbmodel import Change, Machine, Part, PartContext
 
@@ -56,7 +57,8 @@ def _find_naming_fault(hypothesis: Hypothesis, scene: Scene, seen: dict[str, Par
     present = {parameter.name for parameter in scene.model.parameters}
     started = {name for values in (hypothesis.begin, *hypothesis.otherwise) for name in values}
     unknown = {*hypothesis.release, *hypothesis.scored} - names - varies
-    unknown |= {*hypothesis.follow, *hypothesis.bounds, *hypothesis.believed} - names
+    unknown |= {*hypothesis.follow, *hypothesis.believed} - names
+    unknown |= {*hypothesis.bounds} - names - {*hypothesis.release}
     unknown |= {*started, *hypothesis.follow.values()} - names - present
     if unknown:
         return f"it names {', '.join(sorted(unknown))}: say parameters that are there and vary"
@@ -180,15 +182,16 @@ def list_start_values(hypothesis: Hypothesis, scene: Scene) -> dict[str, float]:
 
 
 def read_numbers(stated: Any) -> dict[str, Value]:
-    """Return finite numbers and vectors by name.
+    """Return finite numbers and vectors by name; None is a component that nothing shows.
 
     Raises:
         ValueError: another value.
     """
     numbers: dict[str, Value] = {}
     for name, value in dict(stated).items():
-        array = np.asarray(value, float)
-        if not (isinstance(name, str) and array.ndim < 2 and np.isfinite(array).all()):
+        array = np.asarray(value, float)  # None is nan
+        unknown = [part is None for part in value] if isinstance(value, tuple) else False
+        if not (isinstance(name, str) and array.ndim < 2 and (np.isfinite(array) | unknown).all()):
             raise ValueError(f"{name!r} is {value!r}, expected a finite number or a vector of them")
         vector = value if isinstance(value, tuple) else tuple(np.ravel(array).tolist())
         numbers[name] = vector if array.ndim else float(array)

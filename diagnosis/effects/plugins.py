@@ -12,7 +12,8 @@ from importlib.metadata import EntryPoint
 from typing import Any
 
 from diagnosis.effects.plugin_checks import find_fault, list_start_values, read_numbers
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.stated_values import Value
 from identification.words import InputError, Real
 from mbmodel import AddedPart, Addition, MjcfLack, NotInMjcf, Part
 

@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.points import list_delays, list_sensors, list_varying_names
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import list_delays, list_sensors, list_varying_names
+from diagnosis.stated_values import Value
 from identification import FAULT_PHRASES
 from identification.words import Dof, Output
 

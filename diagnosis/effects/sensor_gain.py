@@ -1,9 +1,11 @@
 """A channel with a gain beyond its tolerance: a wrong calibration value."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
-from diagnosis.effects.points import list_gains, list_sensors, list_varying_names
+from diagnosis.effects.scales import GAIN_ENDS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
+from diagnosis.scene_points import list_gains, list_sensors, list_varying_names
 from identification import FAULT_PHRASES
 
 
@@ -14,7 +16,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for site in (site for site in list_sensors(scene) if site not in unknown):
         for direction, name in list_gains(site):
             if name in varying:
-                yield release_tolerance("sensor_gain", f"sensor:{site}", direction, (name,), "gain")
+                released = release_tolerance(
+                    "sensor_gain", f"sensor:{site}", direction, (name,), "gain"
+                )
+                yield replace(released, bounds={name: GAIN_ENDS})
 
 
 EFFECT = Effect(

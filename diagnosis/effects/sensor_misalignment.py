@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import list_sensors, list_varying_names, name_vector
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
+from diagnosis.scene_points import list_sensors, list_varying_names, name_vector
 from identification import FAULT_PHRASES
 
 

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from functools import partial
 
 from diagnosis.corrections import divide_channels, match_channels, read_inverted
-from diagnosis.effects.points import list_gains, list_sensors, list_varying_names
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import list_gains, list_sensors, list_varying_names
 from identification import FAULT_PHRASES
 
 

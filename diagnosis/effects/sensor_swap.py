@@ -11,8 +11,8 @@ from functools import partial
 from itertools import combinations
 
 from diagnosis.corrections import exchange_channels
-from diagnosis.effects.points import list_sensors, list_varying_names
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import list_sensors, list_varying_names
 from identification import FAULT_PHRASES
 from identification.words import Dof
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.effects.scales import LOG_UNIT, MAX_LOG_STEPS
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.stated_values import Value
 from identification.words import Complex, Condition, Real
 from mbmodel import AddedPart, Change, Parameter
 

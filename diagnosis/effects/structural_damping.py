@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 
-from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.effects.spring_laws import Law
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import find_own_springs, find_sprung_stages
+from diagnosis.stated_values import Value
 from mbmodel.parts.spring_laws import ConstantLoss
 
 

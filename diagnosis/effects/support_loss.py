@@ -29,9 +29,10 @@ from itertools import combinations, product
 
 import numpy as np
 
-from diagnosis.effects.points import find_own_springs, find_sprung_stages
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.rounding import HALF_PRECISION, NEGLIGIBLE_SHARE
+from diagnosis.scene_points import find_own_springs, find_sprung_stages
+from diagnosis.stated_values import Value
 from identification.words import TOLERANCE_BOUND_SIGMA, Complex, Mask, Real
 from mbmodel import AddedPart, Change, Machine, Parameter, joint_coupling_writer
 

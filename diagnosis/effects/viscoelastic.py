@@ -14,9 +14,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.effects.spring_laws import Law, Shape, TimedLaw
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.scene_points import find_own_springs, find_sprung_stages
+from diagnosis.stated_values import Value
 from identification.words import Complex
 from mbmodel.parts.spring_laws import Relaxation
 

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value
+from diagnosis.hypothesis import Hypothesis
 from diagnosis.refits.measured import count_measured_frfs
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
+from diagnosis.stated_values import Ends, Value, flatten_values, may_be_zero, pair_ends
 from identification.words import Campaign, Real
 from tuning import (
     NORMAL_QUANTILE_95,
@@ -88,7 +89,7 @@ class FittedParameters:
             values = middle | hypothesis.state(
                 map_values(self.parametrisation, self.parametrisation.theta(x))
             )
-            return _flatten({name: values[name] for name in middle})
+            return flatten_values({name: values[name] for name in middle})
 
         slopes = _find_slopes(state_at, self._find_interior(stating))
         kept = _project_on_rows(slopes)
@@ -100,11 +101,11 @@ class FittedParameters:
         lengths = np.linalg.norm(directions, axis=1)[:, None]
         farthest = NORMAL_QUANTILE_95 * directions / lengths @ root
         points = [
-            _flatten(middle),
+            flatten_values(middle),
             *(state_at(sign * point) for point in farthest for sign in (-1, 1)),
         ]
         return _drop_undetermined(
-            _pair_ends(middle, np.min(points, axis=0), np.max(points, axis=0))
+            middle, pair_ends(middle, np.min(points, axis=0), np.max(points, axis=0))
         )
 
     def _find_interior(self, stating: list[int]) -> Real:
@@ -150,10 +151,17 @@ def _draw_directions(points: int, count: int) -> Real:
     return np.random.default_rng(0).standard_normal((points, count))
 
 
-def _drop_undetermined(intervals: dict[str, Ends]) -> dict[str, Ends]:
-    """Return the intervals without those of numbers that depend on a size that may be zero."""
-    rows = {name: np.array(ends) for name, ends in intervals.items()}
-    doubtful = {name for name, row in rows.items() if row.ndim == 1 and row[0] < 0 < row[1]}
+def _drop_undetermined(middle: Mapping[str, Value], intervals: dict[str, Ends]) -> dict[str, Ends]:
+    """Return the intervals without those of numbers that depend on a size that may be zero.
+
+    Of vectors only the size of the effect counts, its first parameter: a place may be zero.
+    """
+    size = next(iter(middle))
+    doubtful = {
+        name
+        for name, ends in intervals.items()
+        if may_be_zero(ends) and (name == size or not isinstance(middle[name], tuple))
+    }
     return {name: ends for name, ends in intervals.items() if not doubtful or name in doubtful}
 
 
@@ -227,22 +235,3 @@ def fit_parameters(
 def _count_values(campaign: Campaign, stride: int) -> float:
     """Return the number of values of a fit, about its cost where noise alone remains [nats]."""
     return count_measured_frfs(campaign) * len(campaign.freq_hz) / stride
-
-
-def _flatten(stated: Mapping[str, Value]) -> Real:
-    """Return all numbers in a row."""
-    return np.concatenate([np.ravel(value) for value in stated.values()] or [np.zeros(0)])
-
-
-def _pair_ends(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, Ends]:
-    """Return the ends of each number, and those of each component of a vector."""
-    intervals: dict[str, Ends] = {}
-    place = 0
-    for name, value in stated.items():
-        size = int(np.size(value))
-        span = slice(place, place + size)
-        pairs = tuple(zip(low[span].tolist(), high[span].tolist(), strict=True))
-        if (high[span] > low[span]).any() and not isinstance(value, Vague):
-            intervals[name] = pairs if isinstance(value, tuple) else pairs[0]
-        place += size
-    return intervals

@@ -11,13 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.hypothesis import Hypothesis, JointDirection, Scene, Value
+from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_part import LawPart
 from diagnosis.levels.law_simulation import compute_peak_stretch
 from diagnosis.levels.law_table import LawTable
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.levels.tested_joint import TestedJoint
+from diagnosis.stated_values import Value
 from identification.words import TOLERANCE_BOUND_SIGMA
 from mbmodel import Parameter
 
@@ -76,7 +77,7 @@ def build_law_hypothesis(
     names = tuple(parameter.name for parameter in first)
 
     def state(fitted: Mapping[str, float]) -> dict[str, Value]:
-        return family.state(np.array([fitted[name] for name in names]))
+        return {**family.state(np.array([fitted[name] for name in names]))}
 
     return Hypothesis(
         family.effect,

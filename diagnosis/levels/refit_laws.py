@@ -23,7 +23,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from diagnosis.effects.points import find_middle_frequency
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.levels.free_levels import free_each_level, list_levels
@@ -39,6 +38,7 @@ from diagnosis.refits.refitting import (
     find_start,
     run_refits,
 )
+from diagnosis.scene_points import find_middle_frequency
 from diagnosis.settings import DiagnosisSettings
 from identification.words import Complex, Real
 from mbmodel import AddedPart

@@ -45,12 +45,33 @@ def extend_parametrisation(
             lower = np.where(sizes, 0.0, lower)
         for k, name in enumerate(free.names):
             if name in member.bounds:
-                lower[k], upper[k] = member.bounds[name]
+                ends = member.bounds[name]
+                lower[k], upper[k] = _find_ends(free, k, ends) if name in member.release else ends
             if name in member.believed:
                 deviation = member.believed[name]
                 scale[free.coordinate_of == k], has_prior[k] = deviation, True
                 lower[k], upper[k] = lower[k] / deviation, upper[k] / deviation
-    return replace(free, fixed=fixed, lower=lower, upper=upper, scale=scale, has_prior=has_prior)
+    whole = replace(free, fixed=fixed, lower=lower, upper=upper, scale=scale, has_prior=has_prior)
+    held = {
+        name: member.bounds[name][0]
+        for member in hypothesis.members or (hypothesis,)
+        for name in member.held
+    }
+    if not held:
+        return whole
+    values = np.array([held.get(parameter.name, 0.0) for parameter in whole.parameters])
+    return hold_parameters(whole, values, tuple(held))
+
+
+def _find_ends(
+    varies: Parametrisation, coordinate: int, ends: tuple[float, float]
+) -> tuple[float, float]:
+    """Return bounds of a coordinate from those of its parameter [SI]."""
+    member = varies.coordinate_of == coordinate
+    low, high = (
+        float(varies.coordinates(np.where(member, end, varies.fixed))[coordinate]) for end in ends
+    )
+    return low, high
 
 
 def hold_parameters(varies: Parametrisation, theta: Real, names: Sequence[str]) -> Parametrisation:

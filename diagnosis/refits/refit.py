@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm
 
-from diagnosis.hypothesis import Hypothesis, Value
+from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import FitSummary, FittedSet, Key
-from diagnosis.levels.level_dependence import measure_level_dependence
+from diagnosis.refits.level_dependence import measure_level_dependence
+from diagnosis.stated_values import Value
 from identification.words import Real
 from tuning import (
     Fit,

@@ -8,7 +8,7 @@ import scipy.linalg
 
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.rounding import HALF_PRECISION, NEGLIGIBLE_SHARE
-from identification.words import Integers, Real
+from identification.words import Integers, Mask, Real
 from tuning import Parametrisation
 from tuning.misfit.probing import ProbedEquations
 
@@ -92,7 +92,7 @@ class ScoredFit:
         schur, right = square - projected[:, :-1], slope - projected[:, -1]
         unit = 1 / np.sqrt(np.maximum(np.diag(square), np.finfo(float).tiny))
         gain, step = _maximise_gain(
-            schur * np.outer(unit, unit), right * unit, signed=hypothesis.signed
+            schur * np.outer(unit, unit), right * unit, _find_signed(hypothesis)
         )
         return gain, step * unit
 
@@ -149,7 +149,15 @@ class Factor:
         return solved * self.scale[:, None]
 
 
-def _maximise_gain(square: Real, slope: Real, *, signed: bool) -> tuple[float, Real]:
+def _find_signed(hypothesis: Hypothesis) -> Mask:
+    """Return which coordinates cannot be negative; (n_coordinate,)."""
+    starts_at_bound = {name for name, (low, _) in hypothesis.bounds.items() if low == 0.0}
+    return np.array(
+        [hypothesis.signed or name in starts_at_bound for name in hypothesis.coordinates], bool
+    )
+
+
+def _maximise_gain(square: Real, slope: Real, signed: Mask) -> tuple[float, Real]:
     """Return gain and step of the quadratic model; signed steps cannot be negative."""
     chosen = np.arange(len(slope))
     step = np.zeros(len(slope))
@@ -158,8 +166,9 @@ def _maximise_gain(square: Real, slope: Real, *, signed: bool) -> tuple[float, R
         determined = values > NEGLIGIBLE_SHARE
         along = vectors[:, determined].T @ slope[chosen]
         best = -(vectors[:, determined] @ (along / values[determined]))
-        if not signed or (best >= 0).all():
+        limited = np.where(signed[chosen], best, 0.0)
+        if (limited >= 0).all():
             step[chosen] = best
             return 0.5 * float((along**2 / values[determined]).sum()), step
-        chosen = np.delete(chosen, np.argmin(best))
+        chosen = np.delete(chosen, np.argmin(limited))
     return 0.0, step

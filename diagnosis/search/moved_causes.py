@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects import load_catalogue
-from diagnosis.effects.points import are_joined
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.evidence import Key
@@ -24,6 +23,7 @@ from diagnosis.refits.refitting import (
     limit_floor,
     run_refits,
 )
+from diagnosis.scene_points import are_joined
 from diagnosis.search.fitted_sets import Search, is_more_probable
 from diagnosis.search.one_level import CauseSearch, has_law, hold_law, refit_on_all_levels
 from diagnosis.search.refit_round import move_scene

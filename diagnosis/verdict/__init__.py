@@ -1,1 +1,1 @@
-"""Verdict of a diagnosis: established causes, rest, and verdict.json."""
+"""Verdict of a diagnosis: its causes, what remains, and verdict.json."""

@@ -2,8 +2,8 @@
 
 from pydantic import BaseModel, ConfigDict
 
-from diagnosis.hypothesis import Ends, Value
-from diagnosis.verdict.established import Spread, Word
+from diagnosis.decision.established import Spread, Word
+from diagnosis.stated_values import Ends, Value
 from identification.readers.result_files import ResultFile
 from tuning.files.schema import ChannelGainRow
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.checks.roving_hammer import is_roving_hammer
 from identification.level_check.hit_scatter import find_trends_within_tests
 from identification.level_check.shared_shapes import PoleFit, fit_poles
 from identification.level_check.trends import (
@@ -24,6 +23,7 @@ from identification.level_check.trends import (
 from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
 from identification.modal.shape_fit import ModalFit
+from identification.roving_hammer import is_roving_hammer
 from identification.words import Campaign, Mask, ModalModel, Real
 
 _MAX_TRACKED_SHIFT = 0.5  # relative shift of a frequency beyond which a mode is lost

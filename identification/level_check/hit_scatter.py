@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.checks.roving_hammer import is_roving_hammer
 from identification.level_check.shared_shapes import PoleFit, find_first_step
 from identification.level_check.trends import ModeTrend
 from identification.modal import combine_tests
 from identification.modal.shape_fit import ModalFit
+from identification.roving_hammer import is_roving_hammer
 from identification.words import Campaign, Mask, ModalModel, Test
 
 

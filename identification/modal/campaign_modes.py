@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from identification.checks.roving_hammer import is_roving_hammer
 from identification.modal.mode_selection import IdentifiedModes, identify_modes
 from identification.modal.pole_clusters import ModeCriteria
 from identification.modal.reference_agreement import (
@@ -15,6 +14,7 @@ from identification.modal.reference_agreement import (
 )
 from identification.modal.shape_fit import WeightedFrfs
 from identification.modal.user_choices import ModeChoices
+from identification.roving_hammer import is_roving_hammer
 from identification.words import (
     DERIVATIVE_ORDER,
     MAX_SHOWN_VALUES,

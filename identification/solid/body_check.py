@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.solid.body_channels import (
     ChannelTable,
     body_data,
@@ -33,6 +32,7 @@ from identification.solid.swapped_bodies import (
     find_body_swap,
     find_moved_sensor,
 )
+from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import Campaign, Dof, Real, Tolerance, frozen_array
 
 

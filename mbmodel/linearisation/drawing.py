@@ -4,12 +4,14 @@
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 import mujoco
 import numpy as np
 
 from identification.words import Real
 from mbmodel.mjcf.names import joint_name
+from mbmodel.mjcf.stages import stage_members
 from mbmodel.spatial import spatial_inertia
 
 
@@ -40,12 +42,15 @@ class DrawnBody:
         frame: its axes at rest, in columns, in world axes; (3, 3).
         inertia: spatial inertia about the stage's centre of mass, world axes; (6, 6).
         centre: the stage's centre of mass [m]; (3,).
+        geoms: lowest and highest corner of the box about the geoms of the whole stage, along the
+            world axes [m]; (2, 3); no rows without geoms.
     """
 
     origin: Real
     frame: Real
     inertia: Real
     centre: Real
+    geoms: Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,4 +143,29 @@ def _drawn_body(model: mujoco.MjModel, data: mujoco.MjData, body: int, centre: R
         data.xmat[body].reshape(3, 3).copy(),
         spatial_inertia(float(model.body_mass[body]), data.xipos[body] - centre, inertia),
         centre,
+        _box_geoms(model, data, body),
     )
+
+
+def _box_geoms(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> Real:
+    """Return the box about the geoms of a stage; (2, 3), or (0, 3) if it has none.
+
+    MuJoCo has a box about each geom in the geom's own axes. Those of a mesh are its principal
+    axes, so that its vertices are taken instead. Planes have no end.
+    """
+    corners = np.array(list(product((-1.0, 1.0), repeat=3)))
+    pieces = [np.zeros((0, 3))]
+    for geom in np.flatnonzero(np.isin(model.geom_bodyid, stage_members(model, stage))):
+        kind = model.geom_type[geom]
+        if kind == mujoco.mjtGeom.mjGEOM_PLANE:
+            continue
+        if kind == mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = model.mesh(model.geom_dataid[geom])
+            first = int(mesh.vertadr[0])
+            points = model.mesh_vert[first : first + int(mesh.vertnum[0])].astype(float)
+        else:
+            middle, half = model.geom_aabb[geom].reshape(2, 3)
+            points = middle + half * corners
+        pieces.append(points @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
+    points = np.vstack(pieces)
+    return np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else points

@@ -100,8 +100,11 @@ def grade_verdict(verdict: Verdict, answer: Mapping[str, Any]) -> list[str]:
     for name, true in answer.get("parameters", {}).items():
         estimate = first.parameters.get(name)
         if estimate is not None:
-            off = np.linalg.norm(np.subtract(estimate, true)) / np.linalg.norm(true)
-            lines.append(f"{name}: {_number(estimate)}, true {_number(true)}, {off:.2%} off")
+            stated = np.ravel(np.array(estimate, float))
+            is_stated = np.isfinite(stated)  # components that no motion shows are null
+            off = np.linalg.norm((stated - np.ravel(true))[is_stated]) / np.linalg.norm(true)
+            said = _number(stated[is_stated].tolist())
+            lines.append(f"{name}: {said}, true {_number(true)}, {off:.2%} off")
     return lines
 
 

@@ -4,12 +4,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
-from diagnosis.hypothesis import Ends, Value
+from diagnosis.stated_values import Ends, Value, list_pairs, may_be_zero
 from mbw.page.numbers import format_four_digits
 
 _EXPONENT_FROM, _EXPONENT_BELOW = 1e5, 1e-3  # sizes beyond which numbers have an exponent
+NOT_SEEN = "not seen"  # a component that no motion of the machine shows
 _DAMPING_RATIO_EFFECTS = ("appendage", "flexible_body", "mount_resonance")
 _PARAMETER_UNITS = {  # factor from SI, unit
     "mass": (1.0, "kg"),
@@ -27,6 +26,9 @@ _PARAMETER_UNITS = {  # factor from SI, unit
 _FRAMES = {  # of vectors, by effect and parameter
     ("mass_error", "position"): "from the body's centre of mass as drawn, in world axes",
     ("appendage", "position"): "from the body's centre of mass as drawn, in world axes",
+    ("parallel_path", "stiffness"): "along the world axes",
+    ("parallel_path", "damping"): "along the world axes",
+    ("parallel_path", "position"): "in world axes",
     ("joint_coupling", "offset"): "from the joint as drawn, in world axes",
     ("sensor_position", "offset"): "from the place as drawn, in world axes",
     ("hammer_position", "offset"): "from the place as drawn, in world axes",
@@ -74,19 +76,19 @@ def parameter_lines(
     """
     factor, unit = unit_of(effect, dof, name)
     values = list(value) if isinstance(value, tuple) else [value]
+    if not any(component is not None for component in values):
+        return [ParameterText(name.replace("_", " "), NOT_SEEN, "")]
+    factored = [None if component is None else factor * component for component in values]
     names = [name]
     if isinstance(value, tuple):
         axes = "xyz" if len(value) == 3 else [str(k) for k in range(1, len(value) + 1)]
         names = [f"{name} {axis}" for axis in axes]
-    pairs = [None] * len(values) if ends is None else np.reshape(ends, (len(values), 2)).tolist()
+    pairs = [None] * len(values) if ends is None else list_pairs(ends)
     return [
         _parameter_text(
-            label.replace("_", " "),
-            factor * component,
-            pair and [factor * end for end in pair],
-            unit,
+            label.replace("_", " "), component, pair and [factor * end for end in pair], unit
         )
-        for label, component, pair in zip(names, values, pairs, strict=True)
+        for label, component, pair in zip(names, factored, pairs, strict=True)
     ]
 
 
@@ -94,7 +96,11 @@ def parameter_words(effect: str, dof: str | None, name: str, value: Value) -> st
     """Return a parameter as text: ``mass 57.9 kg``, ``offset (-122, -120, -73) mm``."""
     factor, unit = unit_of(effect, dof, name)
     components = value if isinstance(value, tuple) else (value,)
-    numbers = [number(factor * component) for component in components]
+    if all(component is None for component in components):
+        return f"{name.replace('_', ' ')} {NOT_SEEN}"
+    numbers = [
+        NOT_SEEN if component is None else number(factor * component) for component in components
+    ]
     text = f"({', '.join(numbers)})" if isinstance(value, tuple) else numbers[0]
     frame = f" {words}" if isinstance(value, tuple) and (words := frame_words(effect, name)) else ""
     return f"{name.replace('_', ' ')} {text}{_with_leading_space(unit)}{frame}"
@@ -107,16 +113,22 @@ def frame_words(effect: str, name: str) -> str:
 
 def parameters_that_may_be_zero(interval: Mapping[str, Ends]) -> frozenset[str]:
     """Return the scalar parameters whose interval includes zero."""
-    rows = {name: np.asarray(ends) for name, ends in interval.items()}
-    return frozenset(name for name, row in rows.items() if row.ndim == 1 and row[0] < 0 < row[1])
+    return frozenset(
+        name
+        for name, ends in interval.items()
+        if isinstance(ends[0], int | float) and may_be_zero(ends)
+    )
 
 
-def may_size_be_zero(parameters: Mapping[str, Value], interval: Mapping[str, Ends]) -> bool:
-    """Return whether the size of an effect, its first parameter, may be zero.
+def depends_on_doubtful_size(
+    name: str, parameters: Mapping[str, Value], interval: Mapping[str, Ends]
+) -> bool:
+    """Return whether a parameter rests on the effect's size, its first one, which may be zero.
 
     A mass of zero has no position, but a link whose damping may be zero has a stiffness.
     """
-    return next(iter(parameters), None) in parameters_that_may_be_zero(interval)
+    size = next(iter(parameters))
+    return name != size and size in interval and may_be_zero(interval[size])
 
 
 def interval_words(effect: str, dof: str | None, name: str, ends: tuple[float, float]) -> str:
@@ -154,7 +166,11 @@ def number(value: float, half: float | None = None) -> str:
     return f"{value:.{decimals}f}"
 
 
-def _parameter_text(name: str, value: float, pair: list[float] | None, unit: str) -> ParameterText:
+def _parameter_text(
+    name: str, value: float | None, pair: list[float] | None, unit: str
+) -> ParameterText:
+    if value is None:
+        return ParameterText(name, NOT_SEEN, "")
     if pair is None:
         return ParameterText(name, f"{number(value)}{_with_leading_space(unit)}", "")
     half = (pair[1] - pair[0]) / 2

@@ -9,8 +9,8 @@ from diagnosis.levels.free_levels import LAW_EFFECTS
 from diagnosis.verdict.schema import CauseRow, RemarkRow, Verdict
 from identification import FAULT_PHRASES, exchange_phrase
 from mbw.diagnose.effect_parameters import (
+    depends_on_doubtful_size,
     interval_words,
-    may_size_be_zero,
     parameter_words,
     parameters_that_may_be_zero,
 )
@@ -89,14 +89,13 @@ def cause_parameters(row: CauseRow) -> str:
     zero, the parameters beside it are not known.
     """
     doubtful = parameters_that_may_be_zero(row.interval)
-    is_size_doubtful = may_size_be_zero(row.parameters, row.interval)
     texts = []
     for name, value in row.parameters.items():
         if name in doubtful:
             low, high = (float(end) for end in row.interval[name])  # type: ignore[arg-type]
             size = parameter_words(row.effect, row.dof, name, value)
             texts.append(f"{size} (95 %: {interval_words(row.effect, row.dof, name, (low, high))})")
-        elif is_size_doubtful:
+        elif depends_on_doubtful_size(name, row.parameters, row.interval):
             texts.append(f"{name.replace('_', ' ')} not known")
         else:
             texts.append(parameter_words(row.effect, row.dof, name, value))

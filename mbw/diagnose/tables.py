@@ -8,8 +8,8 @@ from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import (
     ParameterText,
+    depends_on_doubtful_size,
     frame_words,
-    may_size_be_zero,
     number,
     parameter_lines,
     parameters_that_may_be_zero,
@@ -115,7 +115,7 @@ def _direction(row: CauseRow, places: Mapping[str, PlaceRow]) -> str:
 def _parameter_texts(row: CauseRow, name: str) -> list[ParameterText]:
     """Return the texts of a parameter; it is not known if the size of the effect may be zero."""
     is_doubtful = name in parameters_that_may_be_zero(row.interval)
-    if not is_doubtful and may_size_be_zero(row.parameters, row.interval):
+    if not is_doubtful and depends_on_doubtful_size(name, row.parameters, row.interval):
         return [ParameterText(name.replace("_", " "), "not known", "")]
     ends = row.interval.get(name)
     texts = parameter_lines(row.effect, row.dof, name, row.parameters[name], ends)

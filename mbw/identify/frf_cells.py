@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import reconstruct, reduce_to_bodies
-from identification.checks.roving_hammer import is_roving_hammer
 from identification.modal import MeasuredFrfs
+from identification.roving_hammer import is_roving_hammer
 from identification.words import Campaign, Complex, Layout, Mask, Real, Signal
 from mbw.identify.body_frfs import measured_estimate
 

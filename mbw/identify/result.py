@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import BodyCheck, check_reciprocity, reduce_to_bodies
-from identification.checks.roving_hammer import is_roving_hammer
 from identification.checks.setups import SetupCheck
-from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.level_check import LevelCheck
 from identification.modal import (
     IdentifiedModes,
@@ -20,6 +18,8 @@ from identification.modal import (
     mpc,
     mpd,
 )
+from identification.roving_hammer import is_roving_hammer
+from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import Campaign, ModalModel, Port, Real
 from mbw.gain_text import unknown_gain_sentences
 from mbw.identify.arrays import collect_arrays

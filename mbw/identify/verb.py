@@ -16,14 +16,14 @@ from identification import (
     read_settings,
     select_band,
 )
-from identification.checks.roving_hammer import (
+from identification.checks.setups import compare_setups
+from identification.level_check import check_hits, check_levels
+from identification.modal import ModeChoices, ModeCriteria, identify
+from identification.roving_hammer import (
     exchange_hits_and_channels,
     is_roving_hammer,
     shape_points,
 )
-from identification.checks.setups import compare_setups
-from identification.level_check import check_hits, check_levels
-from identification.modal import ModeChoices, ModeCriteria, identify
 from identification.words import Campaign, UsageError, WorkbenchError
 from mbmodel import Machine, load_machine, machine_geometry
 from mbw.band import check_band

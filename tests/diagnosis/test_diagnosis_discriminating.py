@@ -21,7 +21,7 @@ from diagnosis.next_test.experiments import (
 )
 from diagnosis.settings import SETTINGS
 from identification.words import Dof
-from mbmodel import Evaluator, FrfRequest, hammer_parts
+from mbmodel import Evaluator, FrfRequest, hammer_parts, transport
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import early_scene, refit_null, refit_with
 from tuning import mean_channel_variance, predict_tests, thin_lines
@@ -33,7 +33,8 @@ def rivals(tmp_path_factory):
     session, _ = drawn(tmp_path_factory.mktemp("drawn"), 72_051, "mass_error", lines=81)
     scene = early_scene(session)
     null = refit_null(scene)
-    return session, [refit_with(scene, null, one) for one in list(EFFECTS["mass_error"](scene))[:2]]
+    added = list(EFFECTS["mass_error"](scene))[:4:2]  # beside each, mass that is missing
+    return session, [refit_with(scene, null, one) for one in added]
 
 
 def found(session, refits, word, causes, where=(), present=(), spread="local", remarks=()):
@@ -144,7 +145,10 @@ def test_a_cause_that_is_taken_out_and_a_known_mass_are_foreseen(rivals):
     )
     more = one.fit.theta.copy()
     names = [parameter.name for parameter in one.session.model.parameters]
-    more[names.index(f"{body}.added_mass")] += 10.0  # hundredths
+    to_centre, mass = transport(bare.machine.layout.centres[number]), np.zeros((6, 6))
+    mass[:3, :3] = 0.1 * bare.machine.body_mass[6 * number, 6 * number] * np.eye(3)
+    added = one.hypothesis.movable.start({"inertia": to_centre.T @ mass @ to_centre})
+    more += [added.get(name, 0.0) for name in names]
     expected = Evaluator(one.session.model, question).at(more).values
     np.testing.assert_allclose(heavier.tests[0].estimate.frf.values, expected, rtol=1e-9)
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.effects.points import are_joined
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.refits.refitting import add_hypothesis
+from diagnosis.scene_points import are_joined
 from diagnosis.settings import SETTINGS
 from identification.words import Condition, Dof
 from mbmodel import (
@@ -19,6 +19,7 @@ from mbmodel import (
     load_machine,
     parent_bodies,
     rotation_matrix,
+    transport,
 )
 from tests.helpers.drawn import drawn
 
@@ -152,14 +153,15 @@ def test_a_point_mass_states_its_mass_and_place(scene):
     number = machine.layout.bodies.index(body)
     own = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
     mass, place = 0.07 * own[0, 0], np.array([0.1, -0.2, 0.05])
-    (slope,) = part.derivatives(np.zeros(10))
     aim = np.zeros((6, 6))
     arm = np.cross(np.eye(3), place)  # [p]x
     aim[:3, :3], aim[:3, 3:], aim[3:, :3] = mass * np.eye(3), -mass * arm, mass * arm
     aim[3:, 3:] = -mass * arm @ arm
-    theta, *_ = np.linalg.lstsq(slope.core[:, 2].reshape(10, -1).T, aim.ravel(), rcond=None)
-    np.testing.assert_allclose(np.tensordot(theta, slope.core[:, 2], 1), aim, atol=1e-9 * mass)
-    said = one.state(dict(zip((p.name for p in part.parameters), theta, strict=True)))
+    to_centre = transport(machine.layout.centres[number])
+    values = one.movable.start({"inertia": to_centre.T @ aim @ to_centre})
+    (change,) = part.finite(np.array([values[p.name] for p in part.parameters]))
+    np.testing.assert_allclose(change.core[2], aim, atol=1e-9 * mass)
+    said = one.state(values)
     assert said["mass"] == pytest.approx(mass)
     np.testing.assert_allclose(said["position"], place, rtol=1e-9)
 
@@ -307,16 +309,19 @@ def test_no_body_loses_more_than_it_has_and_small_masses_hang_on_it(scene):
         (part,) = one.parts
         names = [parameter.name for parameter in part.parameters]
         assert set(one.bounds) == set(names)
-        lowest = np.array([one.bounds[name][0] for name in names])
         number = machine.layout.bodies.index(one.location.partition(":")[2])
         own = spatial[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
-        for k in (0, 4, 7, 9):  # mass, moments of inertia
-            (change,) = part.finite(lowest * (np.arange(10) == k))
-            least = np.diag(own + change.core[2])
-            assert least == pytest.approx(
-                np.diag(own) * np.where(least < np.diag(own), 1 / (1 + most), 1.0)
-            )
-            assert (least < np.diag(own)).any()
+        is_missing = ".missing" in names[0]
+        heaviest = [one.bounds[name][1] * (".added_mass" in name or is_missing) for name in names]
+        (change,) = part.finite(np.array(heaviest) * ["_mass_" in name for name in names])
+        total = (own + change.core[2])[0, 0] / own[0, 0]
+        assert total == pytest.approx(1 / (1 + most) if is_missing else 1 + most)
+        for k, axis in ((-6, 3), (-3, 4), (-1, 5)):  # moments of inertia
+            theta = np.zeros(len(names))
+            theta[k] = one.bounds[names[k]][0]
+            (change,) = part.finite(theta)
+            least = (own + change.core[2])[axis, axis]
+            assert least == pytest.approx(own[axis, axis] / (1 + most))
     for one in EFFECTS["appendage"](scene):
         (part,) = one.parts
         body = one.location.partition(":")[2]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from diagnosis.estimates.intervals import FittedParameters, fit_parameters
-from diagnosis.hypothesis import Hypothesis, Vague
+from diagnosis.hypothesis import Hypothesis
+from diagnosis.stated_values import Vague
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import early_scene, propose_at, refit_null, refit_with
 
@@ -45,8 +46,8 @@ def test_what_was_drawn_lies_in_the_interval(effect, seed, tmp_path):
     null = refit_null(scene)
     sure = fit_parameters(refit_with(scene, null, one))
     intervals = sure.estimate_intervals(one)
-    assert set(intervals) == set(answer["parameters"])
-    for name, ends in intervals.items():
+    assert set(intervals) >= set(answer["parameters"])
+    for name, ends in ((name, intervals[name]) for name in answer["parameters"]):
         true, said = (
             np.array(of[name]) for of in (answer["parameters"], sure.state_parameters(one))
         )

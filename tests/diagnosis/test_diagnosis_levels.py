@@ -18,8 +18,8 @@ from diagnosis.levels.law_simulation import (
     compute_equivalent_stiffness,
     compute_peak_stretch,
 )
-from diagnosis.levels.level_dependence import measure_level_dependence
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
+from diagnosis.refits.level_dependence import measure_level_dependence
 from diagnosis.refits.refitting import add_hypothesis
 from diagnosis.search.refit_round import _add_directions, _select_promising
 from diagnosis.search.score_test import Score

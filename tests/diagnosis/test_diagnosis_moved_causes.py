@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS
-from diagnosis.effects.points import are_joined
 from diagnosis.hypothesis import Scene
 from diagnosis.refits.refitting import add_cause, run_refits
+from diagnosis.scene_points import are_joined
 from diagnosis.search.fitted_sets import Search
 from diagnosis.search.moved_causes import move_causes
 from diagnosis.settings import SETTINGS

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
+from diagnosis.decision.established import is_nothing_missing
 from diagnosis.inference.between_levels import compare_between_levels
 from diagnosis.inference.calibration import Calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain
@@ -15,7 +16,6 @@ from diagnosis.inference.posterior import (
     select_material_sets,
 )
 from diagnosis.settings import SETTINGS
-from diagnosis.verdict.established import is_nothing_missing
 
 CONSTANTS = Calibration(
     hidden={"coherence": 0.1, "differences": 0.3, "lines": 0.01},

@@ -10,16 +10,16 @@ import pytest
 from diagnosis import EFFECTS, Hypothesis, build_verdict, diagnose
 from diagnosis.data_checks.candidates import build_candidates
 from diagnosis.data_checks.sensors import check_sensors
-from diagnosis.estimates import held_out_check
-from diagnosis.estimates.held_out_check import (
+from diagnosis.decision.closed_by_proven import divide_closed_gap
+from diagnosis.decision.established import describe_present
+from diagnosis.decision.held_out_check import (
     admit_predictive_causes,
     predicts_held_out,
 )
+from diagnosis.estimates import held_out_check
 from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import SETTINGS
-from diagnosis.verdict.closed_by_proven import divide_closed_gap
-from diagnosis.verdict.established import describe_present
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import draw_imperfect, early_scene, propose_at, refit_null, refit_with
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.hypothesis import Vague
+from diagnosis.stated_values import Vague
 from identification.words import Condition
 from mbmodel import (
     Model,
@@ -62,7 +62,7 @@ def sized(scene, one):
         turned = [name for name in own if name.rpartition("_")[2] in ("yz", "xz", "xy")]
         theta[[own[name] for name in turned]] *= 0.1
     if one.effect == "mass_error":
-        theta[own[one.coordinates[0]]] = 20.0
+        theta[[own[name] for name in own if "_mass_" in name]] = 5.0
     if one.effect == "appendage":  # along all axes; a test of its own has the rigid part
         theta[[own[name] for name in own if name.endswith((".across", ".counted"))]] = 0.0
         theta[[own[name] for name in own if name.endswith(".slack")]] = 1.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.checks.roving_hammer import (
+from identification.roving_hammer import (
     exchange_hits_and_channels,
     is_roving_hammer,
     shape_points,

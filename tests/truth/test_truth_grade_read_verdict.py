@@ -6,8 +6,10 @@ import json
 import pytest
 
 from truth.errors import TruthError
+from truth.grade.answer import TrueCause, Truth
 from truth.grade.json_reading import LARGEST
 from truth.grade.read_verdict import read_verdict
+from truth.grade.sizes import estimates_of
 
 GOOD = {
     "verdict": "explained",
@@ -220,3 +222,21 @@ def test_bytes_that_are_no_text_are_refused(tmp_path):
 def test_a_missing_file_or_a_folder_is_refused(name, tmp_path):
     with pytest.raises(TruthError, match="cannot be read"):
         read_verdict(tmp_path / name)
+
+
+def test_components_that_nothing_shows_are_null_and_are_not_graded(tmp_path):
+    row = {
+        **GOOD["causes"][0],
+        "effect": "parallel_path",
+        "location": "pair:a-b",
+        "parameters": {"stiffness": [4e3, None, None]},
+        "interval": {"stiffness": [[3e3, 5e3], None, None]},
+    }
+    path = tmp_path / "verdict.json"
+    path.write_text(json.dumps(changed(("causes", 0), row)), encoding="utf-8")
+    verdict = read_verdict(path)
+    for true in ((5e3, 1.0, 1.0), (5e3,)):
+        cause = TrueCause("parallel_path", "pair:a-b", parameters={"stiffness": true})
+        (estimate,) = estimates_of(Truth((cause,)), verdict)
+        assert estimate.error == pytest.approx(0.2)
+        assert estimate.inside == (True,)

@@ -47,12 +47,16 @@ class ParallelPath(Sized):
     limits = LIMITS
 
     def answer(self) -> Answer:
-        """Return what is to be found."""
-        stiffness = self.size * self.reference
+        """Return what is to be found: the diagonals of both matrices in world axes."""
+        along = np.ones(3) if self.axis is None else np.square(self.axis)
+        stiffness = self.size * self.reference * along
         return Answer(
             "parallel_path",
             location=f"pair:{self.lower}-{self.upper}",
-            parameters={"stiffness": stiffness, "damping": stiffness * self.time_constant},
+            parameters={
+                "stiffness": tuple(stiffness.tolist()),
+                "damping": tuple((stiffness * self.time_constant).tolist()),
+            },
         )
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:

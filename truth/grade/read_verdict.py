@@ -4,6 +4,7 @@ More keys than the contract's are allowed, but for the probabilities: there they
 hypotheses that nobody knows.
 """
 
+import math
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -117,7 +118,7 @@ def _row(value: object, what: str) -> Row:
     dof = given.get("dof")
     parameters = table(given["parameters"], f"{what}.parameters")
     found = {
-        name: _numbers(one, f"{what}.parameters.{name}")
+        name: _components(one, f"{what}.parameters.{name}")
         for name, one in parameters.items()
         if one is not None
     }
@@ -147,12 +148,20 @@ def _numbers(value: object, what: str) -> Numbers:
     return tuple(number(one, what) for one in value)
 
 
+def _components(value: object, what: str) -> Numbers:
+    """Return a number or a vector; a component that is null, since nothing shows it, is nan."""
+    if not isinstance(value, list) or not value:
+        return _numbers(value, what)
+    return tuple(math.nan if one is None else number(one, what) for one in value)
+
+
 def _interval(value: object, size: int, what: str) -> Interval:
     """Return an interval for each component; of a vector a list of them."""
     given = items(value, what)
     if size == 1 and len(given) == 2 and not isinstance(given[0], list):
         given = [given]
-    pairs = tuple(_numbers(one, what) for one in given)
+    unknown = (math.nan, math.nan)
+    pairs = tuple(unknown if one is None else _numbers(one, what) for one in given)
     if len(pairs) != size or any(len(one) != 2 or one[0] > one[1] for one in pairs):
         raise TruthError(f"{what}: expected [low, high], of a vector one for each component")
     return tuple((low, high) for low, high in pairs)

@@ -119,7 +119,9 @@ def sizes_of(estimates: Iterable[Estimate]) -> Sizes:
 def _estimate(cause: TrueCause, name: str, row: Row | None) -> Estimate:
     entry, true = CATALOGUE[cause.effect], cause.parameters[name]
     stated = None if row is None else row.parameters.get(name)
-    if stated is not None and len(stated) != len(true):
+    if stated is not None and len(stated) - sum(map(math.isnan, stated)) == len(true) == 1:
+        true = true * len(stated)  # the one direction that moves
+    if stated is not None and (len(stated) != len(true) or all(map(math.isnan, stated))):
         stated = None
     intervals = row.interval.get(name, ()) if row is not None and stated is not None else ()
     is_size = entry.size == name
@@ -130,16 +132,21 @@ def _estimate(cause: TrueCause, name: str, row: Row | None) -> Estimate:
         error=_relative(stated, true, 0.0),
         size_error=_relative(stated, true, entry.neutral) if is_size else None,
         inside=tuple(
-            low <= value <= high for value, (low, high) in zip(true, intervals, strict=False)
+            low <= value <= high
+            for value, (low, high) in zip(true, intervals, strict=False)
+            if not math.isnan(low)
         ),
     )
 
 
 def _relative(stated: Numbers | None, true: Numbers, neutral: float) -> float | None:
-    whole = math.hypot(*(value - neutral for value in true))
-    if stated is None or whole < _NOTHING:
+    if stated is None:
         return None
-    return math.hypot(*(one - other for one, other in zip(stated, true, strict=True))) / whole
+    pairs = [pair for pair in zip(stated, true, strict=True) if not math.isnan(pair[0])]
+    whole = math.hypot(*(value - neutral for _, value in pairs))
+    if whole < _NOTHING:
+        return None
+    return math.hypot(*(one - other for one, other in pairs)) / whole
 
 
 def _errors(errors: list[float | None]) -> Errors:

@@ -32,10 +32,10 @@ from identification.words import Campaign, Complex, Mask, Real
 from mbmodel import Model
 from tuning.assessment.model_discrepancy import discrepancy_motion
 from tuning.assessment.parameter_confidence import ParameterConfidence
-from tuning.assessment.residual_statistics import independent_share
 from tuning.fitting.fitter import Fit
 from tuning.fitting.stages import LAST_STAGE, Stage
 from tuning.misfit.misfit import Misfit
+from tuning.misfit.residual_statistics import independent_share
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from dataclasses import replace
 import numpy as np
 
 from identification.words import Real
-from tuning.assessment.residual_statistics import independent_share
 from tuning.fitting.stages import Stage
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.normal_equations import ArrowMatrix
+from tuning.misfit.residual_statistics import independent_share
 from tuning.misfit.sparse_misfit import SparseMisfit
 from tuning.misfit.weights import squared_size
 from tuning.parametrisation.parametrisation import Parametrisation

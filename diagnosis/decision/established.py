@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from diagnosis.decision.closed_by_proven import find_closed_by_proven
 from diagnosis.estimates.held_out_gap import GapEstimates
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import Evidence, Key
@@ -24,7 +25,6 @@ from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
 from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import DiagnosisSettings
-from diagnosis.verdict.closed_by_proven import find_closed_by_proven
 from tuning import is_gap_visible
 
 Word = Literal["none", "explained", "several", "partly", "unexplained"]

@@ -21,6 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.decision.established import find_present
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
@@ -28,7 +29,6 @@ from diagnosis.inference.posterior import Posterior, compute_posterior
 from diagnosis.null_model import Baseline
 from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import DiagnosisSettings
-from diagnosis.verdict.established import find_present
 from tuning import Session, is_gap_visible, residual_statistics
 
 

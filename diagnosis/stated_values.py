@@ -1,0 +1,72 @@
+"""Numbers and vectors as the verdict states them, with their intervals.
+
+A component of a vector that no motion of the machine shows is None, and has no interval.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from identification.words import Real
+
+Value = float | tuple[float | None, ...]
+Ends = tuple[float, float] | tuple[tuple[float, float] | None, ...]  # one pair for each component
+
+
+class Vague(tuple[float | None, ...]):
+    """Vector with a component that is a convention and not known: it has no interval."""
+
+    __slots__ = ()
+
+
+def state_shown(values: Sequence[float], is_shown: Sequence[bool]) -> tuple[float | None, ...]:
+    """Return a vector without the components that nothing shows, which are None."""
+    return tuple(value if shown else None for value, shown in zip(values, is_shown, strict=True))
+
+
+def flatten_values(stated: Mapping[str, Value]) -> Real:
+    """Return all numbers in a row, without components that nothing shows."""
+    return np.array([number for value in stated.values() for number in _list_numbers(value)], float)
+
+
+def _list_numbers(value: Value) -> list[float]:
+    components = value if isinstance(value, tuple) else (value,)
+    return [component for component in components if component is not None]
+
+
+def pair_ends(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, Ends]:
+    """Return the ends of each number, and those of each component of a vector.
+
+    Args:
+        stated: numbers and vectors, by name.
+        low: lower ends, in the order of ``flatten_values``; (n,).
+        high: upper ends; (n,).
+    """
+    intervals: dict[str, Ends] = {}
+    place = 0
+    for name, value in stated.items():
+        size = len(_list_numbers(value))
+        span = slice(place, place + size)
+        pairs = zip(low[span].tolist(), high[span].tolist(), strict=True)
+        if (high[span] > low[span]).any() and not isinstance(value, Vague):
+            intervals[name] = (
+                tuple(None if number is None else next(pairs) for number in value)
+                if isinstance(value, tuple)
+                else next(pairs)
+            )
+        place += size
+    return intervals
+
+
+def list_pairs(ends: Ends) -> list[tuple[float, float] | None]:
+    """Return the ends of each component, or the one pair of a number."""
+    low, high = ends[0], ends[-1]
+    if isinstance(low, int | float) and isinstance(high, int | float):
+        return [(low, high)]
+    return [end for end in ends if not isinstance(end, int | float)]
+
+
+def may_be_zero(ends: Ends) -> bool:
+    """Return whether an interval holds zero: of a vector, those of all known components."""
+    known = [pair for pair in list_pairs(ends) if pair is not None]
+    return bool(known) and all(low < 0 < high for low, high in known)
