@@ -5,7 +5,15 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.words import DERIVATIVE_ORDER, Complex, Input, Output, Quantity, Real
+from identification.words import (
+    DERIVATIVE_ORDER,
+    Complex,
+    Input,
+    Output,
+    Quantity,
+    Real,
+    UsageError,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +33,9 @@ class FrfRequest:
         orders: derivative that each output reads, as its ports state it; empty if all read the
             quantity; n_out.
         base_order: derivative of the motion that is solved for; by default the quantity's.
+
+    Raises:
+        UsageError: a frequency is no finite number, or lies below the one before it.
     """
 
     freq_hz: Real
@@ -34,6 +45,16 @@ class FrfRequest:
     window_tau: float = 0.0
     orders: tuple[int, ...] = ()
     base_order: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the frequency lines."""
+        freq_hz = np.asarray(self.freq_hz)
+        if not np.isfinite(freq_hz).all():
+            line = int(np.flatnonzero(~np.isfinite(freq_hz))[0])
+            raise UsageError(f"frequency line {line} is {freq_hz[line]}: state finite frequencies")
+        if (falls := np.flatnonzero(np.diff(freq_hz) < 0)).size:
+            before, after = freq_hz[falls[0]], freq_hz[falls[0] + 1]
+            raise UsageError(f"frequency lines fall from {before:g} to {after:g} Hz: sort them")
 
     @cached_property
     def laplace(self) -> Complex:
