@@ -5,7 +5,7 @@ children ignore it.
 
 Files with the slowest tests come first, so that no worker ends with one of them while others idle.
 The slowest tests are listed at the end by the time of their processors, which other work on the
-machine does not change; ``CPU_TIMES=file.csv`` writes that of every test.
+machine changes little. ``CORE_SECONDS=1`` writes that of every file into ``core_seconds.csv``.
 
 Property tests try 25 examples each; ``make bench ONLY=properties`` tries 200, with the profile that
 ``HYPOTHESIS_PROFILE`` names.
@@ -14,7 +14,9 @@ Property tests try 25 examples each; ``make bench ONLY=properties`` tries 200, w
 import csv
 import os
 import signal
+from collections import Counter
 from collections.abc import Iterator
+from itertools import accumulate
 from pathlib import Path
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -30,46 +32,32 @@ settings.register_profile("suite", max_examples=25, deadline=None)
 settings.register_profile("full", max_examples=200, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
-# Files of half a minute and more on an idle core, the slowest first.
-SLOWEST_FILES = (
-    "mbw/test_mbw_blind.py",
-    "diagnosis/test_diagnosis_level_verdicts.py",
-    "mbw/test_mbw_blind_further.py",
-    "mbw/test_mbw_demo.py",
-    "identification/test_identification_solid_faults.py",
-    "diagnosis/test_diagnosis_selection.py",
-    "identification/test_identification_solid_body_check.py",
-    "identification/test_identification_solid_shared_shape.py",
-    "diagnosis/test_diagnosis_references.py",
-    "mbw/test_mbw_diagnose_page.py",
-    "field/test_field.py",
-    "test_fuzz_files.py",
-    "diagnosis/test_diagnosis_dirty_machines.py",
-    "mbw/test_mbw_blind_campaign.py",
-    "diagnosis/test_diagnosis_catalogue.py",
-    "truth/test_truth_case_design.py",
-    "mbw/test_mbw_identify_roving.py",
-    "tuning/test_tuning_coverage.py",
-)
+# Core seconds of each file, as a whole run with ``CORE_SECONDS=1`` found them.
+TABLE = Path(__file__).parent / "core_seconds.csv"
+QUICK_S = 300.0  # of all tests of ``make quick``
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Move the tests of the slowest files to the front, file by file."""
-    ranks = {Path(__file__).parent / name: rank for rank, name in enumerate(SLOWEST_FILES)}
-    missing = [str(path) for path in ranks if not path.is_file()]
-    if missing:
-        raise pytest.UsageError(f"tests/conftest.py: SLOWEST_FILES names no file: {missing}")
-    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+    """Move the slowest files to the front; with ``QUICK=1`` leave the slowest out."""
+    folder = Path(__file__).parent
+    with TABLE.open(encoding="utf-8", newline="") as stream:
+        seconds = {folder / name: float(value) for name, value in csv.reader(stream)}
+    items.sort(key=lambda item: -seconds.get(item.path, 0.0))
+    if os.environ.get("QUICK"):
+        files = sorted({item.path for item in items}, key=lambda path: seconds.get(path, 0.0))
+        ends = accumulate(seconds.get(path, 0.0) for path in files)
+        quick = {path for path, end in zip(files, ends, strict=True) if end <= QUICK_S}
+        items[:] = [item for item in items if item.path in quick]
 
 
 LISTED = 20  # slowest tests
-CPU_SECONDS = "cpu_seconds"
+USED = "core seconds"
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Time the processor of a test, of its fixtures and of the commands that it starts."""
-    item.user_properties.append((CPU_SECONDS, -sum(os.times()[:4])))
+    item.user_properties.append((USED, -sum(os.times()[:4])))
     return (yield)
 
 
@@ -77,15 +65,15 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo) -> Iterator[object]:
     """Add the time since the test began to the report of its end."""
     if call.when == "teardown":
-        start = dict(item.user_properties)[CPU_SECONDS]
-        item.user_properties[:] = [(CPU_SECONDS, start + sum(os.times()[:4]))]
+        start = dict(item.user_properties)[USED]
+        item.user_properties[:] = [(USED, start + sum(os.times()[:4]))]
     return (yield)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """List the slowest tests and the time of all."""
     seconds = {
-        report.nodeid: dict(report.user_properties).get(CPU_SECONDS, 0.0)
+        report.nodeid: dict(report.user_properties).get(USED, 0.0)
         for group in terminalreporter.stats.values()
         for report in group
         if getattr(report, "when", None) == "teardown"
@@ -94,6 +82,10 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     terminalreporter.section(f"{sum(seconds.values()):.0f} core seconds; the slowest tests")
     for value, name in rows[:LISTED]:
         terminalreporter.write_line(f"{value:7.1f} s  {name}")
-    if file := os.environ.get("CPU_TIMES"):
-        with open(file, "w", encoding="utf-8", newline="") as stream:
-            csv.writer(stream).writerows(rows)
+    if os.environ.get("CORE_SECONDS"):
+        of_files: Counter[str] = Counter()
+        for value, name in rows:
+            of_files[name.partition("::")[0].removeprefix("tests/")] += value
+        with TABLE.open("w", encoding="utf-8", newline="") as stream:
+            table = csv.writer(stream, lineterminator="\n")
+            table.writerows([name, f"{value:.1f}"] for name, value in sorted(of_files.items()))
