@@ -196,7 +196,26 @@ def tower_table() -> str:
     return table(("Campaign", "Before", "Now", "Answer"), rows, text=4)
 
 
+def reciprocity_table() -> str:
+    """Ratios and differences by reciprocity on computed changes of the tower."""
+    header = (
+        "Of",
+        "Pairs",
+        "Within 2 deviations / %",
+        "Changes of one",
+        "Named right",
+        "Other changes",
+        "Named though none",
+    )
+    rows = [
+        tuple(f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values())
+        for row in bench_rows("reciprocity")
+    ]
+    return table(header, rows, text=1)
+
+
 FIGURES = {
+    "reciprocity-table": reciprocity_table,
     "diagnosis-table": lambda: rate_table(DIAGNOSIS_ROWS),
     "diagnosis-campaigns": lambda: str(len(bench_cases("diagnosis.220000"))),
     "diagnosis-seeds": seeds_fragment("diagnosis.220000"),

@@ -92,18 +92,43 @@ def draw_change(kind, rng, scale=1.0):
     return [drawn[kind]] if kind in drawn else []
 
 
+@dataclass
+class Visit:
+    """What differs of itself at a second visit.
+
+    Args:
+        stiffer: factor of all stiffness.
+        gains: of the channels; (3,).
+        late: delays of the channels [s]; (3,).
+        hits: gains of the hits; (3,).
+    """
+
+    stiffer: float
+    gains: np.ndarray
+    late: np.ndarray
+    hits: np.ndarray
+
+
+def draw_visit(rng):
+    """Draw what differs of itself at a second visit."""
+    return Visit(
+        1 + _STIFFNESS_SD * rng.standard_normal(),
+        np.exp(_GAIN_SD * rng.standard_normal(3)),
+        _DELAY_SD * rng.standard_normal(3),
+        np.exp(_GAIN_SD * rng.standard_normal(3)),
+    )
+
+
 def change_tower(freq_hz, frf, changes, rng):
     """Return the accelerance of a second visit to the tower after the changes."""
-    omega = 2 * np.pi * freq_hz
-    stiffness = _visit_again(freq_hz, frf, rng)
+    omega, visit = 2 * np.pi * freq_hz, draw_visit(rng)
+    stiffness = _visit_again(freq_hz, frf, visit.stiffer)
     for change in changes:
         pull, places = _dynamic_change(change, omega)
         stiffness = stiffness + pull[:, None, None] * np.outer(places, places)
     values = -(omega[:, None, None] ** 2) * np.linalg.inv(stiffness)
-    gains = np.exp(_GAIN_SD * rng.standard_normal(3))
-    late = _DELAY_SD * rng.standard_normal(3)
-    values = values * (gains * np.exp(-1j * omega[:, None] * late))[:, :, None]
-    values = values * np.exp(_GAIN_SD * rng.standard_normal(3))
+    values = values * (visit.gains * np.exp(-1j * omega[:, None] * visit.late))[:, :, None]
+    values = values * visit.hits
     noise = _noise_of(values)
     drawn = rng.standard_normal((2, *values.shape))
     values = values + noise * (drawn[0] + 1j * drawn[1]) / np.sqrt(2)
@@ -112,9 +137,8 @@ def change_tower(freq_hz, frf, changes, rng):
     return values
 
 
-def _visit_again(freq_hz, frf, rng):
+def _visit_again(freq_hz, frf, stiffer):
     """Return (1 + e) Z(w / sqrt(1 + e)): all springs are stiffer by 1 + e."""
-    stiffer = 1 + _STIFFNESS_SD * rng.standard_normal()
     measured = np.linalg.inv(-frf / (2 * np.pi * freq_hz[:, None, None]) ** 2)
     asked = freq_hz / np.sqrt(stiffer)
     again = np.empty_like(measured)

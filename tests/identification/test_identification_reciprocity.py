@@ -16,6 +16,7 @@ from identification.words import (
     Test,
     Tolerance,
 )
+from tests.bench.reciprocity import draw_case
 
 FREQ_HZ = np.linspace(2.0, 60.0, 800)
 NOISE = 0.003  # of the largest FRF at each line
@@ -227,3 +228,12 @@ def test_ratios_of_directions_at_one_point_are_not_named():
     found = check_reciprocity(campaign)
     assert found.faults(campaign) == []
     assert found.remarks(campaign.tolerance) == []
+
+
+@pytest.mark.parametrize("number", [2, 5, 6, 7])
+def test_ratios_of_a_changed_tower_are_within_their_deviations(number):
+    case = draw_case(number)
+    assert np.abs(case["gain"]).max() < 3
+    assert np.abs(case["delay"]).max() < 3
+    assert case["right"] == (case["kind"] in ("nothing", "gain", "delay"))
+    assert not case["named"] or case["kind"] in ("gain", "delay")
