@@ -1,9 +1,11 @@
 """Cases of a long bench, kept one by one: an interrupted bench goes on from where it was.
 
+Cases of a bench that is done are packed by ``gzip -9n``; those made later stand beside them.
 With ``KEPT=1`` in the environment nothing is made nor written: figures are those of the cases that
 are kept.
 """
 
+import gzip
 import hashlib
 import json
 import os
@@ -63,7 +65,10 @@ def of(name: str) -> dict[int, dict]:
         name: of the bench.
     """
     kept = _file(name)
-    lines = kept.read_text(encoding="utf-8").splitlines() if kept.is_file() else []
+    packed = kept.with_name(f"{kept.name}.gz")
+    text = gzip.decompress(packed.read_bytes()).decode() if packed.is_file() else ""
+    text += kept.read_text(encoding="utf-8") if kept.is_file() else ""
+    lines = text.splitlines()
     rows: dict[int, dict] = {}
     for number, line in enumerate(lines, start=1):
         try:
