@@ -25,7 +25,7 @@ def redirect_paths(document: minidom.Document, source: Path, target: Path) -> No
         source: the MJCF that was read.
         target: folder in which the copy will lie.
     """
-    start = _path_between(target.resolve(), source.resolve().parent)
+    places = target.resolve(), source.resolve().parent
     main, *included = [file.root for file in read_source_files(source) if file.model == source]
     roots = [main, *included]
     if any(next(root.iter(tag), None) is not None for root in roots for tag in _FILE_TAGS):
@@ -36,11 +36,11 @@ def redirect_paths(document: minidom.Document, source: Path, target: Path) -> No
                     compiler.removeAttribute(name)
         last = _last_compiler(document, behind_all=bool(any(_asset_folders(included).values())))
         for name, value in folders.items():
-            last.setAttribute(name, (start / value).as_posix())
+            last.setAttribute(name, _redirect(value, *places))
     for kind in ("include", "model"):
         for element in document.getElementsByTagName(kind):
             if name := element.getAttribute("file"):
-                element.setAttribute("file", (start / name).as_posix())
+                element.setAttribute("file", _redirect(name, *places))
 
 
 def _asset_folders(roots: Sequence[ElementTree.Element]) -> dict[str, str]:
@@ -55,12 +55,23 @@ def _asset_folders(roots: Sequence[ElementTree.Element]) -> dict[str, str]:
     return folders
 
 
-def _path_between(start: Path, end: Path) -> Path:
-    """Return the path of a folder relative to another, or its absolute path on another drive."""
+def _redirect(name: str, target: Path, source: Path) -> str:
+    """Return a path that finds from a folder what a name finds from another one.
+
+    It passes through no third folder, since that may be a temporary one.
+
+    Args:
+        name: of a file or folder, relative to the folder of the source, or absolute.
+        target: folder in which the copy will lie.
+        source: folder of the source.
+    """
+    if Path(name).is_absolute():
+        return Path(name).as_posix()
+    end = os.path.normpath(source / name)
     try:
-        return Path(os.path.relpath(end, start))
-    except ValueError:
-        return end
+        return Path(os.path.relpath(end, target)).as_posix()
+    except ValueError:  # on another drive
+        return Path(end).as_posix()
 
 
 def _last_compiler(document: minidom.Document, *, behind_all: bool) -> minidom.Element:

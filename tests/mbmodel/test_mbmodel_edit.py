@@ -319,3 +319,17 @@ def test_a_copy_and_its_meshes_can_move_together(folders):
     source.parent.rename(source.parent.with_name("elsewhere"))
     moved = source.parent.with_name("elsewhere") / "tuned" / "deep" / "m.xml"
     assert load_machine(moved).springs[0].stiffness == 2e4
+
+
+def test_a_copy_of_a_copy_names_no_folder_between_them(tmp_path):
+    between, target = tmp_path / "third_folder", tmp_path / "deep" / "target"
+    between.mkdir()
+    target.mkdir(parents=True)
+    write_mjcf(STATION, between / "model.xml", ())
+    write_mjcf(between / "model.xml", target / "model.xml", ())
+    assert "third_folder" not in (target / "model.xml").read_text(encoding="utf-8")
+    (between / "model.xml").unlink()
+    between.rmdir()
+    assert len(load_machine(target / "model.xml").layout.bodies) == len(
+        load_machine(STATION).layout.bodies
+    )
