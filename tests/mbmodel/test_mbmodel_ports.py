@@ -211,10 +211,6 @@ def test_names_with_the_mark_of_a_pair_are_points_if_there_is_such_a_point() -> 
     assert Signal("a-b:-x").sign == -1
 
 
-@pytest.mark.parametrize(
-    ("freq_hz", "said"),
-    [([1.0, np.nan], "line 1 is nan"), ([1.0, 2.0, 1.5], "fall from 2 to 1.5 Hz")],
-)
-def test_frequencies_that_are_no_numbers_or_fall_are_refused(freq_hz, said):
-    with pytest.raises(UsageError, match=said):
-        FrfRequest(np.array(freq_hz), (), ())
+def test_frequencies_that_are_no_numbers_are_refused():
+    with pytest.raises(UsageError, match="line 1 is nan"):
+        FrfRequest(np.array([1.0, np.nan]), (), ())
