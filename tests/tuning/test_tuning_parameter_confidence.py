@@ -16,10 +16,19 @@ from tuning import (
     predict,
 )
 from tuning.assessment.frf_bands import frf_deviations, magnitude_deviations
-from tuning.assessment.parameter_confidence import ParameterConfidence, rank_pulls
+from tuning.assessment.parameter_confidence import (
+    ParameterConfidence,
+    bound_covariance,
+    rank_pulls,
+)
 from tuning.misfit.batch import batch_tests
 
 FREQ = np.linspace(3.0, 90.0, 120)
+SIDE_BY_SIDE = (
+    '<body name="a"><inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/><joint name="a_tx" '
+    'type="slide" axis="1 0 0" stiffness="2e5" damping="90"/><site name="acc1"/></body>',
+    '<tendon><fixed name="leg" stiffness="3e5"><joint joint="a_tx" coef="1"/></fixed></tendon>',
+)
 
 
 def at(path, body, springs=""):
@@ -104,12 +113,7 @@ def test_a_joint_that_the_data_cannot_see_is_said_and_has_no_narrow_interval(tmp
 
 
 def test_two_springs_side_by_side_are_seen_only_as_a_sum(tmp_path):
-    model = at(
-        tmp_path / "beside.xml",
-        '<body name="a"><inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/><joint name="a_tx" '
-        'type="slide" axis="1 0 0" stiffness="2e5" damping="90"/><site name="acc1"/></body>',
-        '<tendon><fixed name="leg" stiffness="3e5"><joint joint="a_tx" coef="1"/></fixed></tendon>',
-    )
+    model = at(tmp_path / "beside.xml", *SIDE_BY_SIDE)
     _, confidence = fit_with_confidence(
         model, one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx")
     )
@@ -246,3 +250,27 @@ def test_neighbouring_lines_that_share_an_error_determine_less(tmp_path):
     observed = np.std(ends, axis=0)
     assert (np.mean(independent, axis=0) < 0.6 * observed).all()
     np.testing.assert_allclose(np.mean(stated, axis=0), observed, rtol=0.35)
+
+
+def test_steps_without_a_band_leave_no_interval_beyond_the_bounds(tmp_path):
+    model = at(tmp_path / "beside.xml", *SIDE_BY_SIDE)
+    campaign = one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx")
+    _, confidence = fit_with_confidence(model, campaign)
+    seen = np.linalg.eigh(confidence.covariance)[1]  # from the most certain direction
+    shifts = np.outer([300.0, -100.0, 50.0, -250.0], seen[:, -1])  # e^300: no stiffness
+    bounded = replace(confidence, band_shifts=shifts)
+    assert (bounded.deviation <= np.log(100.0)).all()
+    most = seen[:, 0]
+    before = most @ replace(confidence, band_shifts=None).covariance @ most
+    assert most @ bounded.covariance @ most == pytest.approx(before, rel=1e-3)
+
+
+def test_bounds_add_their_precision_to_that_of_the_data():
+    random = np.random.default_rng(8)
+    root = random.normal(size=(5, 5))
+    covariance, limits = root @ root.T, np.array([1.0, np.inf, 0.3, np.inf, 20.0])
+    expected = np.linalg.inv(np.linalg.inv(covariance) + np.diag(1 / limits))
+    np.testing.assert_allclose(bound_covariance(covariance, limits), expected, rtol=1e-9)
+    units = np.diag([1e6, 1.0, 1e-4, 1e3, 1.0])  # of coordinates: the result has them too
+    scaled = bound_covariance(units @ covariance @ units, limits * np.diag(units) ** 2)
+    np.testing.assert_allclose(scaled, units @ expected @ units, rtol=1e-9)

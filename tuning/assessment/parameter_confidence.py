@@ -18,8 +18,13 @@ of bands (Efron and Stein 1981) has the covariance
 
     V = (B - 1) / B sum d_b d_b'.
 
-Where more than noise remains, the covariance is C + V. What the data determine in combination, such
-as a sum of stiffnesses, stays as certain as the bands agree on it.
+Where more than noise remains, the covariance is that of C + V within the bounds of the fit,
+
+    ((C + V)^-1 + D_0)^-1,
+
+with D_0 the part of D of parameters without a prior: steps without a band are linear, and without
+bounds they would move what the data hardly determine by any number of decades. What the data
+determine in combination, such as a sum of stiffnesses, stays as certain as the bands agree on it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -83,7 +88,8 @@ class ParameterConfidence:
             return covariance
         bands = len(self.band_shifts)
         shared = (bands - 1) / bands * self.band_shifts.T @ self.band_shifts
-        return np.asarray(covariance + shared)
+        limits = np.where(self.parametrisation.has_prior, np.inf, 1 / self.prior_precision)
+        return bound_covariance(covariance + shared, limits)
 
     @cached_property
     def _data_covariance(self) -> Real:
@@ -198,6 +204,25 @@ class ParameterConfidence:
         return UnseenRow(
             parameters=list(names), deviation=float(np.sqrt(variance)), sentence=sentence
         )
+
+
+def bound_covariance(covariance: Real, limits: Real) -> Real:
+    """Return (S^-1 + diag(1 / v))^-1 of a covariance S, by Woodbury's identity; (n, n).
+
+    It is computed of the correlations: deviations may differ by ten decades.
+
+    Args:
+        covariance: S; (n, n).
+        limits: v, variance that bounds leave to each coordinate, infinite for none; (n,).
+    """
+    bounded = np.isfinite(limits)
+    deviation = np.sqrt(np.diag(covariance))
+    units = np.outer(deviation, deviation)
+    correlation = covariance / units
+    columns = correlation[:, bounded]
+    inner = columns[bounded] + np.diag(limits[bounded] / deviation[bounded] ** 2)
+    result: Real = (correlation - columns @ np.linalg.solve(inner, columns.T)) * units
+    return (result + result.T) / 2
 
 
 def estimate_confidence(

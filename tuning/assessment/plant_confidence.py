@@ -20,7 +20,8 @@ weights w of the noise. Its error has the covariance (White 1982, Econometrica 5
 
 with N the normal equations and D the precision of the priors. For T = 1 / w and k = 1 it is A^-1.
 To first order it knows no bounds. A tolerance is fitted within b = 2.5 standard deviations, and its
-true value has one, so that C^-1 + D_tolerance / (1 + b^2) is the precision that is used.
+true value has one, so that C^-1 + D_tolerance / (1 + b^2) is the precision that is used. Of a
+parameter without a prior both lie within the deviation that D states, which adds D_0 / 2.
 """
 
 from dataclasses import dataclass
@@ -31,7 +32,7 @@ from scipy.optimize import minimize_scalar
 from identification.words import Campaign, Complex, Mask, Real
 from mbmodel import Model
 from tuning.assessment.model_discrepancy import discrepancy_motion
-from tuning.assessment.parameter_confidence import ParameterConfidence
+from tuning.assessment.parameter_confidence import ParameterConfidence, bound_covariance
 from tuning.fitting.fitter import Fit
 from tuning.fitting.stages import LAST_STAGE, Stage
 from tuning.misfit.misfit import Misfit
@@ -134,7 +135,9 @@ def estimate_plant_confidence(
     prior = np.diag(confidence.prior_precision)
     inverse = _invert(normal.dense() + prior)
     free = inverse @ (spread_normal.dense() / share + prior) @ inverse
-    covariance = _bound_tolerances(free, fit.parametrisation.has_prior)
+    tolerated = 1 + SETTINGS.tolerance_bound**2
+    limits = np.where(fit.parametrisation.has_prior, tolerated, 2 / confidence.prior_precision)
+    covariance = bound_covariance(free, limits)
     return PlantConfidence(covariance, float(np.sqrt(variance)))
 
 
@@ -143,14 +146,6 @@ def _invert(matrix: Real) -> Real:
     scale = 1 / np.sqrt(np.diag(matrix))
     inverse: Real = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
     return (inverse + inverse.T) / 2
-
-
-def _bound_tolerances(covariance: Real, is_tolerance: Mask) -> Real:
-    """Return the covariance with 1 / (1 + b^2) added to the precision of each tolerance."""
-    columns = covariance[:, is_tolerance]
-    inside = columns[is_tolerance] + (1 + SETTINGS.tolerance_bound**2) * np.eye(columns.shape[1])
-    bounded: Real = covariance - columns @ np.linalg.solve(inside, columns.T)
-    return (bounded + bounded.T) / 2
 
 
 def _residuals(misfit: Misfit, theta: Real) -> list[_Residuals]:
