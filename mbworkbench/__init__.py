@@ -15,6 +15,11 @@ their results as tables and figures.
 
 from importlib.metadata import version
 
+from mbworkbench.hidden_packages import refuse_hidden_packages
+
+refuse_hidden_packages()  # before any of them is imported
+
+# ruff: noqa: E402
 from identification.words import (
     Condition,
     ConvergenceError,

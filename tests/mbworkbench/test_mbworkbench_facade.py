@@ -1,7 +1,10 @@
 """The public face: paths and labels as text, short summaries, tables and figures."""
 
 import ast
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -237,3 +240,21 @@ def test_a_model_is_simulated_in_time(model):
     static = model.frf("stage:+tx", "stage:+tx", [0.01], "receptance").values[0, 0, 0].real
     assert response.outputs[:, 0].max() == pytest.approx(10 * static, rel=0.02)
     assert len(repr(response).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "is_hidden"),
+    [("plant", False), ("budget", False), ("tuning", True), ("identification", True)],
+)
+def test_beside_a_users_file_it_works_or_says_what_to_do(name, is_hidden, tmp_path):
+    (tmp_path / f"{name}.py").write_text("x = 1\n")
+    script = tmp_path / "script.py"
+    script.write_text("import mbworkbench as mb\n\nmb.read_plant\n")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, script], env=environment, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode != 0) == is_hidden, done.stderr
+    if is_hidden:
+        said = done.stderr.splitlines()[-1]
+        assert f"{name}.py hides the package {name} of mbworkbench: rename that file" in said
