@@ -10,13 +10,13 @@ import pytest
 from diagnosis import EFFECTS, Hypothesis, build_verdict, diagnose
 from diagnosis.data_checks.candidates import build_candidates
 from diagnosis.data_checks.sensors import check_sensors
+from diagnosis.decision import held_out_check
 from diagnosis.decision.closed_by_proven import divide_closed_gap
 from diagnosis.decision.established import describe_present
 from diagnosis.decision.held_out_check import (
     admit_predictive_causes,
     predicts_held_out,
 )
-from diagnosis.estimates import held_out_check
 from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import SETTINGS

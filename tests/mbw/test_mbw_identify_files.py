@@ -283,7 +283,9 @@ def test_without_a_drive_point_shapes_have_no_scale(undriven, tmp_path):
     assert content["reciprocal_error"] is None
     assert content["modes"][0]["modal_a_real"] is None
     assert content["undetermined_bodies"] == ["head"]
-    assert "Without a drive point shapes have no scale" in (tmp_path / "identify.html").read_text("utf-8")
+    assert "Without a drive point shapes have no scale" in (tmp_path / "identify.html").read_text(
+        "utf-8"
+    )
 
 
 def test_without_a_drive_point_the_full_matrix_is_refused(undriven, tmp_path):

@@ -56,6 +56,7 @@ _RADIUS_FACTOR = 3.0  # by which the trust radius grows and shrinks
 _MAX_RADIUS_TRIES = 3
 MAX_DAMPING = 1e9  # beyond it, no step lowers J
 _MAX_ACTIVE_SET_ITERATIONS = 200
+LEAST_DAMPING = 1e-9
 MIN_DIAGONAL = 1e-12  # of the largest diagonal: fixes directions that the data do not depend on
 
 
@@ -140,6 +141,7 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
     """
     state = _State(np.clip(start, box.lower, box.upper), damping)
     value, before = np.inf, {True: 0.0, False: 0.0}  # last prediction, by whether N was new
+    is_last = False  # whether no step since one without damping has gained anything
     kept_normal = initial_normal  # None: N is to be formed at the next point
     try:
         for _ in range(max_steps):
@@ -167,7 +169,13 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
             if predicted * rate < min_decrease and not (
                 state.is_stalled and previous - value > min_decrease
             ):
-                return _minimum(state, value, "converged", "")
+                if is_last:
+                    return _minimum(state, value, "converged", "")
+                # Damping hides what is left where a prior alone tells parameters apart.
+                state.damping, is_last = LEAST_DAMPING, True
+                kept_normal, before = normal, {True: 0.0, False: 0.0}
+                continue
+            is_last = is_last and previous - value <= min_decrease
             before[is_new] = predicted
             is_predicted = (
                 abs(previous - value - predicted) < MAX_PREDICTION_ERROR * predicted + min_gain_nats
@@ -222,7 +230,7 @@ def _advance(
         state.evaluations += 1
         if np.isfinite(trial_value) and value - trial_value > 0.05 * predicted > 0:
             if value - trial_value > 0.5 * predicted:
-                state.damping = max(state.damping / 10, 1e-9)
+                state.damping = max(state.damping / 10, LEAST_DAMPING)
             if (
                 retry_shorter
                 and state.is_stalled
