@@ -5,11 +5,10 @@ rest of the project. It imports no other package of it. Of MuJoCo it uses the re
 the forces at rest; nothing is simulated.
 """
 
-from truth.campaign.case_design import Card, deal_cards, draw_case
-from truth.campaign.case_design import Case as DrawnCase
+from truth.campaign.case_design import Card, DrawnCase, deal_cards, draw_case
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
-from truth.campaign.draw import Tolerance
+from truth.campaign.draw import Tolerances
 from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.folder import write_answer, write_campaign
 from truth.campaign.further_tests import (
@@ -26,7 +25,7 @@ from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.signatures import find_signatures
 from truth.campaign.smallest_sizes import SmallestSize, named_size, predict_smallest
 from truth.campaign.tolerance_shift import list_without_tolerance
-from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
+from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign
 from truth.campaign.weighing import Weighing
 from truth.errors import TruthError
 from truth.machine.reading import read_station, why_as_drawn
@@ -34,7 +33,6 @@ from truth.machine.station import Station
 
 __all__ = [
     "WHOLE_DECK",
-    "Campaign",
     "Card",
     "Cause",
     "Choice",
@@ -46,8 +44,9 @@ __all__ = [
     "SmallestSize",
     "StatedTest",
     "Station",
-    "Tolerance",
+    "Tolerances",
     "TruthError",
+    "VirtualCampaign",
     "Wanted",
     "Weighing",
     "check_choice",

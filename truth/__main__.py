@@ -8,7 +8,7 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from truth.campaign.cause import Cause, Wanted
-from truth.campaign.draw import REAL_INSTRUMENTS, Tolerance
+from truth.campaign.draw import REAL_INSTRUMENTS, Tolerances
 from truth.campaign.folder import check_folder, write_answer, write_campaign
 from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.virtual_test import Plan, draw_campaign
@@ -88,7 +88,7 @@ def generate(  # noqa: PLR0913  # one parameter for each option of the command
             seed,
             Cause(wanted, mistuned=mistuned),
             protocol,
-            REAL_INSTRUMENTS if real else Tolerance(),
+            REAL_INSTRUMENTS if real else Tolerances(),
             rigid=rigid,
             dirt=dirt,
         )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from mbw.blind.case_files import TREES, BlindCase
 from mbw.blind.page import GRADES, PAGE, TABLES, describe_draws, describe_failures, render
 from mbw.output_folder import OutputFolder
-from truth.grade import Case, Report, grade, tables, to_json
+from truth.grade import CaseFiles, Report, grade, tables, to_json
 from truth.grade.rates import rate_of
 
 
@@ -64,10 +64,10 @@ def describe_discarded_draws(cases: Sequence[BlindCase]) -> str:
     )
 
 
-def graded_case(case: BlindCase) -> Case:
+def graded_case(case: BlindCase) -> CaseFiles:
     """Return the paths of a case's files for the grading."""
     oracle = case.oracle if case.oracle.is_file() else None
     machine = "random trees" if case.model == TREES else ""
-    return Case(
+    return CaseFiles(
         case.name, case.campaign, case.verdict, case.sealed, case.refit, oracle, machine=machine
     )

@@ -86,7 +86,7 @@ def predict(test: UserTest, choice: Choice, max_values: int = MAX_VALUES) -> lis
         schedule, factor = SETTINGS.schedule, max(1, round(linear.values / SETTINGS.enough_values))
         stride = choose_stride(linear.lines, factor * schedule.stride, SETTINGS)
         effects = {name: draw for name, draw in known_effects().items() if name not in _UNPREDICTED}
-        signatures, information = find_signatures(linear.thinned(stride), effects, [])
+        signatures, information = find_signatures(linear.thin(stride), effects, [])
     except TruthError as error:
         raise InputError(str(error)) from error
     weighing = _describe_weighing(linear, stride)

@@ -12,7 +12,7 @@ from truth import (
     Protocol,
     StatedTest,
     Station,
-    Tolerance,
+    Tolerances,
     TruthError,
     fit_to_machine,
     locate_tests,
@@ -87,7 +87,7 @@ def read_test(path: Path, band: tuple[float, float] | None) -> UserTest:
         protocol = fit_to_machine(Protocol((station.first_aim(),)), station)
     except TruthError as error:
         raise InputError(str(error)) from error
-    return UserTest(station, OwnTest(protocol, Tolerance()))
+    return UserTest(station, OwnTest(protocol, Tolerances()))
 
 
 def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
@@ -162,5 +162,5 @@ def _state(
     )
 
 
-def _tolerance(campaign: Campaign) -> Tolerance:
-    return Tolerance(**vars(campaign.tolerance))
+def _tolerance(campaign: Campaign) -> Tolerances:
+    return Tolerances(**vars(campaign.tolerance))

@@ -40,7 +40,7 @@ from truth import (
     write_campaign,
 )
 from truth.errors import NoPlaceError
-from truth.grade import Case, grade, nearest_ratio, tables, to_json
+from truth.grade import CaseFiles, grade, nearest_ratio, tables, to_json
 from truth.machine.random_tree import draw_tree
 from truth.machine.station import Station
 from tuning import open_session
@@ -340,7 +340,7 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
         if card.test != "drawn":
             tags = (*tags, card.test, f"{card.test} at {card.ratio:g}")
         given.append(
-            Case(
+            CaseFiles(
                 str(seed),
                 WORK / f"{seed}",
                 verdict,

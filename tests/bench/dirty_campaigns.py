@@ -17,10 +17,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from truth import (
-    Campaign,
     Cause,
     Plan,
     TruthError,
+    VirtualCampaign,
     Wanted,
     draw_campaign,
     draw_protocol,
@@ -185,7 +185,7 @@ def interleave(piles: Sequence[Sequence[Design]]) -> tuple[Design, ...]:
     return tuple(design for _, _, design in sorted(order, key=lambda entry: entry[:2]))
 
 
-def draw(design: Design, seed: int) -> Campaign:
+def draw(design: Design, seed: int) -> VirtualCampaign:
     """Draw the campaign of a design.
 
     Raises:

@@ -24,7 +24,7 @@ from truth.grade.beside_background import (
 from truth.grade.paired import paired_difference
 from truth.grade.rates import diagram_of, wilson
 from truth.grade.read_verdict import verdict_from
-from truth.grade.verdict import EXPLAINED, NOTHING_SAID, PARTLY, Verdict
+from truth.grade.verdict import EXPLAINED, NOTHING_SAID, PARTLY, StatedVerdict
 
 BETWEEN_2_AND_4 = 8**0.5  # survival ratio: the geometric mean
 FORCE = ("hammer_gain", "hammer_delay")
@@ -45,7 +45,7 @@ class Graded:
 
     row: dict
     truth: Truth
-    verdict: Verdict
+    verdict: StatedVerdict
 
     @property
     def cell(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from identification.words import Dof
 from mbmodel import FrfRequest, linearise
 from truth import Plan, Protocol, draw_campaign, write_campaign
-from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true
+from truth.campaign.draw import Tolerances, draw_basis, draw_drawing, draw_hammers, draw_true
 from truth.machine.rig import Prepared, accelerance, build
 from truth.machine.station import Sensor, Station
 from tuning import NORMAL_QUANTILE_95, estimate_confidence, fit, open_session
@@ -39,7 +39,7 @@ def covered(
         hold, of how many; chi-square; the largest pull; whether the fit within bounds was kept.
     """
     drawing = draw_drawing(draw_basis(nominal, seed), seed)
-    true = draw_true(draw_basis(nominal, seed), Tolerance(), seed)
+    true = draw_true(draw_basis(nominal, seed), Tolerances(), seed)
     node = _spare(drawing, protocol.nodes, seed, others)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -99,6 +99,6 @@ def _at_site(true: Station, drawing: Station, node: int, freq_hz: np.ndarray) ->
     stages = [replace(stage, sensors=()) for stage in true.stages]
     stages[index] = replace(stages[index], sensors=(Sensor(node, ideal.position, ideal.axes),))
     station = replace(true, stages=tuple(stages))
-    nothing = Tolerance(**dict.fromkeys(vars(Tolerance()), 0.0))
+    nothing = Tolerances(**dict.fromkeys(vars(Tolerances()), 0.0))
     hammers = draw_hammers(drawing, node, nothing, 0)
     return accelerance(build(Prepared(station, hammers)), freq_hz)

@@ -41,7 +41,7 @@ def write_drive_campaign(
     gains[f"encoder_{joints[0]}"] = -1e5 * float(np.exp(random.normal()))
     _add_ports(folder / "model.xml", driven, joints)
     occasion = subject.scene.occasions[0]
-    tested = subject.machine.prepared(occasion)
+    tested = subject.machine.prepare(occasion)
     outputs, inputs = ([joint_row(tested, name) for name in names] for names in (joints, driven))
     frfs = plant_receptance(subject.machine.rig(occasion), outputs, inputs, FREQ_HZ)
     scales = [gains.get(f"encoder_{name}", 1.0) for name in joints]

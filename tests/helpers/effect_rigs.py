@@ -7,7 +7,7 @@ import numpy as np
 
 from truth.effects import Effect, Scene
 from truth.machine.rig import Occasion, Prepared, Rig, accelerance, build
-from truth.machine.station import GROUND, Hammer, Joint, Sensor, Stage, Station
+from truth.machine.station import GROUND, Hammer, Joint, Sensor, StageBody, Station
 from truth.random_streams import stream
 
 FREQ = np.linspace(1.0, 200.0, 160)
@@ -90,10 +90,10 @@ def chain(*, hinges: bool = False) -> Station:
             for number, (dof, value) in enumerate(values.items())
         )
 
-    def stage(name: str, parent: int, mass: float, com: list[float], scale: float) -> Stage:
+    def stage(name: str, parent: int, mass: float, com: list[float], scale: float) -> StageBody:
         centre = np.array(com)
         arms = np.array([[0.3, 0.2, 0.1], [-0.3, 0.25, 0.12], [-0.28, -0.2, 0.09], [0.1, -0.2, 0]])
-        return Stage(
+        return StageBody(
             name=name,
             parent=parent,
             mass=mass,

@@ -152,7 +152,7 @@ def _true_plant(
 ) -> Complex:
     """Return the true FRFs; (n_freq, n_out, n_in)."""
     occasion = subject.scene.occasions[0]
-    tested = subject.machine.prepared(occasion)
+    tested = subject.machine.prepare(occasion)
     outputs, inputs = ([_row(tested, points, text) for text in texts] for texts in ports)
     return plant_receptance(subject.machine.rig(occasion), outputs, inputs, freq_hz)
 

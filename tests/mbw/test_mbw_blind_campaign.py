@@ -22,7 +22,7 @@ from mbw.command import app
 from truth import Choice, draw_case
 from truth.campaign.case_design import deal_cards
 from truth.campaign.draw import NO_TOLERANCE
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import takes
 from truth.campaign.virtual_test import hammers_of
@@ -74,7 +74,7 @@ def test_frfs_without_effect_and_tolerance_are_those_of_the_model(campaign):
     test = read_user_test(campaign, None)
 
     protocol = test.repeated.protocol
-    machine = Machine(test.station, hammers_of(test.station, protocol, NO_TOLERANCE, 1))
+    machine = TrueMachine(test.station, hammers_of(test.station, protocol, NO_TOLERANCE, 1))
     files = takes(protocol, test.station, 1)
     model = as_drawn(load_machine(campaign / "axis.xml"))
     for result, reference in zip(

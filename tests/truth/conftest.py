@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from truth.machine.mjcf_reader import read_station
-from truth.machine.station import GROUND, Hammer, Joint, Sensor, Stage, Station
+from truth.machine.station import GROUND, Hammer, Joint, Sensor, StageBody, Station
 
 NOMINAL = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
 SPRINGS = {"tx": 3e6, "ty": 5e6, "tz": 7e6, "rx": 2e5, "ry": 3e5, "rz": 4e5}
@@ -41,7 +41,7 @@ def nominal() -> Station:
 def one_body() -> Station:
     """One body, its joint at its centre of mass, so that the six directions do not mix."""
     com = [0.1, 0.2, 0.3]
-    stage = Stage(
+    stage = StageBody(
         name="table",
         parent=GROUND,
         mass=120.0,
@@ -57,7 +57,7 @@ def one_body() -> Station:
 def two_bodies(one_body: Station) -> Station:
     """A second body on the first, nothing aligned with anything."""
     inertia = np.array([[2.0, 0.1, -0.2], [0.1, 2.5, 0.3], [-0.2, 0.3, 1.5]])
-    upper = Stage(
+    upper = StageBody(
         name="holder",
         parent=0,
         mass=40.0,

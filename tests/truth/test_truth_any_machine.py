@@ -16,7 +16,7 @@ from truth.machine.couplings import coupled_matrices, gravity_stiffness
 from truth.machine.mujoco_forces import force_slopes
 from truth.machine.mujoco_reader import read_machine
 from truth.machine.rig import Prepared, accelerance, build
-from truth.machine.settling import settled
+from truth.machine.settling import settle
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 
@@ -59,7 +59,7 @@ def test_frfs_are_those_of_mbmodel_to_eight_digits(machine):
     freq = np.linspace(0, natural_frequencies(station)[-1] * 1.2, 60)
     theirs = frfs_by_mbmodel(machine, station, freq)
     size = np.maximum(np.abs(theirs).max(axis=0), 1e-6 * np.abs(theirs).max())
-    for ours in (frfs(station, freq), frfs(settled(station), freq)):
+    for ours in (frfs(station, freq), frfs(settle(station), freq)):
         assert (np.abs(ours - theirs) / size).max() < 1e-8
 
 
@@ -67,11 +67,11 @@ def test_other_springs_and_masses_settle_where_mbmodel_finds_them(tmp_path):
     """The pendulum's weight is heavier and every spring softer: in the file, and in the station."""
     path = written(tmp_path, GANTRY)
     station = read_machine(path)
-    softer = station.varied(lambda joint: replace(joint, stiffness=0.8 * joint.stiffness))
+    softer = station.vary_joints(lambda joint: replace(joint, stiffness=0.8 * joint.stiffness))
     stages = [*softer.stages]
     last = stages[-1]
     stages[-1] = replace(last, mass=3 * last.mass, inertia=3 * last.inertia)
-    ours = settled(replace(softer, stages=tuple(stages)))
+    ours = settle(replace(softer, stages=tuple(stages)))
     text = GANTRY.replace('stiffness="4e6"', 'stiffness="3.2e6"').replace("2e5", "1.6e5")
     text = text.replace('"3e5"', '"2.4e5"').replace('"1e6"', '"8e5"').replace('"5e4"', '"4e4"')
     text = text.replace('name="carriage_rz" type="hinge" axis="0 0 1" stiffness="4e4"', "@")

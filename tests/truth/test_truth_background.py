@@ -10,8 +10,8 @@ from truth.background.draw import Background, draw_background
 from truth.background.items import AskewGuides, ChannelDelays
 from truth.campaign.background_sizing import mean_error, size_background
 from truth.campaign.cause import Cause, Wanted
-from truth.campaign.draw import Tolerance, draw_hammers
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.draw import Tolerances, draw_hammers
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.protocol import Protocol, takes
 from truth.campaign.survival import refit_of
 from truth.campaign.virtual_test import Plan, draw_campaign
@@ -19,14 +19,14 @@ from truth.errors import TruthError
 from truth.grade.answer import read_answer
 from truth.machine.rig import Occasion, accelerance
 
-TOLERANCE = Tolerance()
+TOLERANCE = Tolerances()
 PROTOCOL = Protocol((1,), averages=10, lines=201, resolution_hz=1.0)
 FREQ_HZ = np.linspace(5.0, 200.0, 40)
 
 
 @pytest.fixture(scope="module")
 def machine(two_bodies):
-    return Machine(two_bodies, draw_hammers(two_bodies, 1, TOLERANCE, 3))
+    return TrueMachine(two_bodies, draw_hammers(two_bodies, 1, TOLERANCE, 3))
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def test_a_turned_guide_has_the_stiffness_of_a_turned_spring(machine):
 def test_every_item_vanishes_with_its_size(machine):
     background = draw_background(machine.station, 200.0, 7)
     base, whole = frf(machine), frf(machine, *background.effects)
-    small = frf(machine, *background.scaled(1e-3).effects)
+    small = frf(machine, *background.rescale(1e-3).effects)
     assert np.abs(whole - base).max() > 1e-3 * np.abs(base).max()
     assert np.abs(small - base).max() < 0.02 * np.abs(whole - base).max()
 
@@ -102,7 +102,9 @@ def test_the_ratio_beside_a_background_is_over_noise_and_background(machine, ref
     assert beside.without.excess == pytest.approx(np.sqrt(1 + power))
     assert beside.without.excess > 1.5
     change = 1e-3 * refit.deviation
-    assert beside._left(change) == pytest.approx(refit._left(change) / beside.without.excess)
+    assert beside._residual_ratio(change) == pytest.approx(
+        refit._residual_ratio(change) / beside.without.excess
+    )
 
 
 def test_a_campaign_with_dirt_tells_it_in_its_answer_alone(two_bodies, tmp_path):

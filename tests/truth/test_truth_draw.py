@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true
+from truth.campaign.draw import Tolerances, draw_basis, draw_drawing, draw_hammers, draw_true
 from truth.errors import TruthError
 from truth.machine.station import HitPoint, is_inertia
 from truth.random_streams import stream
 
 SEEDS = range(25)
-TOLERANCE = Tolerance()
+TOLERANCE = Tolerances()
 
 
 def spread_agrees(values: np.ndarray, expected: float) -> bool:
@@ -142,7 +142,7 @@ def test_an_inertia_at_its_border_stays_one_of_a_solid_body(one_body):
 
 def test_without_tolerance_the_true_machine_is_the_basis(drawn):
     basis = drawn[0][0]
-    true = draw_true(basis, Tolerance(*[0.0] * 9), 3)
+    true = draw_true(basis, Tolerances(*[0.0] * 9), 3)
     for a, b in zip(true.stages, basis.stages, strict=True):
         assert a.mass == b.mass
         np.testing.assert_array_equal(a.inertia, b.inertia)

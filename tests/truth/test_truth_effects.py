@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.machine_on_test import TrueMachine
 from truth.effects import CATALOGUE, Scene
 from truth.effects.appendage import Appendage
 from truth.errors import TruthError
@@ -18,7 +18,7 @@ SIX = {"body_mass": 120.0, "size": 0.05, "damping": 0.02}  # 6 kg
 
 
 def frf(station, hammers, effect):
-    return accelerance(Machine(station, hammers, (effect,)).rig(Occasion()), FREQ)
+    return accelerance(TrueMachine(station, hammers, (effect,)).rig(Occasion()), FREQ)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -58,7 +58,7 @@ def test_an_appendage_lets_the_rigid_directions_be(two_bodies, hammers_at):
     station = replace(two_bodies, stages=(lower, replace(upper, joints=upper.joints[:3])))
     effect = Appendage(body="holder", axis=2, frequency=60.0, **SIX)
     hammers = hammers_at(1, upper.com)
-    rigid = Machine(station, hammers, (effect,)).rig(Occasion()).equations.rigid
+    rigid = TrueMachine(station, hammers, (effect,)).rig(Occasion()).equations.rigid
     assert rigid.shape == (3, 13)
     assert not rigid[:, -1].any()
     plain = accelerance(build(Prepared(station, hammers)), FREQ)

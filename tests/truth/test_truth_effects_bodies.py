@@ -17,7 +17,7 @@ from truth.effects.gyroscopic import Gyroscopic, draw_gyroscopic
 from truth.effects.mass_error import MassError, draw_mass_error
 from truth.errors import TruthError
 from truth.machine.rig import receptance
-from truth.machine.station import GROUND, Joint, Sensor, Stage, Station
+from truth.machine.station import GROUND, Joint, Sensor, StageBody, Station
 
 W = 2 * np.pi * FREQ
 NUMBERS = st.floats(-1, 1)
@@ -26,7 +26,7 @@ NUMBERS = st.floats(-1, 1)
 def test_an_added_mass_is_a_small_body_welded_on(two_bodies):
     position = np.array([0.2, -0.1, 0.3])
     effect = MassError(body="table", body_mass=120.0, position=tuple(position), size=0.15)
-    speck = Stage(
+    speck = StageBody(
         name="speck",
         parent=0,
         mass=18.0,
@@ -101,7 +101,7 @@ def plate() -> Station:
         Sensor(number, com + np.array([0.4 * x, 0.4 * y, 0.0]))
         for number, (x, y) in enumerate(corners, start=1)
     )
-    stage = Stage("plate", GROUND, 20.0, com, np.diag([1.0, 1.1, 2.0]), joints, sensors)
+    stage = StageBody("plate", GROUND, 20.0, com, np.diag([1.0, 1.1, 2.0]), joints, sensors)
     return Station("plate", (stage,))
 
 

@@ -12,7 +12,7 @@ from truth.effects import CATALOGUE, Effect, Scene
 from truth.effects.outside import OUTSIDE
 from truth.errors import TruthError
 from truth.machine.rig import Occasion, dynamic_stiffness
-from truth.machine.station import GROUND, Joint, Sensor, Stage, Station
+from truth.machine.station import GROUND, Joint, Sensor, StageBody, Station
 
 DRAWS = {**CATALOGUE, **OUTSIDE}
 ONE = r"[tr][xyz]"
@@ -59,7 +59,7 @@ def bare() -> Station:
     """A block on one spring, with one sensor: the least that can be hit."""
     com = np.array([0.1, 0.0, 0.2])
     spring = Joint("block_tz", "slide", np.eye(3)[2], com, 1e6, 100.0)
-    stage = Stage(
+    stage = StageBody(
         "block", GROUND, 10.0, com, np.diag([1.0, 1.1, 1.2]), (spring,), (Sensor(1, com),)
     )
     return Station("bare", (stage,))

@@ -18,7 +18,7 @@ from truth.effects.support_loss import CORNERS, SupportLoss, draw_support_loss, 
 from truth.errors import TruthError
 from truth.machine.dynamics import point_row
 from truth.machine.rig import Occasion
-from truth.machine.station import GROUND, HitPoint, Joint, Stage, Station
+from truth.machine.station import GROUND, HitPoint, Joint, StageBody, Station
 
 AXES = np.eye(3)
 
@@ -133,7 +133,9 @@ def standing(k: dict[str, float], c: dict[str, float]) -> Station:
         )
         for dof in ("tx", "ty", "tz", "rx", "ry", "rz")
     )
-    stage = Stage("block", GROUND, 50.0, np.array([0.15, 0.0, 0.8]), np.diag([3.0, 4, 5]), joints)
+    stage = StageBody(
+        "block", GROUND, 50.0, np.array([0.15, 0.0, 0.8]), np.diag([3.0, 4, 5]), joints
+    )
     return Station("standing", (stage,))
 
 

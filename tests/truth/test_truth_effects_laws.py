@@ -8,9 +8,9 @@ from effect_rigs import FREQ, chain, frf_of, machine_of, random_of, rig_of, scen
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truth.campaign.draw import Tolerance, draw_basis, draw_true
+from truth.campaign.draw import Tolerances, draw_basis, draw_true
 from truth.effects.feedback_delay import FeedbackDelay, draw_feedback_delay
-from truth.effects.places import JointDirection
+from truth.effects.places import StageDirection
 from truth.effects.rows import joint_stretch
 from truth.effects.stability import largest_coupling, longest_delay, poles
 from truth.effects.structural_damping import StructuralDamping, draw_structural_damping
@@ -87,7 +87,7 @@ def test_what_remains_of_viscous_damping_is_anything_from_nothing_to_all(nominal
 
 
 def test_a_late_spring_pushes_by_what_was(one_body):
-    where = JointDirection("table", 1, "ty")
+    where = StageDirection("table", 1, "ty")
     effect = FeedbackDelay(where, longest=1e-3, size=4e-4)
     H = frf_of(one_body, effect, occasions=scene_of(one_body, 3).occasions)
     joint = one_body.stages[0].joints[1]
@@ -124,7 +124,7 @@ def late_poles(rig, row, stiffness, delay, *, parts=4):
 def test_every_spring_of_the_station_bears_its_longest_delay_and_a_third_more_is_too_much(
     nominal, seed
 ):
-    station = draw_true(draw_basis(nominal, seed), Tolerance(), seed)
+    station = draw_true(draw_basis(nominal, seed), Tolerances(), seed)
     tested = machine_of(station, node=11)
     rig = rig_of(station, node=11)
     for index, stage in enumerate(station.stages):

@@ -12,7 +12,7 @@ from truth.effects.outside.changing_stiffness import ChangingStiffness
 from truth.effects.outside.crosstalk import Crosstalk, draw_crosstalk
 from truth.effects.outside.fractional_damper import FractionalDamper, draw_fractional_damper
 from truth.effects.outside.inerter import Inerter, draw_inerter
-from truth.effects.places import JointDirection
+from truth.effects.places import StageDirection
 from truth.effects.stability import poles
 from truth.errors import TruthError
 from truth.machine.rig import Occasion
@@ -20,7 +20,7 @@ from truth.machine.station import GROUND
 
 W = 2 * np.pi * FREQ
 S = 1j * W
-TZ = JointDirection("table", 2, "tz")
+TZ = StageDirection("table", 2, "tz")
 MINE = ("inerter", "fractional_damper", "changing_stiffness", "crosstalk")
 
 
@@ -44,7 +44,7 @@ def test_an_inerter_is_mass_that_only_relative_motion_feels(one_body, two_bodies
     expected = S**2 / ((120 + 36) * S**2 + joint.damping * S + joint.stiffness)
     np.testing.assert_allclose(vertical(one_body, effect), expected, rtol=1e-10)
     assert effect.answer().parameters == {"inertance": pytest.approx(36.0)}
-    between = Inerter(JointDirection("holder", 2, "tz"), 40.0, size=0.3)
+    between = Inerter(StageDirection("holder", 2, "tz"), 40.0, size=0.3)
     added = rig_of(two_bodies, [between]).equations.mass - rig_of(two_bodies).equations.mass
     together = np.tile([0.0, 0, 1, 0, 0, 0], 2)
     np.testing.assert_allclose(added @ together, 0, atol=1e-12)
@@ -111,8 +111,8 @@ def test_at_most_five_machines_arise_from_the_hits_of_a_column(hits):
 
 def crosstalk(coupling: float = 300.0) -> Crosstalk:
     return Crosstalk(
-        JointDirection("holder", 0, "tx"),
-        JointDirection("table", 1, "ty"),
+        StageDirection("holder", 0, "tx"),
+        StageDirection("table", 1, "ty"),
         coupling,
         largest=2.0,
         size=0.5,

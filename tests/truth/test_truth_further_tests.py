@@ -8,7 +8,7 @@ from mbw.blind.user_test import read_user_test
 from truth import (
     Protocol,
     SmallestSize,
-    Tolerance,
+    Tolerances,
     TruthError,
     compare_sizes,
     find_further_test,
@@ -45,7 +45,7 @@ def row(effect, of_usual, location="body:a", *, is_found=True):
 
 def gains(tree, protocol, names=("mass_error", "joint_coupling")):
     """The gain of each effect and place per square of its size, where no tolerance is bounded."""
-    test = linearise_test(tree, protocol, Tolerance())
+    test = linearise_test(tree, protocol, Tolerances())
     signatures, _ = find_signatures(test, {name: CATALOGUE[name] for name in names}, [])
     return np.array([signature.left @ signature.left for signature in signatures])
 

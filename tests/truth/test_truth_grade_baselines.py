@@ -18,10 +18,10 @@ from truth.grade.baselines import (
     refit_only,
 )
 from truth.grade.chance import among_three, chance_marks
-from truth.grade.compare import Agreement, Comparison
+from truth.grade.compare import Agreement, DrawingComparison
 from truth.grade.marks import MEANS, RATES, Excess, marks_of
-from truth.grade.names import CATALOGUE, canonical, checked
-from truth.grade.verdict import Row, Verdict
+from truth.grade.names import CATALOGUE, canonical, check_place
+from truth.grade.verdict import Row, StatedVerdict
 
 CHANNELS = (
     Agreement(1, 1, frac=0.9, residual=0.5),
@@ -34,7 +34,7 @@ COMAC = {(1, 1): 0.3, (2, 2): 0.9, (3, 3): 0.5}
 
 @pytest.fixture
 def comparison(two_bodies):
-    return Comparison(two_bodies, (1, 3), CHANNELS, COMAC)
+    return DrawingComparison(two_bodies, (1, 3), CHANNELS, COMAC)
 
 
 def test_outputs_are_ranked_by_what_agrees_worst(comparison):
@@ -87,7 +87,7 @@ def test_without_a_refit_there_is_no_such_baseline():
 def test_the_places_of_a_machine_are_those_of_the_catalogue(comparison):
     found = hypotheses_of(comparison)
     for effect, places in found.items():
-        assert all(checked(effect, place) for place in places)
+        assert all(check_place(effect, place) for place in places)
     assert found["appendage"] == ("body:table", "body:holder")
     assert found["hammer_misalignment"] == ("hammer:acc1", "hammer:acc3")
     assert found["sensor_swap"][3:] == (
@@ -100,7 +100,7 @@ def test_the_places_of_a_machine_are_those_of_the_catalogue(comparison):
 
 
 def test_bodies_that_no_joint_joins_are_pairs(nominal):
-    found = hypotheses_of(Comparison(nominal, (11,), CHANNELS, COMAC))
+    found = hypotheses_of(DrawingComparison(nominal, (11,), CHANNELS, COMAC))
     assert len(found["parallel_path"]) == 10  # of 15 pairs in a stack of six
     assert "pair:granite_bottom-granite_top" not in found["parallel_path"]
     assert len(found["sensor_swap"]) == 23 + 253
@@ -143,7 +143,7 @@ def test_chance_scores_as_the_mean_over_all_that_may_be_drawn(truth):
             Row(*labels[which], probability)
             for which, probability in zip(order, (1, 0, 0), strict=True)
         )
-        marks = marks_of(truth, Verdict("explained", causes=rows))
+        marks = marks_of(truth, StatedVerdict("explained", causes=rows))
         for name in RATES:
             mark = marks[name]
             if mark is None or expected[name] is None:
@@ -180,7 +180,7 @@ def test_chance_states_the_probabilities_that_it_draws_from(truth):
         for effect, places in HYPOTHESES.items()
         for place in places
     )
-    honest = marks_of(truth, Verdict("explained", causes=rows))
+    honest = marks_of(truth, StatedVerdict("explained", causes=rows))
     found = chance_marks(truth, HYPOTHESES)
     for name in ("probability_of_truth", "brier", "log_score"):
         assert found[name] == pytest.approx(honest[name])

@@ -13,7 +13,7 @@ from truth.grade.beside_background import (
 )
 from truth.grade.marks import marks_of
 from truth.grade.read_verdict import verdict_from
-from truth.grade.verdict import PARTLY, Row, Verdict, first_of
+from truth.grade.verdict import PARTLY, Row, StatedVerdict, first_of
 
 FAULT = ("appendage", "body:ty")
 ITEM = ("joint_coupling", "joint:ty")
@@ -26,7 +26,7 @@ PAIR = Truth((TrueCause(*FAULT), TrueCause(*OTHER)))
 def said(*causes, word=PARTLY, retuned=5.0, after=None, **more):
     """A verdict of causes with their probability and the excess with each of them."""
     rows = tuple(Row(*label, probability=p, excess_after=excess) for label, p, excess in causes)
-    return Verdict(word, causes=rows, retuned=retuned, after=after, **more)
+    return StatedVerdict(word, causes=rows, retuned=retuned, after=after, **more)
 
 
 @pytest.mark.parametrize(

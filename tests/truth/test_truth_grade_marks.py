@@ -6,7 +6,7 @@ import pytest
 
 from truth.grade.answer import TrueCause, Truth
 from truth.grade.marks import FLOOR, MEANS, RATES, Excess, is_present, marks_of
-from truth.grade.verdict import NOTHING_SAID, Row, Verdict, first_of
+from truth.grade.verdict import NOTHING_SAID, Row, StatedVerdict, first_of
 
 APPENDAGE = ("appendage", "body:ty")
 COUPLING = ("joint_coupling", "joint:ty")
@@ -23,7 +23,7 @@ HALF_KNOWN = Truth((TrueCause("unexplained", "joint:ty"), TrueCause(*APPENDAGE))
 
 def said(*causes, word="explained", none=0.0, unexplained=0.0, several=0.0, **more):
     rows = tuple(Row(*label, probability=p, dof="tz") for label, p in causes)
-    return Verdict(word, none, unexplained, several, rows, **more)
+    return StatedVerdict(word, none, unexplained, several, rows, **more)
 
 
 RIGHT = said((APPENDAGE, 0.9), (COUPLING, 0.1))

@@ -7,7 +7,7 @@ import pytest
 
 from truth.effects import CATALOGUE as DRAWN
 from truth.errors import TruthError
-from truth.grade.names import CATALOGUE, canonical, checked, direction, kind_of
+from truth.grade.names import CATALOGUE, canonical, check_place, direction, kind_of
 
 CONTRACT = Path(__file__).parents[3] / "shared" / "FORMATS.md"
 
@@ -61,11 +61,11 @@ def test_what_is_no_location_is_refused(location):
 )
 def test_an_effect_sits_at_its_kind_of_place(effect, location, words):
     with pytest.raises(TruthError, match=words):
-        checked(effect, location)
+        check_place(effect, location)
 
 
 def test_two_sensors_may_be_exchanged():
-    assert checked("sensor_swap", "sensor:b+a") == "sensor:a+b"
+    assert check_place("sensor_swap", "sensor:b+a") == "sensor:a+b"
 
 
 def test_directions_of_a_swap_have_no_order():

@@ -11,10 +11,10 @@ from truth.campaign.folder import write_campaign
 from truth.campaign.protocol import Protocol
 from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.errors import TruthError
-from truth.grade import RATES, Case, grade, tables, to_json
+from truth.grade import RATES, CaseFiles, grade, tables, to_json
 from truth.grade.__main__ import app, cases_in
 from truth.grade.rates import wilson
-from truth.grade.text_tables import aligned, rate_text
+from truth.grade.text_tables import align, rate_text
 
 ROW = {
     "effect": "appendage",
@@ -192,8 +192,8 @@ def test_the_text_has_n_and_interval_beside_every_rate(report):
 
 
 def test_columns_of_a_table_begin_below_each_other():
-    assert aligned([["a", "bcd", "e"], ["fgh", "i"]]) == ["a    bcd  e", "fgh  i"]
-    assert aligned([]) == []
+    assert align([["a", "bcd", "e"], ["fgh", "i"]]) == ["a    bcd  e", "fgh  i"]
+    assert align([]) == []
 
 
 def test_a_rate_is_written_with_its_interval_or_as_an_expectation(report):
@@ -202,7 +202,7 @@ def test_a_rate_is_written_with_its_interval_or_as_an_expectation(report):
 
 
 def test_nothing_to_grade_is_an_empty_report(tmp_path):
-    report = grade([Case("x", tmp_path, tmp_path / "v.json", tmp_path / "a.toml")])
+    report = grade([CaseFiles("x", tmp_path, tmp_path / "v.json", tmp_path / "a.toml")])
     assert report.verdicts is None
     assert set(report.ungraded) == {"x"}
     assert "cases 1" in tables(report)
@@ -211,8 +211,8 @@ def test_nothing_to_grade_is_an_empty_report(tmp_path):
 
 
 def test_a_name_given_twice_is_refused(tmp_path):
-    case = Case("x", tmp_path, tmp_path / "v.json", tmp_path / "a.toml")
-    other = Case("y", tmp_path, tmp_path / "v.json", tmp_path / "a.toml")
+    case = CaseFiles("x", tmp_path, tmp_path / "v.json", tmp_path / "a.toml")
+    other = CaseFiles("y", tmp_path, tmp_path / "v.json", tmp_path / "a.toml")
     with pytest.raises(TruthError, match="cases: x given twice"):
         grade([other, case, case])
 
@@ -244,6 +244,8 @@ def test_the_command_refuses_a_folder_without_cases(made, tmp_path):
 
 
 def test_the_answer_of_a_drawn_campaign_is_read(campaign):
-    case = Case("x", campaign, campaign / "none.json", campaign / "answer.toml", machine="bench")
+    case = CaseFiles(
+        "x", campaign, campaign / "none.json", campaign / "answer.toml", machine="bench"
+    )
     line = grade([case], baselines=False).lines[0]
     assert (line.truth, line.places, line.machine) == ("appendage", ("body:table",), "bench")

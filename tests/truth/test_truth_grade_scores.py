@@ -6,7 +6,7 @@ from truth.grade.answer import TrueCause, Truth
 from truth.grade.marks import marks_of
 from truth.grade.rates import wilson
 from truth.grade.scores import Judged, ratio_of, scores_of
-from truth.grade.verdict import NOTHING_SAID, Row, Verdict
+from truth.grade.verdict import NOTHING_SAID, Row, StatedVerdict
 
 APPENDAGE = Row("appendage", "body:ty", 0.9)
 GAIN = Row("sensor_gain", "sensor:acc4", 0.7)
@@ -20,9 +20,11 @@ def judged(truth, verdict, name="a", machine="stack", tags=()):
     return Judged(name, machine, tags, truth, marks_of(truth, verdict), verdict)
 
 
-RIGHT = Verdict("explained", 0.1, causes=(APPENDAGE,), where=(("body:ty", 0.6), ("joint:ty", 0.2)))
-WRONG = Verdict("explained", 0.3, causes=(GAIN,), where=(("sensor:acc4", 0.9),))
-QUIET = Verdict("none", 0.97)
+RIGHT = StatedVerdict(
+    "explained", 0.1, causes=(APPENDAGE,), where=(("body:ty", 0.6), ("joint:ty", 0.2))
+)
+WRONG = StatedVerdict("explained", 0.3, causes=(GAIN,), where=(("sensor:acc4", 0.9),))
+QUIET = StatedVerdict("none", 0.97)
 CASES = [
     judged(truth_of(APPENDAGE, 4.2), RIGHT, "a", tags=("twin",)),
     judged(truth_of(APPENDAGE, 1.1), WRONG, "b", tags=("twin", "levels")),
@@ -102,7 +104,9 @@ def test_first_hypotheses_are_calibrated_with_effect_and_place():
 
 def test_causes_are_calibrated_by_their_presence_also_among_several():
     both = Truth((*truth_of(GAIN).causes, *truth_of(APPENDAGE).causes))
-    said = Verdict("several", 0, 0, 0.7, causes=(APPENDAGE, GAIN, Row("appendage", "body:x", 0.2)))
+    said = StatedVerdict(
+        "several", 0, 0, 0.7, causes=(APPENDAGE, GAIN, Row("appendage", "body:x", 0.2))
+    )
     bins = scores_of([judged(both, said)]).calibration.causes.bins
     assert [(one.true.n, one.true.hits) for one in bins] == [(1, 0), (1, 1), (1, 1), (0, 0)]
 

@@ -5,7 +5,7 @@ import pytest
 from truth.grade.answer import TrueCause, Truth
 from truth.grade.rates import wilson
 from truth.grade.sizes import estimates_of, sizes_of
-from truth.grade.verdict import NOTHING_SAID, Row, Verdict
+from truth.grade.verdict import NOTHING_SAID, Row, StatedVerdict
 
 
 def truth_of(effect, location, **parameters):
@@ -14,7 +14,7 @@ def truth_of(effect, location, **parameters):
 
 def stated(effect, location, parameters, interval=None):
     row = Row(effect, location, 0.9, parameters=parameters, interval=interval or {})
-    return Verdict("explained", causes=(Row("drift", "joint:x", 0.95), row))
+    return StatedVerdict("explained", causes=(Row("drift", "joint:x", 0.95), row))
 
 
 APPENDAGE = truth_of("appendage", "body:ty", mass=(20.0,), frequency=(50.0,))
@@ -39,7 +39,7 @@ def test_the_error_of_a_vector_is_that_of_the_difference():
 )
 def test_a_factor_counts_from_one_as_a_size(effect, location, name):
     truth = truth_of(effect, location, **{name: (1.1,)})
-    (one,) = estimates_of(truth, Verdict("explained", causes=(
+    (one,) = estimates_of(truth, StatedVerdict("explained", causes=(
         Row(effect, location, 0.9, parameters={name: (1.0,)}),)))  # fmt: skip
     assert one.error == pytest.approx(0.1 / 1.1)
     assert one.size_error == pytest.approx(1.0)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truth.grade.verdict import NOTHING_SAID, Row, Verdict, alone, first_of, twins_of, word_of
+from truth.grade.verdict import NOTHING_SAID, Row, StatedVerdict, alone, first_of, twins_of, word_of
 
 
 def rows(*probabilities):
@@ -14,19 +14,19 @@ def rows(*probabilities):
 
 
 def test_rows_that_sum_to_the_rest_are_taken_as_they_stand():
-    verdict = Verdict("explained", 0.1, 0.1, 0.2, causes=rows(0.4, 0.2))
+    verdict = StatedVerdict("explained", 0.1, 0.1, 0.2, causes=rows(0.4, 0.2))
     assert alone(verdict) == pytest.approx((0.4, 0.2))
 
 
 def test_what_is_in_a_set_is_taken_off_its_rows():
     # Alone 0.5 and 0.05, both together 0.45: they are present with 0.95 and 0.5.
-    verdict = Verdict("explained", 0, 0, 0.45, causes=rows(0.95, 0.5))
+    verdict = StatedVerdict("explained", 0, 0, 0.45, causes=rows(0.95, 0.5))
     assert alone(verdict) == pytest.approx((0.5, 0.05))
     assert first_of(verdict).place == "body:0"
 
 
 def test_two_that_are_certain_together_are_nothing_alone():
-    verdict = Verdict("several", 0, 0, 0.9, causes=rows(0.95, 0.95))
+    verdict = StatedVerdict("several", 0, 0, 0.9, causes=rows(0.95, 0.95))
     assert alone(verdict) == pytest.approx((0.05, 0.05))
     first = first_of(verdict)
     assert (first.effect, first.place, first.probability) == ("several", "body:0", 0.9)
@@ -51,7 +51,7 @@ def mixtures(draw):
     ]
     present = [min(1.0, one) for one in present]
     several = min(1.0, sum(double.values()))
-    return Verdict("explained", *parts[:2], several, rows(*sorted(present, reverse=True)))
+    return StatedVerdict("explained", *parts[:2], several, rows(*sorted(present, reverse=True)))
 
 
 @given(mixtures())
@@ -65,18 +65,18 @@ def test_the_hypotheses_of_an_honest_verdict_sum_to_one(verdict):
 
 def test_of_equal_hypotheses_the_verdicts_word_decides():
     for word, effect in [("none", "none"), ("unexplained", "unexplained")]:
-        verdict = Verdict(word, 0.5, 0.5)
+        verdict = StatedVerdict(word, 0.5, 0.5)
         assert first_of(verdict).effect == effect
-    explained = Verdict("explained", none=0.5, causes=rows(0.5))
+    explained = StatedVerdict("explained", none=0.5, causes=rows(0.5))
     assert first_of(explained).effect == "mass_error"
 
 
 def test_of_an_unexplained_gap_the_place_is_where_most_of_it_is():
-    verdict = Verdict(
+    verdict = StatedVerdict(
         "unexplained", unexplained=0.9, causes=rows(0.1), where=(("joint:ty", 0.7), ("body:0", 0.1))
     )
     assert first_of(verdict).place == "joint:ty"
-    assert first_of(Verdict("unexplained", unexplained=1.0)).place == ""
+    assert first_of(StatedVerdict("unexplained", unexplained=1.0)).place == ""
 
 
 def test_where_nothing_is_said_nothing_is_first():
@@ -86,6 +86,8 @@ def test_where_nothing_is_said_nothing_is_first():
 
 def test_twins_are_those_of_every_set_that_has_the_cause():
     a, b, c, d = [("mass_error", f"body:{number}") for number in range(4)]
-    verdict = Verdict("explained", twins=(frozenset({a, b}), frozenset({a, c}), frozenset({c, d})))
+    verdict = StatedVerdict(
+        "explained", twins=(frozenset({a, b}), frozenset({a, c}), frozenset({c, d}))
+    )
     assert twins_of(verdict, rows(1.0)[0]) == {a, b, c}
-    assert twins_of(Verdict("explained"), rows(1.0)[0]) == {a}
+    assert twins_of(StatedVerdict("explained"), rows(1.0)[0]) == {a}

@@ -11,7 +11,7 @@ from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet
 from diagnosis.inference.posterior import compute_posterior
 from tests.helpers.linearised import stack_jacobian
-from truth import Protocol, Tolerance, Weighing, find_signatures, linearise_test
+from truth import Protocol, Tolerances, Weighing, find_signatures, linearise_test
 from truth.campaign.bounded_least_squares import BOUND
 from truth.campaign.held_tolerances import hold_tolerances
 from truth.campaign.linear_verdicts import LinearVerdicts
@@ -27,7 +27,7 @@ CONSTANTS = load_calibration()
 def test():
     tree = draw_tree(12, 2)
     protocol = Protocol((tree.first_aim(),), lines=161, resolution_hz=1.0)
-    return linearise_test(tree, protocol, Tolerance()).thinned(2)
+    return linearise_test(tree, protocol, Tolerances()).thin(2)
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from truth.campaign.draw import NO_TOLERANCE, draw_basis, draw_hammers
-from truth.campaign.machine_on_test import Known, Machine
+from truth.campaign.machine_on_test import Known, TrueMachine
 from truth.campaign.measure import (
     PULSE_SECONDS,
-    Pulses,
+    HalfSinePulses,
     draw_pulses,
     estimate_h1,
     hammer_tests,
@@ -26,7 +26,7 @@ ROWS = [3, 4, 5, 6, 7, 8, 0, 1, 2]  # of the small machine: nodes 1, 2, 3 in the
 
 
 def measure(station, protocol, seed):
-    machine = Machine(station, draw_hammers(station, protocol.nodes[0], NO_TOLERANCE, seed))
+    machine = TrueMachine(station, draw_hammers(station, protocol.nodes[0], NO_TOLERANCE, seed))
     return hammer_tests(machine, protocol, takes(protocol, station, seed), seed)
 
 
@@ -46,7 +46,7 @@ def test_pulses_are_half_sines():
     time = np.linspace(0, PULSE_SECONDS, 20001)
     pulse = 200 * np.sin(np.pi * time / PULSE_SECONDS)
     turning = np.exp(-2j * np.pi * freq[:, None] * time)
-    pulses = Pulses(np.array([200.0]), np.array([PULSE_SECONDS]))
+    pulses = HalfSinePulses(np.array([200.0]), np.array([PULSE_SECONDS]))
     expected = np.trapezoid(pulse * turning, time, axis=1)
     np.testing.assert_allclose(pulse_spectra(freq, pulses)[0], expected, rtol=1e-6)
 
@@ -72,7 +72,7 @@ def test_h1_and_coherence_of_a_hand_made_case():
 def test_the_variance_from_the_coherence_is_the_scatter_of_h1(small):
     # 2000 tests of 27 cells at 40 lines: the mean is known to far below the 2 % allowed.
     station, protocol = small
-    machine = Machine(station, draw_hammers(station, 1, NO_TOLERANCE, 1))
+    machine = TrueMachine(station, draw_hammers(station, 1, NO_TOLERANCE, 1))
     (take,) = takes(protocol, station, 1)
     true = accelerance(machine.rig(Occasion()), protocol.freq_hz)[21:]
     errors, variances = 0.0, 0.0
@@ -92,7 +92,7 @@ def test_the_variance_from_the_coherence_is_the_scatter_of_h1(small):
 
 def test_h1_has_no_bias_to_speak_of(small):
     station, protocol = small
-    known = Known(Machine(station, draw_hammers(station, 1, NO_TOLERANCE, 1)), protocol.freq_hz)
+    known = Known(TrueMachine(station, draw_hammers(station, 1, NO_TOLERANCE, 1)), protocol.freq_hz)
     true = known.on(Occasion(node=1))[1][21:, ROWS]
     tests = [measure(station, protocol, seed)[0] for seed in range(60)]
     errors = np.array([test.frf[21:] - true for test in tests]) / np.abs(true)

@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests, pulse_spectra
 from truth.campaign.protocol import Protocol, takes
 from truth.effects.backlash import Backlash, Play
 from truth.effects.friction import Friction, Jenkins
 from truth.effects.hardening import Cubic, Hardening
 from truth.effects.outside.rocking_contact import Rocking
-from truth.effects.places import JointDirection
+from truth.effects.places import StageDirection
 from truth.errors import TruthError
-from truth.machine.nonlinear import Pulses, nonlinear_readings, rest_forces
-from truth.machine.rig import Law, NonlinearJoint, Occasion, Rig, accelerance
-from truth.machine.station import GROUND, Hammer, Joint, Sensor, Stage, Station
+from truth.machine.nonlinear import HalfSinePulses, nonlinear_readings, rest_forces
+from truth.machine.rig import FrequencyLaw, NonlinearJoint, Occasion, Rig, accelerance
+from truth.machine.station import GROUND, Hammer, Joint, Sensor, StageBody, Station
 
 MASS, SPRING, DAMPER = 12.0, 4e5, 270.0  # 29 Hz, 6 %
 LEVEL, SECONDS, RATE = 300.0, 1.0, 8192.0
-X = JointDirection("block", 0, "tx")
-PULSE = Pulses(np.array([LEVEL]), np.array([5.7e-3]))
+X = StageDirection("block", 0, "tx")
+PULSE = HalfSinePulses(np.array([LEVEL]), np.array([5.7e-3]))
 PEAK = 1e-4  # m, about what the hit moves the block
 
 
@@ -30,7 +30,7 @@ PEAK = 1e-4  # m, about what the hit moves the block
 def block():
     """A mass on one spring: rigid in five directions."""
     joint = Joint("block_tx", "slide", np.eye(3)[0], np.zeros(3), SPRING, DAMPER)
-    stage = Stage(
+    stage = StageBody(
         "block", GROUND, MASS, np.zeros(3), np.eye(3), (joint,), (Sensor(1, np.zeros(3)),)
     )
     return Station("one", (stage,))
@@ -38,7 +38,7 @@ def block():
 
 def machine(station, *effects):
     hammers = tuple(Hammer(1, 0, np.zeros(3), axis) for axis in np.eye(3))
-    return Machine(station, hammers, effects)
+    return TrueMachine(station, hammers, effects)
 
 
 def integrated(law, extra=0.0):
@@ -145,7 +145,9 @@ def test_a_rest_that_stays_has_the_transform_of_a_step():
             return np.where(stretch > 0, 1.0, 0.0), state
 
     joint = Joint("b_tx", "slide", np.eye(3)[0], np.zeros(3), 0.0, 1e6)  # creeps, never returns
-    stage = Stage("block", GROUND, 1.0, np.zeros(3), np.eye(3), (joint,), (Sensor(1, np.zeros(3)),))
+    stage = StageBody(
+        "block", GROUND, 1.0, np.zeros(3), np.eye(3), (joint,), (Sensor(1, np.zeros(3)),)
+    )
     plain = machine(Station("creep", (stage,))).rig(Occasion(node=1))
     rig = Rig(
         plain.equations,
@@ -177,7 +179,7 @@ def test_at_vanishing_level_the_linear_twin_is_measured(block, effect, twin):
     (stage,) = block.stages
     linear = Station(
         "twin",
-        (Stage("block", GROUND, MASS, stage.com, stage.inertia, (spring,), stage.sensors),),
+        (StageBody("block", GROUND, MASS, stage.com, stage.inertia, (spring,), stage.sensors),),
     )
     (take,) = takes(protocol, block, 1)
     (found,) = hammer_tests(machine(block, effect), protocol, (take,), 5)
@@ -192,10 +194,10 @@ def test_hits_that_go_together_are_each_as_alone(block):
     effect = Backlash(direction=X, spring=SPRING, peak=PEAK, size=0.2)
     rig = machine(block, effect).rig(Occasion(node=1))
     lines = np.arange(0, 51.0)
-    both = Pulses(np.array([LEVEL, 2 * LEVEL]), np.array([5.7e-3, 4.9e-3]))
+    both = HalfSinePulses(np.array([LEVEL, 2 * LEVEL]), np.array([5.7e-3, 4.9e-3]))
     together = nonlinear_readings(rig, (0, 0), both, lines)
     for number in range(2):
-        one = Pulses(both.peak[number : number + 1], both.duration[number : number + 1])
+        one = HalfSinePulses(both.peak[number : number + 1], both.duration[number : number + 1])
         alone = nonlinear_readings(rig, (0,), one, lines)[0]
         np.testing.assert_allclose(together[number], alone, atol=1e-7 * np.abs(alone).max())
 
@@ -203,7 +205,7 @@ def test_hits_that_go_together_are_each_as_alone(block):
 def test_a_stiffness_of_frequency_is_refused_in_time(block):
     effect = Backlash(direction=X, spring=SPRING, peak=PEAK, size=0.2)
     rig = machine(block, effect).rig(Occasion(node=1))
-    law = Law(np.eye(6)[0], np.eye(6)[0], lambda s: 1e3 * s**0.5)
+    law = FrequencyLaw(np.eye(6)[0], np.eye(6)[0], lambda s: 1e3 * s**0.5)
     both = Rig(rig.equations, rig.readout, rig.drive, (law,), (), rig.joints)
     with pytest.raises(TruthError, match="no place in the time domain"):
         rest_forces(both, (0,), PULSE, SECONDS, RATE)

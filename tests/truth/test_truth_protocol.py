@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from truth.campaign.draw import NO_TOLERANCE, draw_basis, draw_hammers, draw_rigid
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, draw_protocol, occasions, takes
 from truth.campaign.virtual_test import Plan, draw_campaign
@@ -76,7 +76,7 @@ def test_a_campaign_of_all_variants_says_what_it_is(two_bodies):
 
 
 def test_a_dead_channel_reads_its_noise_alone(two_bodies):
-    machine = Machine(two_bodies, draw_hammers(two_bodies, 1, NO_TOLERANCE, 1))
+    machine = TrueMachine(two_bodies, draw_hammers(two_bodies, 1, NO_TOLERANCE, 1))
     protocol = Protocol((1,), lines=201, resolution_hz=1.0, dead=(2, 3))
     (take,) = takes(protocol, two_bodies, 1)
     (test,) = hammer_tests(machine, protocol, (take,), 1)
@@ -89,7 +89,7 @@ def test_a_dead_channel_reads_its_noise_alone(two_bodies):
 def test_every_set_up_is_hit_anew(nominal):
     # The same linear machine, other hits and other noise in each file.
     station = draw_basis(nominal, 2)
-    machine = Machine(station, draw_hammers(station, 11, NO_TOLERANCE, 2))
+    machine = TrueMachine(station, draw_hammers(station, 11, NO_TOLERANCE, 2))
     protocol = Protocol(levels=(200.0, 201.0), lines=101, resolution_hz=2.0)
     one, other = hammer_tests(machine, protocol, takes(protocol, station, 2), 2)
     off = np.abs(one.frf - other.frf)[10:]

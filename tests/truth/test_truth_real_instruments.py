@@ -18,16 +18,16 @@ from mbmodel import (
 from truth.campaign.draw import (
     NO_TOLERANCE,
     REAL_INSTRUMENTS,
-    Tolerance,
+    Tolerances,
     draw_hammers,
     draw_true,
 )
 from truth.campaign.file_formats import model_xml
-from truth.campaign.frf_sensitivities import jacobian, stacked
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.frf_sensitivities import jacobian, stack_parts
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_test
 from truth.campaign.protocol import Protocol, takes
-from truth.campaign.tolerance_answer import stated
+from truth.campaign.tolerance_answer import subtract_drawing
 from truth.effects.effect import Answer
 from truth.machine.rig import Prepared, accelerance, build
 
@@ -38,7 +38,7 @@ ONLY = replace(NO_TOLERANCE, **{key: getattr(REAL_INSTRUMENTS, key) for key in K
 
 @pytest.fixture(scope="module")
 def real(two_bodies):
-    return Machine(
+    return TrueMachine(
         draw_true(two_bodies, REAL_INSTRUMENTS, 5), draw_hammers(two_bodies, 1, REAL_INSTRUMENTS, 5)
     )
 
@@ -57,7 +57,7 @@ def frfs(machine):
 
 
 def test_their_draws_leave_all_others_alone(two_bodies, real):
-    plain = draw_true(two_bodies, Tolerance(), 5)
+    plain = draw_true(two_bodies, Tolerances(), 5)
     pairs = zip(plain.sensors(), real.station.sensors(), strict=True)
     for (_, ideal), (_, sensor) in pairs:
         for name in ("axes", "position", "gain"):
@@ -65,11 +65,11 @@ def test_their_draws_leave_all_others_alone(two_bodies, real):
         assert not ideal.delay.any()
         assert (np.abs(sensor.delay) > 0).all()
         assert (np.abs(sensor.cross) > 0).all()
-    hits = draw_hammers(two_bodies, 1, Tolerance(), 5)
+    hits = draw_hammers(two_bodies, 1, Tolerances(), 5)
     for ideal, hammer in zip(hits, real.hammers, strict=True):
         np.testing.assert_array_equal(ideal.direction, hammer.direction)
     assert len({(hammer.gain, hammer.delay) for hammer in real.hammers}) == 1
-    assert asdict(Tolerance()) == {**asdict(REAL_INSTRUMENTS), **dict.fromkeys(KEYS, 0.0)}
+    assert asdict(Tolerances()) == {**asdict(REAL_INSTRUMENTS), **dict.fromkeys(KEYS, 0.0)}
 
 
 def test_their_errors_have_the_stated_standard_deviations(two_bodies):
@@ -90,7 +90,9 @@ def test_the_force_channel_multiplies_what_is_measured(two_bodies):
     hammers = draw_hammers(two_bodies, 1, NO_TOLERANCE, 1)
     wrong = tuple(replace(hammer, gain=1.03, delay=-4e-5) for hammer in hammers)
     (take,) = takes(protocol, two_bodies, 1)
-    right, late = (hammer_test(Machine(two_bodies, h), protocol, take, 3) for h in (hammers, wrong))
+    right, late = (
+        hammer_test(TrueMachine(two_bodies, h), protocol, take, 3) for h in (hammers, wrong)
+    )
     factor = 1.03 * np.exp(2j * np.pi * protocol.freq_hz * 4e-5)
     np.testing.assert_allclose(late.frf, factor[:, None, None] * right.frf, rtol=1e-10)
     np.testing.assert_allclose(late.coherence[1:], right.coherence[1:], rtol=1e-9)
@@ -110,14 +112,14 @@ def test_the_refit_knows_the_slopes_by_each_of_them(real):
             slope = (ends[0] - ends[1])[:, 3:6] / (2 * step) * getattr(ONLY, f"sensor_{key}")
             np.testing.assert_allclose(
                 slopes.of_sensors[1][:, first + place],
-                stacked(slope),
+                stack_parts(slope),
                 atol=1e-6 * np.abs(slope).max(),
             )
     values = frfs(real)
     s = 2j * np.pi * FREQ[:, None, None]
     for column, slope in ((-2, 0.02 * values), (-1, -2e-5 * s * values)):
         np.testing.assert_allclose(
-            slopes.tolerances[:, column], stacked(slope), atol=1e-10 * np.abs(slope).max()
+            slopes.tolerances[:, column], stack_parts(slope), atol=1e-10 * np.abs(slope).max()
         )
 
 
@@ -132,7 +134,7 @@ def test_an_answer_states_the_whole_delay(two_bodies, real):
     prepared = Prepared(real.station, real.hammers)
     (_, sensor), *_ = real.station.sensors()
     answer = Answer("sensor_delay", f"sensor:acc{sensor.node}", parameters={"delay": 3e-4})
-    whole = stated(answer, two_bodies, real.station, prepared).parameters["delay"]
+    whole = subtract_drawing(answer, two_bodies, real.station, prepared).parameters["delay"]
     assert whole == pytest.approx(3e-4 + sensor.delay.mean())
 
 

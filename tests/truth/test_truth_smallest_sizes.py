@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.linearised import stack_jacobian
-from truth import Protocol, Tolerance, Weighing, find_signatures, linearise_test, predict_smallest
+from truth import Protocol, Tolerances, Weighing, find_signatures, linearise_test, predict_smallest
 from truth.campaign.linear_verdicts import LinearVerdicts
 from truth.campaign.signatures import gram_matrix
 from truth.campaign.smallest_sizes import find_thresholds
@@ -34,7 +34,7 @@ WEIGHING = Weighing(
 def test():
     tree = draw_tree(12, 2)
     protocol = Protocol((tree.first_aim(),), lines=161, resolution_hz=1.0)
-    return linearise_test(tree, protocol, Tolerance())
+    return linearise_test(tree, protocol, Tolerances())
 
 
 @pytest.fixture(scope="module")
@@ -65,16 +65,16 @@ def test_the_slope_is_that_of_the_frfs(test, found):
     signature = next(one for one in found[0] if one.effect == "structural_damping")
     size = 0.1 / float(np.linalg.norm(signature.change))
     machine = replace(test.refit.machine, effects=(signature.drawn.sized(size),))
-    change = np.sqrt(test.scale) * test.refit.weighted(test.refit.change(machine))
+    change = np.sqrt(test.scale) * test.refit.whiten(test.refit.change(machine))
     np.testing.assert_allclose(change, size * signature.change, atol=2e-4)
 
 
 def test_fewer_lines_leave_a_smaller_gain(test):
     """A fit of every fourth line holds a quarter of the information, and the priors stay."""
     names = {"mass_error": CATALOGUE["mass_error"]}
-    whole, few = (find_signatures(one, names, [])[0][0] for one in (test, test.thinned(4)))
+    whole, few = (find_signatures(one, names, [])[0][0] for one in (test, test.thin(4)))
     power = [one.change @ one.change for one in (whole, few)]
-    assert power[1] / power[0] == pytest.approx(test.thinned(4).scale / test.scale, rel=1e-3)
+    assert power[1] / power[0] == pytest.approx(test.thin(4).scale / test.scale, rel=1e-3)
     gain = [one.left @ one.left for one in (whole, few)]
     assert gain[0] / 4 < gain[1] < gain[0]
 
@@ -133,7 +133,7 @@ def test_a_vector_is_drawn_in_every_direction(test):
 
 
 def test_an_effect_on_a_tolerance_shifts_it_by_its_standard_deviations(test):
-    tolerance = Tolerance()
+    tolerance = Tolerances()
     for name, parameter, deviation, count in (
         ("sensor_position", "offset", tolerance.sensor_position, 3),
         ("sensor_gain", "gain", tolerance.sensor_gain, 1),
@@ -147,7 +147,7 @@ def test_an_effect_on_a_tolerance_shifts_it_by_its_standard_deviations(test):
 
 
 def test_effects_on_what_has_no_tolerance_are_left_out(test):
-    without = list_without_tolerance(Tolerance())
+    without = list_without_tolerance(Tolerances())
     assert set(without) == {"sensor_delay", "hammer_gain", "hammer_delay"}
     names = {name: CATALOGUE[name] for name in ("sensor_delay", "sensor_gain")}
     signatures, _ = find_signatures(test, names, [])

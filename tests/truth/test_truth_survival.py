@@ -10,9 +10,9 @@ from scipy.optimize import lsq_linear
 from tests.helpers.linearised import write_out
 from truth.campaign.bounded_least_squares import BOUND, normal_matrix
 from truth.campaign.cause import Cause, Wanted, draw_effects
-from truth.campaign.draw import Tolerance, draw_hammers
+from truth.campaign.draw import Tolerances, draw_hammers
 from truth.campaign.frf_sensitivities import jacobian, jacobian_again
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, occasions, takes
 from truth.campaign.survival import refit_of
@@ -23,13 +23,13 @@ from truth.machine.random_tree import draw_tree
 from truth.machine.rig import Occasion, accelerance
 from truth.random_streams import stream
 
-TOLERANCE = Tolerance()
+TOLERANCE = Tolerances()
 PROTOCOL = Protocol((1,), averages=10, lines=201, resolution_hz=1.0)
 
 
 @pytest.fixture(scope="module")
 def machine(two_bodies):
-    return Machine(two_bodies, draw_hammers(two_bodies, 1, TOLERANCE, 3))
+    return TrueMachine(two_bodies, draw_hammers(two_bodies, 1, TOLERANCE, 3))
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_a_hammer_slope_is_the_difference_of_another_hit(machine, refit):
 def test_a_rigid_direction_has_the_right_slopes(two_bodies):
     lower, upper = two_bodies.stages
     rigid = replace(two_bodies, stages=(lower, replace(upper, joints=upper.joints[:4])))
-    machine = Machine(rigid, draw_hammers(rigid, 1, TOLERANCE, 3))
+    machine = TrueMachine(rigid, draw_hammers(rigid, 1, TOLERANCE, 3))
     refit = refit_of(machine, PROTOCOL, takes(PROTOCOL, rigid, 1), TOLERANCE)
     place = 13 + 1 + 6  # com of the upper stage along x
     shifts = (-1e-2 * TOLERANCE.com * np.eye(3)[0], 1e-2 * TOLERANCE.com * np.eye(3)[0])
@@ -176,7 +176,7 @@ def test_the_fit_is_the_bounded_least_squares_one(refit):
     )
     limit = np.where(refit.bounded, BOUND, np.inf)
     best = lsq_linear(matrix, aim, (-limit, limit), tol=1e-12, max_iter=500)
-    left = (change - refit.fitted(change)) / refit.deviation
+    left = (change - refit.fit_change(change)) / refit.deviation
     assert np.any(np.abs(best.x[refit.bounded]) > 0.99 * BOUND)
     fitted = (matrix[: weighted.size * 2] @ best.x).reshape(2, *shape)
     expected = weighted - fitted[0] - 1j * fitted[1]
@@ -210,16 +210,16 @@ def test_further_steps_follow_what_stiffness_and_damping_can_follow_far(machine,
         for joint in machine.station.stages[1].joints
     ]
     other = changed_stage(machine, 1, joints=tuple(joints))
-    first, after = refit.ratio(other), refit.retuned(other)
+    first, after = refit.ratio(other), refit.retuned_ratio(other)
     assert first > 5  # one step from the truth does not come there
     assert after < 1e-3
-    back = refit.moved(np.zeros((~refit.bounded).sum()), refit.deviation)
+    back = refit.relinearise(np.zeros((~refit.bounded).sum()), refit.deviation)
     np.testing.assert_allclose(back.slopes.springs, refit.slopes.springs)
 
 
 def test_slopes_made_anew_are_those_of_the_other_machine(machine, refit):
     logarithms = np.linspace(-0.5, 0.5, int((~refit.bounded).sum()))
-    other = refit.moved(logarithms, refit.deviation)
+    other = refit.relinearise(logarithms, refit.deviation)
     weight = refit.used[:, None] / refit.deviation
     slopes = jacobian_again(other.machine, refit.known.freq_hz, weight, refit.slopes)
     np.testing.assert_allclose(slopes.springs, other.slopes.springs)
@@ -234,8 +234,10 @@ def test_a_weaker_damper_hides_a_short_delay(machine, refit):
     short = effect.sized(0.9 * joint.damping / joint.stiffness)
     delayed = replace(machine, effects=(short,))
     assert refit.ratio(delayed) > 5
-    assert refit.retuned(delayed) < 0.02 * refit.ratio(delayed)
-    assert refit.retuned(delayed, least=100.0) > refit.retuned(delayed)  # it went no further
+    assert refit.retuned_ratio(delayed) < 0.02 * refit.ratio(delayed)
+    assert refit.retuned_ratio(delayed, least=100.0) > refit.retuned_ratio(
+        delayed
+    )  # it went no further
 
 
 def refit_free(refit, change):

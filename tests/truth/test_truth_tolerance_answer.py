@@ -9,15 +9,15 @@ from scipy.spatial.transform import Rotation
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.draw import (
     REAL_INSTRUMENTS,
-    Tolerance,
+    Tolerances,
     draw_basis,
     draw_drawing,
     draw_hammers,
     draw_true,
 )
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.protocol import Protocol, occasions, takes
-from truth.campaign.tolerance_answer import stated
+from truth.campaign.tolerance_answer import subtract_drawing
 from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
 from truth.machine.rig import Occasion
@@ -29,8 +29,8 @@ SEED = 8
 @pytest.fixture(scope="module")
 def drawn(two_bodies):
     basis = draw_basis(two_bodies, SEED)
-    drawing, true = draw_drawing(basis, SEED), draw_true(basis, Tolerance(), SEED)
-    return drawing, true, draw_hammers(drawing, 1, Tolerance(), SEED)
+    drawing, true = draw_drawing(basis, SEED), draw_true(basis, Tolerances(), SEED)
+    return drawing, true, draw_hammers(drawing, 1, Tolerances(), SEED)
 
 
 def with_effect(drawn, name, place):
@@ -38,8 +38,8 @@ def with_effect(drawn, name, place):
     protocol = Protocol((1,))
     scene = Scene(true, occasions(protocol, takes(protocol, true, SEED)))
     effect = CATALOGUE[name](stream(SEED, "x"), scene, place)
-    after = Machine(true, hammers, (effect,)).prepared(Occasion(node=1))
-    return effect.answer(), stated(effect.answer(), drawing, true, after), after
+    after = TrueMachine(true, hammers, (effect,)).prepare(Occasion(node=1))
+    return effect.answer(), subtract_drawing(effect.answer(), drawing, true, after), after
 
 
 def test_axes_are_the_drawn_ones_turned_by_the_stated_rotation(drawn):
@@ -108,7 +108,7 @@ def test_a_mass_sits_at_its_place_from_the_drawn_centre(drawn):
 def test_the_campaigns_answer_is_the_stated_one(two_bodies):
     plan = Plan(SEED, Cause((Wanted("sensor_gain", "sensor:acc2"),)), Protocol((1,)))
     answer = tomllib.loads(draw_campaign(two_bodies, plan).answer.decode())
-    true = draw_true(draw_basis(two_bodies, SEED), Tolerance(), SEED)
+    true = draw_true(draw_basis(two_bodies, SEED), Tolerances(), SEED)
     (sensor,) = (one for _, one in true.sensors() if one.node == 2)
     factor = answer["parameters"]["gain"] / sensor.gain["xyz".index(answer["dof"][1])]
     assert factor > 1.004 or factor < 0.996

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from truth.campaign.cause import Cause, Drawn, Draws, Wanted
-from truth.campaign.draw import Tolerance
+from truth.campaign.draw import Tolerances
 from truth.campaign.file_formats import answer_toml
 from truth.campaign.folder import write_answer, write_campaign
 from truth.campaign.measure import Measurement
 from truth.campaign.protocol import Protocol
 from truth.campaign.uff import uff_bytes
-from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
+from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign
 from truth.effects import Answer
 from truth.effects.null import draw_nothing
 from truth.errors import TruthError
@@ -32,7 +32,7 @@ APPENDAGE = Cause((Wanted("appendage", "body:ty"),))
 
 
 @pytest.fixture(scope="module")
-def campaign(nominal) -> Campaign:
+def campaign(nominal) -> VirtualCampaign:
     return draw_campaign(nominal, Plan(11, APPENDAGE))
 
 
@@ -95,7 +95,7 @@ def test_a_measurement_without_all_its_cells_is_refused(measurement):
 def test_the_campaign_states_its_test_and_every_tolerance(campaign):
     stated = tomllib.loads(campaign.files["campaign.toml"].decode())
     assert stated["model"] in campaign.files
-    assert stated["tolerance"] == asdict(Tolerance())
+    assert stated["tolerance"] == asdict(Tolerances())
     (test,) = stated["test"]
     assert test == {"file": "impact_200N.uff", "level": 200.0, "averages": 10}
     assert test["file"] in campaign.files
@@ -179,8 +179,8 @@ def test_an_unknown_effect_is_refused_with_the_catalogue(nominal):
 
 
 @pytest.fixture
-def small() -> Campaign:
-    return Campaign({"campaign.toml": b"new"}, b"b")
+def small() -> VirtualCampaign:
+    return VirtualCampaign({"campaign.toml": b"new"}, b"b")
 
 
 def test_a_campaign_is_replaced_only_when_told_so(small, tmp_path):
@@ -222,7 +222,7 @@ def test_a_folder_of_something_else_is_never_replaced(small, tmp_path, overwrite
 @pytest.mark.parametrize("stage", ["write_bytes", "rename"])
 def test_a_failure_on_the_way_leaves_the_old_campaign(small, tmp_path, monkeypatch, stage):
     folder = tmp_path / "out"
-    write_campaign(Campaign({"campaign.toml": b"old"}, b"a"), folder)
+    write_campaign(VirtualCampaign({"campaign.toml": b"old"}, b"a"), folder)
     original = getattr(Path, stage)
 
     def full(path: Path, *arguments):
@@ -246,7 +246,7 @@ def test_sized_by_one_test_the_machine_is_the_same_in_another(nominal):
         tomllib.loads(draw_campaign(nominal, Plan(13, cause, *rest)).answer.decode())
         for rest in (
             (plain,),
-            (more, Tolerance(), 0, plain),
+            (more, Tolerances(), 0, plain),
             (more,),
         )
     )

@@ -18,7 +18,7 @@ from truth.effects.mount_resonance import REFERENCE_HZ, MountResonance
 from truth.effects.parallel_path import draw_parallel_path
 from truth.effects.structural_damping import StructuralDamping
 from truth.errors import TruthError
-from truth.machine.station import Real, Stage, Station
+from truth.machine.station import Real, StageBody, Station
 from truth.random_streams import stream
 
 # Sizes at scale 1.
@@ -57,7 +57,7 @@ class Background:
         """The items at their sizes."""
         return tuple(item.sized(self.scale * float(item.size or 0.0)) for item in self.items)
 
-    def scaled(self, factor: float) -> "Background":
+    def rescale(self, factor: float) -> "Background":
         """Return the background with every size multiplied by a factor."""
         return replace(self, scale=self.scale * factor)
 
@@ -99,14 +99,14 @@ def _mounts(station: Station, _: float, random: np.random.Generator) -> Iterator
 
 
 def _losses(station: Station, _: float, random: np.random.Generator) -> Iterator[Effect]:
-    for stage in _held(station):
+    for stage in _list_jointed_stages(station):
         if any(joint.stiffness > 0 for joint in stage.joints):
             size = random.uniform(*LOSS_FACTOR)
             yield StructuralDamping(size=size, stage=stage.name, share=1.0)
 
 
 def _guides(station: Station, _: float, random: np.random.Generator) -> Iterator[Effect]:
-    for stage in _held(station):
+    for stage in _list_jointed_stages(station):
         turns = random.standard_normal((len(stage.joints), 3)).tolist()
         yield AskewGuides(
             size=ASKEW_RAD, stage=stage.name, turns=tuple((x, y, z) for x, y, z in turns)
@@ -152,5 +152,5 @@ def _body_modes(
             )
 
 
-def _held(station: Station) -> list[Stage]:
+def _list_jointed_stages(station: Station) -> list[StageBody]:
     return [stage for stage in station.stages if stage.joints]

@@ -75,11 +75,11 @@ class AskewGuides(Sized):
         index = tested.station.index(self.stage)
         stages = list(tested.station.stages)
         joints = tuple(
-            self._turned(joint, turn)
+            self._turn_joint(joint, turn)
             for joint, turn in zip(stages[index].joints, self.turns, strict=True)
         )
         stages[index] = replace(stages[index], joints=joints)
         return replace(tested, station=replace(tested.station, stages=tuple(stages)))
 
-    def _turned(self, joint: Joint, turn: tuple[float, float, float]) -> Joint:
+    def _turn_joint(self, joint: Joint, turn: tuple[float, float, float]) -> Joint:
         return replace(joint, axis=joint.axis + self.size * np.cross(turn, joint.axis))

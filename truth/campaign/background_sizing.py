@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 
 from truth.background.draw import Background
-from truth.campaign.survival import Refit
+from truth.campaign.survival import SurvivalRefit
 from truth.errors import TruthError
 from truth.machine.station import Real
 
-_CLOSE = 0.05  # relative difference from the wanted part at which the search ends
-_NOTHING = 1e-9  # relative motion below which there is rounding alone
-_TURNS = 8  # refits at most
+_MOTION_TOLERANCE = 0.05  # relative difference from the wanted part at which the search ends
+_MIN_RELATIVE_MOTION = 1e-9  # relative motion below which there is rounding alone
+_MAX_REFITS = 8  # refits at most
 _LARGEST_STEP = 4.0  # factor on the scale in one turn
 _MAX_NOISE = 0.3  # relative noise from which a channel does not count, as in a verdict's error
 
 
-def size_background(background: Background, refit: Refit, wanted: float) -> Background:
+def size_background(background: Background, refit: SurvivalRefit, wanted: float) -> Background:
     """Return the background at the scale at which a refit leaves the wanted part of the motion.
 
     What is left is ``sqrt(mean e_c^2)`` over the channels whose noise is at most 0.3 of their
@@ -32,22 +32,22 @@ def size_background(background: Background, refit: Refit, wanted: float) -> Back
         TruthError: the machine has nothing that the background could change.
     """
     best, best_off = background, np.inf
-    for _ in range(_TURNS):
+    for _ in range(_MAX_REFITS):
         left = refit.motion_left(replace(refit.machine, effects=background.effects), wanted)
         error = mean_error(left, refit)
-        if error < _NOTHING:
+        if error < _MIN_RELATIVE_MOTION:
             raise TruthError(f"{refit.machine.station.name}: its background changes no channel")
         off = abs(float(np.log(error / wanted)))
         if off < best_off:
             best, best_off = replace(background, left=left), off
-        if off <= _CLOSE:
+        if off <= _MOTION_TOLERANCE:
             break
         factor = float(np.clip(wanted / error, 1 / _LARGEST_STEP, _LARGEST_STEP))
-        background = background.scaled(factor)
+        background = background.rescale(factor)
     return best
 
 
-def mean_error(left: Real, refit: Refit) -> float:
+def mean_error(left: Real, refit: SurvivalRefit) -> float:
     """Return the root mean square of the relative errors of the channels that count.
 
     Args:

@@ -9,7 +9,7 @@ from truth.machine.station import Mask, Real
 
 BOUND = 2.5  # standard deviations within which a tolerance is kept
 _BLOCK_ROUNDS = 30  # changes of whole blocks
-_ROUNDING = 1e-13  # of the terms of a slope
+_SLOPE_ROUNDING = 1e-13  # of the terms of a slope
 _RELATIVE_RIDGE = 1e-13  # of the diagonal: for a joint that no sensor sees
 
 
@@ -30,10 +30,10 @@ def normal_matrix(slopes: Jacobian, shape: tuple[int, ...], before: Real | None 
     )
     normal[:first, :first] = _gram(slopes.springs)
     normal[:first, first:split] = slopes.springs.T @ slopes.tolerances
-    normal[:first, split:] = _crossed(slopes.springs, slopes.of_sensors, shape)
+    normal[:first, split:] = _sensor_gram(slopes.springs, slopes.of_sensors, shape)
     if before is None:
         normal[first:split, first:split] = _gram(slopes.tolerances)
-        normal[first:split, split:] = _crossed(slopes.tolerances, slopes.of_sensors, shape)
+        normal[first:split, split:] = _sensor_gram(slopes.tolerances, slopes.of_sensors, shape)
         normal[split:, first:split] = normal[first:split, split:].T
         for number, columns in enumerate(slopes.of_sensors):
             here = slice(split + each * number, split + each * (number + 1))
@@ -48,10 +48,10 @@ def _gram(columns: Real) -> Real:
     return np.asarray(np.triu(half) + np.triu(half, 1).T)
 
 
-def _crossed(columns: Real, own: Real, shape: tuple[int, ...]) -> Real:
+def _sensor_gram(columns: Real, of_sensors: Real, shape: tuple[int, ...]) -> Real:
     """Return J^T J of columns and those of each sensor, which has three rows; (n, n_all_own)."""
     whole, products = columns.T.reshape(-1, 2, *shape), []
-    for number, sensor in enumerate(own):
+    for number, sensor in enumerate(of_sensors):
         rows = whole[:, :, :, 3 * number : 3 * number + 3]
         products.append(rows.reshape(len(whole), -1) @ sensor)
     return np.hstack(products)
@@ -116,7 +116,7 @@ def _inward_slope(inner: Real, push: Real, solution: Real, held: Real) -> Real:
     slopes, places = np.zeros(len(push)), np.flatnonzero(held)
     rows = inner[places]
     slope = (rows @ solution - push[places]) * held[places]
-    error = _ROUNDING * (np.abs(rows) @ np.abs(solution) + np.abs(push[places]))
+    error = _SLOPE_ROUNDING * (np.abs(rows) @ np.abs(solution) + np.abs(push[places]))
     slopes[places] = np.where(slope > error, slope, 0.0)
     return slopes
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
-from truth.campaign.draw import Tolerance, draw_basis, draw_rigid
+from truth.campaign.draw import Tolerances, draw_basis, draw_rigid
 from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.place_names import find_place
 from truth.campaign.protocol import Protocol, draw_protocol, occasions, takes
-from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
+from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign
 from truth.effects import CATALOGUE, Scene
 from truth.effects.outside import OUTSIDE
 from truth.errors import NoPlaceError, TruthError
@@ -26,7 +26,7 @@ from truth.random_streams import stream
 
 RATIOS = (1.0, 2.0, 4.0, 8.0)
 RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing
-_NOTHING, _MISTUNED, _PAIRS, _MANY = 4, 2, 2, 1  # of each in a round
+_NOTHING_CARDS, _MISTUNED_CARDS, _PAIR_CARDS, _MANY_CARDS = 4, 2, 2, 1  # of each in a round
 _SMALL = (0.2, 0.6)  # survival ratios of the small ones behind a large one
 _MANY_SMALL = (3, 6)
 _TWINS = (
@@ -69,7 +69,7 @@ class Card:
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class DrawnCase:
     """A case as drawn.
 
     Args:
@@ -82,7 +82,7 @@ class Case:
     number: int
     plan: Plan
     station: Station
-    campaign: Campaign
+    campaign: VirtualCampaign
 
 
 def draw_case(
@@ -90,8 +90,8 @@ def draw_case(
     seed: int,
     number: int,
     choice: Choice = WHOLE_DECK,
-    own: OwnTest | None = None,
-) -> Case:
+    user_test: OwnTest | None = None,
+) -> DrawnCase:
     """Draw a case of a blind test.
 
     Args:
@@ -99,7 +99,7 @@ def draw_case(
         seed: of the whole test.
         number: of the case, from 0.
         choice: effects, places and sizes that the user chose.
-        own: the user's own test of his own model; None for a test that is drawn.
+        user_test: the user's own test of his own model; None for a test that is drawn.
 
     Raises:
         TruthError: the machine has no place for what is wanted.
@@ -109,8 +109,8 @@ def draw_case(
     words = np.random.SeedSequence(seed, spawn_key=key).generate_state(4)  # too many to be tried
     machine = int.from_bytes(words.tobytes(), "little")
     station = nominal or draw_tree(machine)
-    protocol = draw_protocol(station, machine) if own is None else own.protocol
-    if station.source is not None and own is None:
+    protocol = draw_protocol(station, machine) if user_test is None else user_test.protocol
+    if station.source is not None and user_test is None:
         protocol = fit_to_machine(protocol, station)
     for turn in range(_TRIES):
         random = stream(machine, f"cause.{turn}")
@@ -119,15 +119,15 @@ def draw_case(
             machine,
             cause,
             protocol,
-            Tolerance() if own is None else own.tolerance,
+            Tolerances() if user_test is None else user_test.tolerance,
             rigid=RIGID,
             dirt=choice.dirt,
-            as_drawn=own is not None,
+            as_drawn=user_test is not None,
         )
         if card.twins and not _do_for_both(card, cause, station, protocol, machine):
             continue
         try:
-            return Case(number, plan, station, draw_campaign(station, plan))
+            return DrawnCase(number, plan, station, draw_campaign(station, plan))
         except NoPlaceError:
             if choice.is_made:
                 raise
@@ -146,28 +146,28 @@ def deal_cards(seed: int, choice: Choice = WHOLE_DECK) -> Iterator[Card]:
     turn, pair = 0, 0
     while True:
         random = stream(seed, f"deck.{turn}")
-        found: list[list[Card]] = [[Card("nothing")] for _ in range(_NOTHING)]
-        found += [[Card("mistuned")] for _ in range(_MISTUNED)]
+        cards: list[list[Card]] = [[Card("nothing")] for _ in range(_NOTHING_CARDS)]
+        cards += [[Card("mistuned")] for _ in range(_MISTUNED_CARDS)]
         catalogue = [name for name in CATALOGUE if name not in _NOT_IN_DECK]
         for kind, names in (("one", catalogue), ("outside", list(OUTSIDE))):
             # The four ratios in turn for each effect; with which it starts, the seed says.
             start = stream(seed, f"deck.{kind}").integers(len(RATIOS), size=len(names))
-            found += [
+            cards += [
                 [Card(kind, (name,), RATIOS[(turn + first) % len(RATIOS)])]
                 for name, first in zip(names, start.tolist(), strict=True)
             ]
-        for _ in range(_PAIRS):
-            found.append([Card("two", _several(random, catalogue, 2), _ratio(random))])
+        for _ in range(_PAIR_CARDS):
+            cards.append([Card("two", _several(random, catalogue, 2), _ratio(random))])
         sized = [name for name in catalogue if name not in _WITHOUT_SIZE]
-        for _ in range(_MANY):
+        for _ in range(_MANY_CARDS):
             count = 1 + int(random.integers(_MANY_SMALL[0], _MANY_SMALL[1] + 1))
-            found.append([Card("many", _several(random, sized, count), _ratio(random))])
-        one, other, place = _TWINS[int(random.integers(len(_TWINS)))]
+            cards.append([Card("many", _several(random, sized, count), _ratio(random))])
+        first_twin, second_twin, place = _TWINS[int(random.integers(len(_TWINS)))]
         ratio, pair = _ratio(random), pair + 1
-        both = (one, other)
-        found.append([Card("twin", (name,), ratio, pair, place, both) for name in both])
-        for number in random.permutation(len(found)).tolist():
-            yield from found[number]
+        twins = (first_twin, second_twin)
+        cards.append([Card("twin", (name,), ratio, pair, place, twins) for name in twins])
+        for number in random.permutation(len(cards)).tolist():
+            yield from cards[number]
         turn += 1
 
 
@@ -209,5 +209,5 @@ def _cause(card: Card, station: Station, random: np.random.Generator, turn: int)
     first = Wanted(names[0], place, card.ratio or None, parameter=card.parameter)
     if card.kind == "two":
         return Cause((first, Wanted(names[1], None, card.ratio)), kind=card.kind)
-    others = (Wanted(name, None, random.uniform(*_SMALL)) for name in names[1:])
-    return Cause((first, *others), kind=card.kind)
+    small = (Wanted(name, None, random.uniform(*_SMALL)) for name in names[1:])
+    return Cause((first, *small), kind=card.kind)

@@ -6,19 +6,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from truth.campaign.machine_on_test import Machine
-from truth.campaign.survival import Refit
+from truth.campaign.machine_on_test import TrueMachine
+from truth.campaign.survival import SurvivalRefit
 from truth.effects import Effect, Scene
 from truth.effects.effect import stated_number
 from truth.effects.other_packages import known_effects
 from truth.errors import NoPlaceError, TruthError
 from truth.random_streams import stream
 
-_DRAWS = 20  # of place and shape, for an effect as strong as is wanted
-_CLOSE = 0.04  # of the wanted ratio
+_MAX_EFFECT_DRAWS = 20  # of place and shape, for an effect as strong as is wanted
+_RATIO_TOLERANCE = 0.04  # of the wanted ratio
 _HIDDEN = 1.1  # of the logarithm of the wanted ratio: a refit takes nearly all
 _MORE = 4.0  # times the ratio, what the first step may have to leave
-_TURNS = 12  # repetitions of the search for a size
+_MAX_SIZE_STEPS = 12  # repetitions of the search for a size
 _OVERSHOT = 0.25  # of the logarithm of the ratio: a correction that goes farther is taken back
 _BETWEEN = 3  # sizes between one that leaves too little and one that leaves too much, at most
 
@@ -42,7 +42,7 @@ class Wanted:
     ratio: float | None = None
     corrections: int = 1
     parameter: tuple[str, float] | None = None
-    draws: int = _DRAWS
+    draws: int = _MAX_EFFECT_DRAWS
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Draws:
 
 
 def draw_effects(
-    machine: Machine, scene: Scene, cause: Cause, refit: Callable[[], Refit], seed: int
+    machine: TrueMachine, scene: Scene, cause: Cause, refit: Callable[[], SurvivalRefit], seed: int
 ) -> Draws:
     """Draw the effects of a cause, each as strong as is wanted.
 
@@ -94,8 +94,8 @@ def draw_effects(
     Raises:
         TruthError: an effect is unknown, or the machine cannot have it at all.
     """
-    linear = refit() if any(one.ratio is not None for one in cause.wanted) else None
-    found: list[Drawn] = []
+    linear = refit() if any(wanted.ratio is not None for wanted in cause.wanted) else None
+    effects: list[Drawn] = []
     discarded = 0
     for number, wanted in enumerate(cause.wanted):
         if wanted.effect not in known_effects():
@@ -104,23 +104,23 @@ def draw_effects(
             )
         name = f"effect.{wanted.effect}" + (f".{number}" if number else "")
         random = stream(seed, name)
-        taken = {one.effect.answer().location for one in found}
-        drawn, more = _drawn(random, machine, scene, wanted, linear, taken)
-        found.append(drawn)
+        taken = {drawn.effect.answer().location for drawn in effects}
+        drawn, more = _draw_effect(random, machine, scene, wanted, linear, taken)
+        effects.append(drawn)
         discarded += more
-    both = replace(machine, effects=tuple(one.effect for one in found))
+    both = replace(machine, effects=tuple(drawn.effect for drawn in effects))
     rigs = [both.rig(occasion) for occasion in scene.occasions[:1]]
     if any(rig.joints and rig.laws for rig in rigs):
         raise NoPlaceError("a stiffness that depends on frequency cannot stand beside a nonlinear")
-    return Draws(tuple(found), discarded)
+    return Draws(tuple(effects), discarded)
 
 
-def _drawn(
+def _draw_effect(
     random: np.random.Generator,
-    machine: Machine,
+    machine: TrueMachine,
     scene: Scene,
     wanted: Wanted,
-    refit: Refit | None,
+    refit: SurvivalRefit | None,
     taken: set[str],
 ) -> tuple[Drawn, int]:
     """Draw one effect; of draws that all fail the one that comes nearest to its ratio is kept."""
@@ -174,7 +174,7 @@ def _with_parameter(effect: Effect, name: str, value: float) -> Effect | None:
 
 
 def _strong(
-    effect: Effect, machine: Machine, ratio: float, refit: Refit, corrections: int
+    effect: Effect, machine: TrueMachine, ratio: float, refit: SurvivalRefit, corrections: int
 ) -> tuple[Drawn, bool]:
     """Choose the size for a ratio; whether a refit leaves about as much as was aimed at.
 
@@ -191,7 +191,10 @@ def _strong(
         return tried[0], True
     aim = ratio
     for _ in range(corrections):
-        if _surviving(first) < aim * np.exp(-2 * _CLOSE) or _off(tried[-1], ratio) <= 2 * _CLOSE:
+        if (
+            _surviving(first) < aim * np.exp(-2 * _RATIO_TOLERANCE)
+            or _off(tried[-1], ratio) <= 2 * _RATIO_TOLERANCE
+        ):
             break
         aim = min(aim * ratio / _surviving(tried[-1]), _MORE * ratio)
         first = _first_step(effect, machine, aim, refit)
@@ -200,7 +203,9 @@ def _strong(
     return nearest, _off(nearest, ratio) <= _HIDDEN
 
 
-def _interpolate_size(tried: list[Drawn], machine: Machine, ratio: float, refit: Refit) -> Drawn:
+def _interpolate_size(
+    tried: list[Drawn], machine: TrueMachine, ratio: float, refit: SurvivalRefit
+) -> Drawn:
     """Return the size that comes nearest to a ratio, of those tried and of some between them.
 
     Between a size with a smaller ratio and one with a larger ratio, the logarithm of the ratio is
@@ -225,28 +230,28 @@ def _surviving(drawn: Drawn) -> float:
     return max(drawn.ratio or 0.0, 1e-9)
 
 
-def _whole(first: Drawn, machine: Machine, refit: Refit, least: float = 0.0) -> Drawn:
-    """The same with the ratio that a whole refit leaves; of less than the least not how much."""
-    found = replace(machine, effects=(first.effect,))
-    return replace(first, ratio=refit.retuned(found, least))
+def _whole(first: Drawn, machine: TrueMachine, refit: SurvivalRefit, least: float = 0.0) -> Drawn:
+    """Return an effect with the ratio that a whole refit leaves; it stops below the least."""
+    faulty = replace(machine, effects=(first.effect,))
+    return replace(first, ratio=refit.retuned_ratio(faulty, least))
 
 
-def _first_step(effect: Effect, machine: Machine, ratio: float, refit: Refit) -> Drawn:
+def _first_step(effect: Effect, machine: TrueMachine, ratio: float, refit: SurvivalRefit) -> Drawn:
     """Choose the size for a ratio to first order: it grows in proportion until it saturates."""
 
-    def survives(one: Effect) -> float:
-        return refit.ratio(replace(machine, effects=(one,)))
+    def survives(candidate: Effect) -> float:
+        return refit.ratio(replace(machine, effects=(candidate,)))
 
     if effect.size is None or effect.limits is None:
         return Drawn(effect, survives(effect))
     low, high = np.log(effect.limits)
     ends, at = (low, high), float(np.log(effect.size))
     best = Drawn(effect, 0.0)
-    for _ in range(_TURNS):
+    for _ in range(_MAX_SIZE_STEPS):
         tried = effect.sized(float(np.exp(at)))
         best = Drawn(tried, survives(tried))
         off = float(np.log(_surviving(best) / ratio))
-        if abs(off) <= _CLOSE:
+        if abs(off) <= _RATIO_TOLERANCE:
             break
         if at in ends:  # not even there
             break

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
-from truth.campaign.draw import Tolerance
+from truth.campaign.draw import Tolerances
 from truth.campaign.protocol import Protocol
 from truth.random_streams import stream
 
@@ -70,4 +70,4 @@ class OwnTest:
     """
 
     protocol: Protocol
-    tolerance: Tolerance
+    tolerance: Tolerances

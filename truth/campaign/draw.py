@@ -16,7 +16,16 @@ from scipy.spatial.transform import Rotation
 
 from truth.errors import TruthError
 from truth.machine.springs import Motor
-from truth.machine.station import GROUND, Hammer, Joint, Real, Sensor, Stage, Station, is_inertia
+from truth.machine.station import (
+    GROUND,
+    Hammer,
+    Joint,
+    Real,
+    Sensor,
+    StageBody,
+    Station,
+    is_inertia,
+)
 from truth.random_streams import stream
 
 # Standard deviations of the logarithms: a machine about the nominal, a drawing about the machine.
@@ -27,7 +36,7 @@ DRAWN_DAMPING = 0.5
 
 
 @dataclass(frozen=True)
-class Tolerance:
+class Tolerances:
     """One standard deviation of what a drawing says; the fields as in ``campaign.toml``."""
 
     mass: float = 0.02
@@ -45,9 +54,9 @@ class Tolerance:
     hammer_delay: float = 0.0
 
 
-NO_TOLERANCE = Tolerance(*(0.0,) * 13)
+NO_TOLERANCE = Tolerances(*(0.0,) * 13)
 # With delays, cross-talk and calibration of the force at work too, as in any real test.
-REAL_INSTRUMENTS = Tolerance(
+REAL_INSTRUMENTS = Tolerances(
     sensor_delay=2e-5, sensor_cross=0.014, hammer_gain=0.02, hammer_delay=2e-5
 )
 
@@ -75,7 +84,7 @@ def draw_rigid(basis: Station, count: int, seed: int) -> Station:
     random = stream(seed, "basis.rigid")
     stages = list(basis.stages)
     gone: dict[int, int] = {}
-    places = [(i, joint.name) for i, one in enumerate(stages) for joint in one.joints]
+    places = [(i, joint.name) for i, stage in enumerate(stages) for joint in stage.joints]
     for number in random.permutation(len(places)).tolist():
         index, name = places[number]
         joints = basis.stages[index].joints
@@ -139,7 +148,7 @@ def draw_drawing(basis: Station, seed: int) -> Station:
     )
 
 
-def draw_true(basis: Station, tolerance: Tolerance, seed: int) -> Station:
+def draw_true(basis: Station, tolerance: Tolerances, seed: int) -> Station:
     """Return the true machine: the basis with masses, geometry and sensors off by tolerances."""
     body = stream(seed, "tolerance.body")
     joint = stream(seed, "tolerance.joint")
@@ -148,10 +157,10 @@ def draw_true(basis: Station, tolerance: Tolerance, seed: int) -> Station:
     stages = []
     for stage in basis.stages:
         shift = tolerance.joint_position * joint.standard_normal(3)
-        joints = tuple(replace(one, position=one.position + shift) for one in stage.joints)
+        joints = tuple(replace(drawn, position=drawn.position + shift) for drawn in stage.joints)
         sensors = tuple(
-            _off_instrument(_off_sensor(one, tolerance, sensor), tolerance, instrument)
-            for one in stage.sensors
+            _off_instrument(_off_sensor(drawn, tolerance, sensor), tolerance, instrument)
+            for drawn in stage.sensors
         )
         stages.append(replace(_off_body(stage, tolerance, body), joints=joints, sensors=sensors))
     return replace(basis, stages=tuple(stages))
@@ -160,7 +169,7 @@ def draw_true(basis: Station, tolerance: Tolerance, seed: int) -> Station:
 def draw_hammers(
     drawing: Station,
     node: int,
-    tolerance: Tolerance,
+    tolerance: Tolerances,
     seed: int,
     purpose: str = "tolerance.hammer",
     instrument: str = "",
@@ -181,7 +190,7 @@ def draw_hammers(
     return tuple(hammers)
 
 
-def draw_motor(motor: Motor, node: int, tolerance: Tolerance, seed: int) -> Hammer:
+def draw_motor(motor: Motor, node: int, tolerance: Tolerances, seed: int) -> Hammer:
     """Return the force of a motor, with gain and delay of its own force channel.
 
     Args:
@@ -195,7 +204,7 @@ def draw_motor(motor: Motor, node: int, tolerance: Tolerance, seed: int) -> Hamm
     return Hammer(node, 0, *still, gain, delay, along=motor.along, instrument=motor.name)
 
 
-def _draw_force_channel(tolerance: Tolerance, seed: int, instrument: str) -> tuple[float, float]:
+def _draw_force_channel(tolerance: Tolerances, seed: int, instrument: str) -> tuple[float, float]:
     """Return gain and delay [s] of the force channel of an instrument."""
     purpose = f"tolerance.force.{instrument}" if instrument else "tolerance.force"
     channel = stream(seed, purpose).standard_normal(2)
@@ -203,7 +212,7 @@ def _draw_force_channel(tolerance: Tolerance, seed: int, instrument: str) -> tup
     return float(gain), float(delay)
 
 
-def _off_body(stage: Stage, tolerance: Tolerance, random: np.random.Generator) -> Stage:
+def _off_body(stage: StageBody, tolerance: Tolerances, random: np.random.Generator) -> StageBody:
     return replace(
         stage,
         mass=stage.mass * (1 + tolerance.mass * random.standard_normal()),
@@ -212,7 +221,7 @@ def _off_body(stage: Stage, tolerance: Tolerance, random: np.random.Generator) -
     )
 
 
-def _off_inertia(stage: Stage, spread: float, random: np.random.Generator) -> Real:
+def _off_inertia(stage: StageBody, spread: float, random: np.random.Generator) -> Real:
     """Return the inertia with each of its six numbers off by a relative error of its own.
 
     A draw that no solid body can have is drawn again: flat stages lie near that border.
@@ -225,7 +234,7 @@ def _off_inertia(stage: Stage, spread: float, random: np.random.Generator) -> Re
     raise TruthError(f"body {stage.name}: no inertia within {spread:g} of the drawn one is valid")
 
 
-def _off_sensor(sensor: Sensor, tolerance: Tolerance, random: np.random.Generator) -> Sensor:
+def _off_sensor(sensor: Sensor, tolerance: Tolerances, random: np.random.Generator) -> Sensor:
     turn = Rotation.from_rotvec(tolerance.sensor_angle * random.standard_normal(3))
     return replace(
         sensor,
@@ -235,7 +244,7 @@ def _off_sensor(sensor: Sensor, tolerance: Tolerance, random: np.random.Generato
     )
 
 
-def _off_instrument(sensor: Sensor, tolerance: Tolerance, random: np.random.Generator) -> Sensor:
+def _off_instrument(sensor: Sensor, tolerance: Tolerances, random: np.random.Generator) -> Sensor:
     numbers = random.standard_normal((2, 3))
     return replace(
         sensor,
@@ -262,4 +271,4 @@ def _with_joint_factors(
             damping=joint.damping * factor(*damping),
         )
 
-    return station.varied(vary)
+    return station.vary_joints(vary)

@@ -9,11 +9,11 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from truth.campaign.cause import Cause, Draws
-from truth.campaign.draw import Tolerance
+from truth.campaign.draw import Tolerances
 from truth.campaign.measure import Measurement
 from truth.campaign.protocol import Protocol, Take
 from truth.effects import Answer
-from truth.machine.station import GROUND, Stage, Station
+from truth.machine.station import GROUND, StageBody, Station
 
 MESH_FOLDER = "meshes"
 MODEL_FOLDER = "model"  # of a user's own MJCF with all that it reads
@@ -51,7 +51,7 @@ def model_xml(drawing: Station) -> str:
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: Tolerance) -> str:
+def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: Tolerances) -> str:
     """Return the campaign's description with every test and every tolerance."""
     lines = ["format = 1", f'model = "{model}"', ""]
     for take in files:
@@ -80,12 +80,12 @@ def _stated_lines(take: Take, averages: int) -> list[str]:
         return [f"averages = {averages}"]
     stated = take.test.stated
     lines = [f"averages = {stated.averages}"] if stated.averages > 1 else []
-    lines += [f"hammer = {_quoted(stated.hammer)}"] if stated.hammer else []
-    names = ", ".join(map(_quoted, stated.channels))
+    lines += [f"hammer = {_quote(stated.hammer)}"] if stated.hammer else []
+    names = ", ".join(map(_quote, stated.channels))
     return [
         *lines,
         f"channels = [{names}]",
-        f"references = [{_quoted(stated.reference)}]",
+        f"references = [{_quote(stated.reference)}]",
         'quantity = "accelerance"',
         'unit = "m/s^2/N"',
     ]
@@ -104,7 +104,7 @@ def answer_toml(  # what is found, and how it was drawn
     One effect or none stands by itself, of several each has its table ``[[cause]]``. How the case
     was drawn comes last, in ``[drawn]``.
     """
-    ratios = [one.ratio for one in draws.drawn]
+    ratios = [drawn.ratio for drawn in draws.drawn]
     lines = [f"# salt {salt}"]
     if not answers:
         lines += ['effect = "none"', "", "[parameters]"]
@@ -112,8 +112,8 @@ def answer_toml(  # what is found, and how it was drawn
         lines += _one_answer(answers[0], ratios[0], "parameters")
     else:
         lines += ['effect = "several"']
-        for one, ratio in zip(answers, ratios, strict=True):
-            lines += ["", "[[cause]]", *_one_answer(one, ratio, "cause.parameters")]
+        for answer, ratio in zip(answers, ratios, strict=True):
+            lines += ["", "[[cause]]", *_one_answer(answer, ratio, "cause.parameters")]
     lines += ["", "[drawn]", f"machine = {json.dumps(machine, ensure_ascii=False)}"]
     lines += [f'kind = "{cause.kind}"'] if cause.kind else []
     lines += [f"mistuned = {json.dumps(cause.mistuned)}", f"discarded = {draws.discarded}"]
@@ -135,13 +135,13 @@ def dirt_toml(items: tuple[Answer, ...], per_cent: float, scale: float) -> str:
         return ""
     lines = ["", "[dirt]", f"per_cent = {float(per_cent)!r}", f"scale = {float(scale)!r}"]
     for item in items:
-        lines += ["", "[[dirt.item]]", f"effect = {_quoted(item.effect)}"]
-        lines += [f"location = {_quoted(item.location)}"]
-        lines += [f"dof = {_quoted(item.dof)}"] if item.dof else []
+        lines += ["", "[[dirt.item]]", f"effect = {_quote(item.effect)}"]
+        lines += [f"location = {_quote(item.location)}"]
+        lines += [f"dof = {_quote(item.dof)}"] if item.dof else []
     return "\n".join(lines) + "\n"
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     """Return a TOML string; a JSON string is one, whatever characters a body's name has."""
     return json.dumps(text, ensure_ascii=False)
 
@@ -156,12 +156,12 @@ def _one_answer(answer: Answer, ratio: float | None, table: str) -> list[str]:
         lines.append(f"ratio = {float(ratio)!r}  # what survives a refit, over the noise")
     lines += ["", f"[{table}]"]
     for name, value in answer.parameters.items():
-        numbers = [float(one) for one in value] if isinstance(value, tuple) else float(value)
+        numbers = [float(part) for part in value] if isinstance(value, tuple) else float(value)
         lines.append(f"{name} = {numbers!r}")
     return lines
 
 
-def _body(parent: ET.Element, stage: Stage) -> ET.Element:
+def _body(parent: ET.Element, stage: StageBody) -> ET.Element:
     body = ET.SubElement(parent, "body", name=stage.name)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = stage.inertia.tolist()
     ET.SubElement(

@@ -23,7 +23,7 @@ def natural_frequencies(station: Station) -> Real:
     """Return the undamped natural frequencies [Hz], rising; motions that nothing holds have 0."""
     equations = build(Prepared(station, ())).equations
     basis = null_basis(equations)
-    stiffness, mass = (basis.T @ one @ basis for one in (equations.stiffness, equations.mass))
+    stiffness, mass = (basis.T @ matrix @ basis for matrix in (equations.stiffness, equations.mass))
     values = np.asarray(scipy.linalg.eigvalsh(stiffness, mass), np.float64)
     frequencies: Real = np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
     return frequencies
@@ -50,12 +50,12 @@ def fit_to_machine(protocol: Protocol, station: Station) -> Protocol:
     mass = sum(stage.mass for stage in station.stages)
     return replace(
         protocol,
-        resolution_hz=_rounded(spacing),
+        resolution_hz=_round(spacing),
         lines=lines,
-        levels=tuple(_rounded(level * mass / _MASS_KG) for level in protocol.levels),
-        scale=_rounded(top / _BAND_HZ),
+        levels=tuple(_round(level * mass / _MASS_KG) for level in protocol.levels),
+        scale=_round(top / _BAND_HZ),
     )
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")

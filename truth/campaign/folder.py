@@ -4,7 +4,7 @@ import secrets
 import shutil
 from pathlib import Path
 
-from truth.campaign.virtual_test import Campaign
+from truth.campaign.virtual_test import VirtualCampaign
 from truth.errors import TruthError
 
 ANSWER = "answer.toml"
@@ -24,7 +24,7 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
         raise TruthError(f"{folder}: holds a campaign; give --overwrite to replace it")
 
 
-def write_answer(campaign: Campaign, path: Path) -> None:
+def write_answer(campaign: VirtualCampaign, path: Path) -> None:
     """Write the answer to a place of its own, whole or not at all.
 
     Raises:
@@ -41,7 +41,7 @@ def write_answer(campaign: Campaign, path: Path) -> None:
 
 
 def write_campaign(
-    campaign: Campaign, folder: Path, *, overwrite: bool = False, sealed: bool = False
+    campaign: VirtualCampaign, folder: Path, *, overwrite: bool = False, sealed: bool = False
 ) -> None:
     """Write the folder as a whole: beside its place first, then by renaming.
 

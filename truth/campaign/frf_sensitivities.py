@@ -15,8 +15,8 @@ from itertools import chain
 
 import numpy as np
 
-from truth.campaign.draw import Tolerance
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.draw import Tolerances
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.parameter_slopes import Slopes, Springs, list_springs, slopes_by_tolerances
 from truth.machine.dynamics import Equations, point_row
 from truth.machine.rig import Occasion
@@ -29,7 +29,7 @@ _TOGETHER = 8  # slopes of matrices in one product, whose values a cache holds
 class Jacobian:
     """J of a machine without effects, over the standard deviations of the values.
 
-    Values are ``stacked``; both matrices of all values are in Fortran's order.
+    Values are those of ``stack_parts``; both matrices of all values are in Fortran's order.
 
     Args:
         springs: by log k and log c of each spring in turn; (2 n_value, 2 n_spring).
@@ -58,7 +58,7 @@ class Jacobian:
         )
 
 
-def jacobian(machine: Machine, freq_hz: Real, tolerance: Tolerance, weight: Real) -> Jacobian:
+def jacobian(machine: TrueMachine, freq_hz: Real, tolerance: Tolerances, weight: Real) -> Jacobian:
     """Linearise a machine's FRFs.
 
     Args:
@@ -75,8 +75,8 @@ def jacobian(machine: Machine, freq_hz: Real, tolerance: Tolerance, weight: Real
     )
 
 
-def jacobian_again(machine: Machine, freq_hz: Real, weight: Real, before: Jacobian) -> Jacobian:
-    """The same about other stiffness and damping, the slopes by tolerances as before.
+def jacobian_again(machine: TrueMachine, freq_hz: Real, weight: Real, before: Jacobian) -> Jacobian:
+    """Linearise FRFs about other stiffness and damping, and keep the slopes by tolerances.
 
     Args:
         machine: with the others.
@@ -88,12 +88,12 @@ def jacobian_again(machine: Machine, freq_hz: Real, weight: Real, before: Jacobi
     return replace(before, springs=solved.springs(list_springs(machine.station)))
 
 
-def stacked(values: Complex) -> Real:
+def stack_parts(values: Complex) -> Real:
     """Real parts above imaginary parts, in one column."""
     return np.concatenate([values.real.ravel(), values.imag.ravel()])
 
 
-def unstacked(values: Real, shape: tuple[int, ...]) -> Complex:
+def join_parts(values: Real, shape: tuple[int, ...]) -> Complex:
     """The complex values again."""
     real, imag = values.reshape(2, *shape)
     return np.asarray(real + 1j * imag)
@@ -102,7 +102,7 @@ def unstacked(values: Real, shape: tuple[int, ...]) -> Complex:
 class _Solved:
     """X and L A^-1 of the machine, from which every slope follows."""
 
-    def __init__(self, machine: Machine, freq_hz: Real, weight: Real) -> None:
+    def __init__(self, machine: TrueMachine, freq_hz: Real, weight: Real) -> None:
         rig = machine.rig(Occasion())
         equations = rig.equations
         self.size, rigid = len(equations.mass), len(equations.rigid)
@@ -138,7 +138,7 @@ class _Solved:
             np.multiply(slope.real, -damping * omega, out=both[1, 1])
         return columns.reshape(2 * len(springs.rows), -1).T
 
-    def tolerances(self, slopes: list[Slopes], machine: Machine, tolerance: Tolerance) -> Real:
+    def tolerances(self, slopes: list[Slopes], machine: TrueMachine, tolerance: Tolerances) -> Real:
         """Return the columns of slopes of matrices, and then of the force channels."""
         channels = list(self._force_channels(machine.hammers, tolerance))
         columns = np.empty((len(slopes) + len(channels), 2, *self.factor.shape))
@@ -187,7 +187,7 @@ class _Solved:
         return force
 
     def _force_channels(
-        self, hammers: tuple[Hammer, ...], tolerance: Tolerance
+        self, hammers: tuple[Hammer, ...], tolerance: Tolerances
     ) -> Iterator[Complex]:
         """Go through gain and delay of each force channel, those with a tolerance."""
         values = self.sensors @ self.motion[:, : self.size]
@@ -199,35 +199,35 @@ class _Solved:
                 yield -tolerance.hammer_delay * self.s * values * is_driven
 
 
-def _sensor_columns(solved: _Solved, station: Station, tolerance: Tolerance, weight: Real) -> Real:
+def _sensor_columns(solved: _Solved, station: Station, tolerance: Tolerances, weight: Real) -> Real:
     """J of each sensor on its three rows; (n_sensor, 2 n_value, 9 to 15).
 
     The columns are gains, angles, position, then cross-talk and delays if they have a tolerance.
     """
-    found = []
+    jacobians = []
     motion = solved.s**2 * solved.motion[:, : solved.size]
     for number, (index, sensor) in enumerate(station.sensors()):
         place, stage = slice(6 * index, 6 * index + 6), station.stages[index]
         rows = slice(3 * number, 3 * number + 3)
         drawn = solved.sensors[rows, place]
-        along = np.array([point_row(stage, sensor.position, one) for one in sensor.axes])
+        along = np.array([point_row(stage, sensor.position, unit) for unit in sensor.axes])
         late = solved.late[:, rows]
         columns = []
         for axis in np.eye(3):
             gain = tolerance.sensor_gain * axis[:, None] * (sensor.gain[:, None] * along)
             turned = np.cross(tolerance.sensor_angle * axis, sensor.axes)
             lever = tolerance.sensor_position * axis
-            angle = np.array([point_row(stage, sensor.position, one) for one in turned])
-            shift = np.array([[0.0, 0.0, 0.0, *np.cross(lever, one)] for one in sensor.axes])
+            angle = np.array([point_row(stage, sensor.position, unit) for unit in turned])
+            shift = np.array([[0.0, 0.0, 0.0, *np.cross(lever, unit)] for unit in sensor.axes])
             for row in (gain, sensor.mixing @ angle, sensor.mixing @ shift):
-                columns.append(stacked(late * (row @ motion[:, place]) * weight[:, rows]))
+                columns.append(stack_parts(late * (row @ motion[:, place]) * weight[:, rows]))
         for first, second in ((0, 1), (0, 2), (1, 2)) if tolerance.sensor_cross else ():
             row = np.zeros_like(along)
             row[first], row[second] = along[second], along[first]
             row *= tolerance.sensor_cross
-            columns.append(stacked(late * (row @ motion[:, place]) * weight[:, rows]))
+            columns.append(stack_parts(late * (row @ motion[:, place]) * weight[:, rows]))
         for axis in np.eye(3) if tolerance.sensor_delay else ():
             reading = -solved.s * axis[:, None] * (drawn @ motion[:, place])
-            columns.append(stacked(tolerance.sensor_delay * late * reading * weight[:, rows]))
-        found.append(np.array(columns).T)
-    return np.array(found)
+            columns.append(stack_parts(tolerance.sensor_delay * late * reading * weight[:, rows]))
+        jacobians.append(np.array(columns).T)
+    return np.array(jacobians)

@@ -19,7 +19,7 @@ from truth.errors import TruthError
 from truth.machine.station import AXES, Station
 
 HITS, FORCE = "twice the hits", "twice the force"
-_LARGEST = 1.0  # part of a usual size up to which a fault counts as found
+_MAX_FINDABLE_SIZE = 1.0  # part of a usual size up to which a fault counts as found
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def list_further_tests(station: Station, protocol: Protocol) -> list[FurtherTest
         protocol: how it is tested.
     """
     points = [
-        FurtherTest(f"hammer point {_hit_name(station, node)}", _hit(station, protocol, node))
+        FurtherTest(f"hammer point {_hit_name(station, node)}", _add_hits(station, protocol, node))
         for node in _nodes(station)
         if node not in protocol.nodes and _can_hit(protocol)
     ]
@@ -133,7 +133,7 @@ def _key(row: SmallestSize) -> tuple[str, str, str]:
 
 def _is_findable(row: SmallestSize) -> bool:
     """Tell whether a usual size is found."""
-    return row.is_found and (row.of_usual is None or row.of_usual <= _LARGEST)
+    return row.is_found and (row.of_usual is None or row.of_usual <= _MAX_FINDABLE_SIZE)
 
 
 def _ratio(old: SmallestSize, new: SmallestSize) -> float:
@@ -157,7 +157,7 @@ def _can_hit(protocol: Protocol) -> bool:
     return protocol.measured is None or any(node >= 0 for node in protocol.nodes)
 
 
-def _hit(station: Station, protocol: Protocol, node: int) -> Protocol:
+def _add_hits(station: Station, protocol: Protocol, node: int) -> Protocol:
     """Return the test with hits along the three axes of a node."""
     measured = protocol.measured
     if measured is None:

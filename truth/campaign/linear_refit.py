@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truth.campaign.bounded_least_squares import bounded_solution
-from truth.campaign.frf_sensitivities import Jacobian, stacked, unstacked
+from truth.campaign.frf_sensitivities import Jacobian, join_parts, stack_parts
 from truth.machine.station import Complex, Mask, Real
 
 
@@ -40,7 +40,7 @@ class LinearRefit:
         """Number of stiffness and damping parameters, which come first."""
         return int(self.slopes.springs.shape[1])
 
-    def fitted(self, change: Complex) -> Complex:
+    def fit_change(self, change: Complex) -> Complex:
         """Return what stiffness, damping and tolerances can follow of a change of the FRFs."""
         return self.solve(change)[1]
 
@@ -51,7 +51,7 @@ class LinearRefit:
             change: of the FRFs; like deviation.
             caution: part of the diagonal of stiffness and damping that is added to it.
         """
-        right = self.adjoint(self.weighted(change))
+        right = self.adjoint(self.whiten(change))
         more = np.where(self.bounded, 0.0, caution * (np.diag(self.normal) + 1))
         solution = bounded_solution(self.normal + np.diag(more), right, self.bounded)
         return solution, self.follow(solution, change.shape)
@@ -59,16 +59,16 @@ class LinearRefit:
     def fit_tolerances(self, change: Complex) -> tuple[Complex, float]:
         """Return what tolerances alone leave of a change, and its cost with their prior."""
         first = self.n_springs
-        weighted, normal = self.weighted(change), self.normal[first:, first:]
+        weighted, normal = self.whiten(change), self.normal[first:, first:]
         right = self._adjoint_of_tolerances(weighted)
         tolerances = bounded_solution(normal, right, self.bounded[first:])
         solution = np.append(np.zeros(first), tolerances)
         cost = weighted @ weighted - 2 * right @ tolerances + tolerances @ normal @ tolerances
         return change - self.follow(solution, change.shape), float(cost)
 
-    def weighted(self, change: Complex) -> Real:
+    def whiten(self, change: Complex) -> Real:
         """Return a change of the FRFs over its standard deviation, real parts above imaginary."""
-        return stacked(change / self.deviation * self.used[:, None])
+        return stack_parts(change / self.deviation * self.used[:, None])
 
     def follow(self, solution: Real, shape: tuple[int, ...]) -> Complex:
         """Return how the FRFs follow parameters, to first order; of a shape like deviation."""
@@ -76,18 +76,18 @@ class LinearRefit:
         values = self.slopes.tolerances @ solution[first:split]
         if solution[:first].any():
             values += self.slopes.springs @ solution[:first]
-        change = unstacked(values, shape)
+        change = join_parts(values, shape)
         sensors = solution[split:].reshape(len(self.slopes.of_sensors), -1)
         for number, (columns, errors) in enumerate(
             zip(self.slopes.of_sensors, sensors, strict=True)
         ):
             rows = slice(3 * number, 3 * number + 3)
-            change[:, rows] += unstacked(columns @ errors, change[:, rows].shape)
+            change[:, rows] += join_parts(columns @ errors, change[:, rows].shape)
         return change * np.where(np.isfinite(self.deviation), self.deviation, 0.0)
 
     def whitened_motion(self, solution: Real) -> Real:
-        """Return J times parameters, like ``weighted``."""
-        return self.weighted(self.follow(solution, self.deviation.shape))
+        """Return J times parameters, whitened."""
+        return self.whiten(self.follow(solution, self.deviation.shape))
 
     def adjoint(self, weighted: Real) -> Real:
         """Return J^T times a whitened change; (n_parameter,)."""
@@ -97,9 +97,9 @@ class LinearRefit:
 
     def _adjoint_of_tolerances(self, weighted: Real) -> Real:
         """Return the part of J^T times a whitened change that belongs to tolerances."""
-        whole = unstacked(weighted, self.deviation.shape)
+        whole = join_parts(weighted, self.deviation.shape)
         of_sensors = [
-            columns.T @ stacked(whole[:, 3 * number : 3 * number + 3])
+            columns.T @ stack_parts(whole[:, 3 * number : 3 * number + 3])
             for number, columns in enumerate(self.slopes.of_sensors)
         ]
         return np.concatenate([self.slopes.tolerances.T @ weighted, *of_sensors])

@@ -38,7 +38,7 @@ from truth.machine.station import Integer, Mask, Real
 from truth.random_streams import stream
 
 Family: TypeAlias = tuple[str, str, str]
-_RIDGE = 1e-9  # of the Gram matrix of a family's shapes, relative
+_GRAM_RIDGE = 1e-9  # of the Gram matrix of a family's shapes, relative
 _SAME_DIRECTION = 1e-6  # singular value of directions below which they are dependent, relative
 
 
@@ -94,7 +94,7 @@ class LinearVerdicts:
     @cached_property
     def followed(self) -> Real:
         """Tolerances that follow each signature, f; (n, n_tolerance)."""
-        return np.array([one.followed[self.information.bounded] for one in self.signatures])
+        return np.array([effect.followed[self.information.bounded] for effect in self.signatures])
 
     @cached_property
     def shifts(self) -> Real:
@@ -136,11 +136,11 @@ class LinearVerdicts:
         parameters = np.array([len(numbers), *map(len, rivals_of)])
         logs = weighing.weigh(before, after_each, hypotheses, parameters)
         gap = before + self.noise[2] / np.sqrt(weighing.values)
-        others = np.column_stack([logs[:, 1:], np.zeros(len(gap)), weighing.weigh_nothing(gap)])
-        is_probable = logs[:, 0] > logsumexp(others, axis=1)
+        rival_logs = np.column_stack([logs[:, 1:], np.zeros(len(gap)), weighing.weigh_nothing(gap)])
+        is_probable = logs[:, 0] > logsumexp(rival_logs, axis=1)
         is_material = before - after >= weighing.min_closed * before
-        found: Mask = is_probable & is_material & ~self._only_shifts(numbers, sizes)
-        return found
+        is_found: Mask = is_probable & is_material & ~self._only_shifts(numbers, sizes)
+        return is_found
 
     def gain(self, numbers: Sequence[int], sizes: Real) -> Real:
         """Return g of each draw [nats]; see ``find`` for the arguments."""
@@ -201,9 +201,9 @@ class LinearVerdicts:
             members, inverse = self._fits_of_families(tolerance)
             slope, whole = gram[rows][:, members], power[rows]
             if tolerance >= 0:
-                own = followed[rows, tolerance] / self.covariance[tolerance, tolerance]
-                slope = slope + own[:, None, None] * self.followed[members, tolerance]
-                whole = whole + own * followed[rows, tolerance]
+                multiplier = followed[rows, tolerance] / self.covariance[tolerance, tolerance]
+                slope = slope + multiplier[:, None, None] * self.followed[members, tolerance]
+                whole = whole + multiplier * followed[rows, tolerance]
             gains = np.einsum("dfi,fij,dfj->df", slope, inverse, slope)
             shares[rows] = np.maximum(shares[rows], gains / np.maximum(whole, 1e-300)[:, None])
         return shares[:, is_other]
@@ -213,9 +213,9 @@ class LinearVerdicts:
 
         An effect that is there or not has one size, at which one of any size is not looked for.
         """
-        other = self.signatures[number]
-        has_size = [one.drawn.size is not None for one in (effect, other)]
-        return other.family[:2] != effect.family[:2] and has_size[0] == has_size[1]
+        rival = self.signatures[number]
+        has_size = [signature.drawn.size is not None for signature in (effect, rival)]
+        return rival.family[:2] != effect.family[:2] and has_size[0] == has_size[1]
 
     def _fits_of_families(self, tolerance: int) -> tuple[Integer, Real]:
         """Return members and inverse Gram matrix of each family with a tolerance held; -1: none."""
@@ -225,12 +225,12 @@ class LinearVerdicts:
             is_member = np.array([np.arange(size) < len(row) for _, row in self.families])
             gram = self.gram[members[:, :, None], members[:, None, :]]
             if tolerance >= 0:
-                own = self.followed[members, tolerance]
+                along_held = self.followed[members, tolerance]
                 variance = self.covariance[tolerance, tolerance]
-                gram = gram + own[:, :, None] * own[:, None, :] / variance
+                gram = gram + along_held[:, :, None] * along_held[:, None, :] / variance
             scale = np.sqrt(np.einsum("fii->fi", gram))
             scale = np.where(is_member & (scale > 0), scale, np.inf)  # padding explains nothing
-            unit = gram / scale[:, :, None] / scale[:, None, :] + _RIDGE * np.eye(size)
+            unit = gram / scale[:, :, None] / scale[:, None, :] + _GRAM_RIDGE * np.eye(size)
             inverse = np.linalg.inv(unit) / scale[:, :, None] / scale[:, None, :]
             self._family_fits[tolerance] = members, inverse
         return self._family_fits[tolerance]

@@ -4,16 +4,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.campaign.draw import NO_TOLERANCE, Tolerance
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.draw import NO_TOLERANCE, Tolerances
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.protocol import Protocol, occasions, takes
-from truth.campaign.survival import Refit, refit_of
+from truth.campaign.survival import SurvivalRefit, refit_of
 from truth.campaign.virtual_test import hammers_of
 from truth.effects import Scene
 from truth.machine.station import Station
 
 MAX_VALUES = 16_000  # complex values of the signatures: fits see about as many
-_MIN_LINES = 24
+_MIN_REFIT_LINES = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,19 +28,19 @@ class LinearisedTest:
         values: complex values of the whole test.
     """
 
-    refit: Refit
+    refit: SurvivalRefit
     scene: Scene
     scale: float
     lines: int
     values: int
 
-    def thinned(self, stride: int) -> "LinearisedTest":
+    def thin(self, stride: int) -> "LinearisedTest":
         """Return the test as a fit of every so manyth line sees it."""
         return replace(self, scale=self.lines / stride / len(self.refit.known.freq_hz))
 
 
 def linearise_test(
-    station: Station, protocol: Protocol, tolerance: Tolerance, max_values: int = MAX_VALUES
+    station: Station, protocol: Protocol, tolerance: Tolerances, max_values: int = MAX_VALUES
 ) -> LinearisedTest:
     """Linearise a test about the nominal machine.
 
@@ -52,11 +52,11 @@ def linearise_test(
     """
     files = takes(protocol, station, 0)
     level = sorted(protocol.levels)[len(protocol.levels) // 2]
-    own = tuple(take for take in files if take.test or take.level == level)
-    machine = Machine(station, hammers_of(station, protocol, NO_TOLERANCE, 0))
+    level_takes = tuple(take for take in files if take.test or take.level == level)
+    machine = TrueMachine(station, hammers_of(station, protocol, NO_TOLERANCE, 0))
     cells = 3 * len(list(station.sensors())) * len(machine.hammers)
-    count = max(_MIN_LINES, max_values // cells)
-    refit = refit_of(machine, protocol, own, tolerance, count=count)
+    count = max(_MIN_REFIT_LINES, max_values // cells)
+    refit = refit_of(machine, protocol, level_takes, tolerance, count=count)
     measured = np.isfinite(refit.deviation).all(axis=0) & refit.used[:, None]
     lines = int((protocol.freq_hz >= refit.known.freq_hz[0]).sum())
     scene = Scene(station, occasions(protocol, files), protocol.pace)

@@ -9,7 +9,7 @@ from truth.machine.station import Complex, Hammer, Real, Station
 
 
 @dataclass(frozen=True, eq=False)
-class Machine:
+class TrueMachine:
     """The true machine, its hammers and its effects.
 
     Args:
@@ -22,7 +22,7 @@ class Machine:
     hammers: tuple[Hammer, ...]
     effects: tuple[Effect, ...] = ()
 
-    def prepared(self, occasion: Occasion) -> Prepared:
+    def prepare(self, occasion: Occasion) -> Prepared:
         """Return the machine on an occasion before its equations are written."""
         tested = Prepared(self.station, self.hammers)
         for effect in self.effects:
@@ -31,7 +31,7 @@ class Machine:
 
     def rig(self, occasion: Occasion) -> Rig:
         """Return the machine's equations on an occasion."""
-        tested = self.prepared(occasion)
+        tested = self.prepare(occasion)
         rig = build(tested)
         for effect in self.effects:
             rig = effect.to_rig(rig, tested, occasion)
@@ -56,14 +56,14 @@ class Known:
         freq_hz: lines [Hz]; (n_freq,).
     """
 
-    machine: Machine
+    machine: TrueMachine
     freq_hz: Real
-    _found: dict[Hashable, tuple[Rig, Complex]] = field(default_factory=dict)
+    _cache: dict[Hashable, tuple[Rig, Complex]] = field(default_factory=dict)
 
     def on(self, occasion: Occasion) -> tuple[Rig, Complex]:
         """Return the rig of an occasion and its linear accelerance; (n_freq, n_out, n_in)."""
         key = self.machine.when(occasion)
-        if key not in self._found:
+        if key not in self._cache:
             rig = self.machine.rig(occasion)
-            self._found[key] = rig, accelerance(rig, self.freq_hz)
-        return self._found[key]
+            self._cache[key] = rig, accelerance(rig, self.freq_hz)
+        return self._cache[key]

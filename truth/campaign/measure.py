@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.campaign.machine_on_test import Known, Machine
-from truth.campaign.measured import MeasuredCampaign, MeasuredTest
+from truth.campaign.machine_on_test import Known, TrueMachine
+from truth.campaign.measured import MeasuredTest, UserCampaign
 from truth.campaign.protocol import Channel, Protocol, Take, take_occasions
 from truth.errors import NoPlaceError, TruthError
-from truth.machine.nonlinear import RATE_HZ, Pulses, nonlinear_readings
+from truth.machine.nonlinear import RATE_HZ, HalfSinePulses, nonlinear_readings
 from truth.machine.rig import Occasion
 from truth.machine.station import Complex, Real
 from truth.random_streams import stream
@@ -62,7 +62,7 @@ class Measurement:
             raise TruthError(f"measurement: expected the shape {shape}, got {self.frf.shape}")
 
 
-def hammer_test(machine: Machine, protocol: Protocol, take: Take, seed: int) -> Measurement:
+def hammer_test(machine: TrueMachine, protocol: Protocol, take: Take, seed: int) -> Measurement:
     """Hit the machine in each direction, one after the other, and estimate its accelerance.
 
     Args:
@@ -78,7 +78,7 @@ def hammer_test(machine: Machine, protocol: Protocol, take: Take, seed: int) -> 
 
 
 def hammer_tests(
-    machine: Machine, protocol: Protocol, files: tuple[Take, ...], seed: int
+    machine: TrueMachine, protocol: Protocol, files: tuple[Take, ...], seed: int
 ) -> tuple[Measurement, ...]:
     """Make the test of every file; the arguments as of one."""
     known = Known(machine, protocol.freq_hz)
@@ -175,7 +175,7 @@ def linear_frfs(known: Known, occasion: Occasion, count: int) -> Complex:
 
 
 def nonlinear_part(
-    known: Known, occasions: list[Occasion], hits: list[Pulses], rate_hz: float = RATE_HZ
+    known: Known, occasions: list[Occasion], hits: list[HalfSinePulses], rate_hz: float = RATE_HZ
 ) -> list[Complex] | None:
     """What nonlinear joints add to the spectra of each column's hits; None if there are none.
 
@@ -193,7 +193,7 @@ def nonlinear_part(
     groups: dict[int, list[int]] = {}
     for number, occasion in enumerate(occasions):
         groups.setdefault(id(known.on(occasion)[0]), []).append(number)
-    found: dict[int, Complex] = {}
+    by_occasion: dict[int, Complex] = {}
     for numbers in groups.values():
         rig = known.on(occasions[numbers[0]])[0]
         if not rig.joints:
@@ -201,14 +201,14 @@ def nonlinear_part(
         columns = tuple(
             known.machine.column(occasions[number]) for number in numbers for _ in hits[number].peak
         )
-        pulses = Pulses(
+        pulses = HalfSinePulses(
             np.concatenate([hits[number].peak for number in numbers]),
             np.concatenate([hits[number].duration for number in numbers]),
         )
         readings = nonlinear_readings(rig, columns, pulses, known.freq_hz, rate_hz)
         ends = np.cumsum([len(hits[number].peak) for number in numbers])[:-1]
-        found.update(zip(numbers, np.split(readings, ends), strict=True))
-    return [found[number] for number in range(len(occasions))]
+        by_occasion.update(zip(numbers, np.split(readings, ends), strict=True))
+    return [by_occasion[number] for number in range(len(occasions))]
 
 
 def estimate_h1(force: Complex, reading: Complex) -> tuple[Complex, Real]:
@@ -221,7 +221,7 @@ def estimate_h1(force: Complex, reading: Complex) -> tuple[Complex, Real]:
 
 def draw_pulses(
     averages: int, level: float, random: np.random.Generator, pace: float = 1.0
-) -> Pulses:
+) -> HalfSinePulses:
     """Draw the pulses of one direction: half sines about the level and the usual duration.
 
     Args:
@@ -231,10 +231,10 @@ def draw_pulses(
         pace: factor by which the hits are shorter than usual.
     """
     scatter = random.uniform(1 - PULSE_SCATTER, 1 + PULSE_SCATTER, (2, averages, 1))
-    return Pulses(level * scatter[0, :, 0], PULSE_SECONDS / pace * scatter[1, :, 0])
+    return HalfSinePulses(level * scatter[0, :, 0], PULSE_SECONDS / pace * scatter[1, :, 0])
 
 
-def pulse_spectra(freq_hz: Real, pulses: Pulses) -> Complex:
+def pulse_spectra(freq_hz: Real, pulses: HalfSinePulses) -> Complex:
     """Return the spectra of half-sine pulses [N s]; (n_hit, n_freq).
 
     A half sine of peak A and duration T has A T / 2 (sinc(f T - 1/2) + sinc(f T + 1/2)), turned
@@ -268,7 +268,7 @@ def _complex_normal(random: np.random.Generator, shape: tuple[int, ...]) -> Comp
 
 
 def frf_deviation(
-    base: Complex, lines: Real, protocol: Protocol, level: float, machine: Machine
+    base: Complex, lines: Real, protocol: Protocol, level: float, machine: TrueMachine
 ) -> Real:
     """Return the standard deviation of H1, real plus imaginary part, that a hammer test will have.
 
@@ -281,7 +281,7 @@ def frf_deviation(
     """
     if protocol.measured is not None:
         return _measured_deviation(base, lines, protocol.measured, machine)
-    pulse = Pulses(np.array([level]), np.array([PULSE_SECONDS / protocol.pace]))
+    pulse = HalfSinePulses(np.array([level]), np.array([PULSE_SECONDS / protocol.pace]))
     force = np.abs(pulse_spectra(lines, pulse)[0]) * np.sqrt(protocol.averages)
     spacing = protocol.freq_hz[1] - protocol.freq_hz[0]
     sensor = noise_spectrum(lines, spacing) / force
@@ -291,7 +291,7 @@ def frf_deviation(
 
 
 def _measured_deviation(
-    base: Complex, lines: Real, measured: MeasuredCampaign, machine: Machine
+    base: Complex, lines: Real, measured: UserCampaign, machine: TrueMachine
 ) -> Real:
     """Return the standard deviation of what a user's test measures; infinite elsewhere.
 

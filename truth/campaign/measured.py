@@ -66,7 +66,7 @@ class MeasuredTest:
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredCampaign:
+class UserCampaign:
     """A user's campaign.
 
     Args:
@@ -87,7 +87,7 @@ class MeasuredCampaign:
         return next(test.stated.hammer for test in self.tests if test.reference[0] == node)
 
 
-def locate_tests(station: Station, freq_hz: Real, stated: Sequence[StatedTest]) -> MeasuredCampaign:
+def locate_tests(station: Station, freq_hz: Real, stated: Sequence[StatedTest]) -> UserCampaign:
     """Return a user's campaign at the sensors, hammer points and motors of a machine.
 
     Args:
@@ -109,7 +109,7 @@ def locate_tests(station: Station, freq_hz: Real, stated: Sequence[StatedTest]) 
         else:
             (node, axis), sign = _locate(test.reference, struck, "a hit along an axis, or a motor")
             reference = node, axis
-        places = [_locate(one, sensors, "a translation of a sensor") for one in test.channels]
+        places = [_locate(label, sensors, "a translation of a sensor") for label in test.channels]
         tests.append(
             MeasuredTest(
                 test,
@@ -120,7 +120,7 @@ def locate_tests(station: Station, freq_hz: Real, stated: Sequence[StatedTest]) 
                 tuple(sign for _, sign in places),
             )
         )
-    return MeasuredCampaign(freq_hz, tuple(tests))
+    return UserCampaign(freq_hz, tuple(tests))
 
 
 def _locate(label: str, nodes: dict[str, int], kind: str) -> tuple[tuple[int, int], int]:

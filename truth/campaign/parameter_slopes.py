@@ -11,8 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from truth.campaign.draw import Tolerance
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.draw import Tolerances
+from truth.campaign.machine_on_test import TrueMachine
 from truth.machine.couplings import coupled_matrices, tendon_rows
 from truth.machine.dynamics import (
     Equations,
@@ -21,9 +21,9 @@ from truth.machine.dynamics import (
     joint_rows,
     motion_row,
 )
-from truth.machine.station import Real, Stage, Station
+from truth.machine.station import Real, StageBody, Station
 
-_STEP = 1e-3  # of a tolerance's standard deviation, for differences of matrices
+_DIFFERENCE_STEP = 1e-3  # of a tolerance's standard deviation, for differences of matrices
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def list_springs(station: Station) -> Springs:
     return Springs(np.vstack(rows), stiffness, damping)
 
 
-def slopes_by_tolerances(machine: Machine, tolerance: Tolerance) -> Iterator[Slopes]:
+def slopes_by_tolerances(machine: TrueMachine, tolerance: Tolerances) -> Iterator[Slopes]:
     """Go through the slopes by the tolerances of bodies, places of joints, and hits.
 
     Args:
@@ -84,7 +84,7 @@ def slopes_by_tolerances(machine: Machine, tolerance: Tolerance) -> Iterator[Slo
         yield from _hits(machine, number, tolerance)
 
 
-def _weights(station: Station, index: int, tolerance: Tolerance) -> Iterator[Slopes]:
+def _weights(station: Station, index: int, tolerance: Tolerances) -> Iterator[Slopes]:
     """By mass and by each of the six numbers of the inertia."""
     stage, size = station.stages[index], 6 * len(station.stages)
     mass = np.zeros((size, size))
@@ -99,8 +99,8 @@ def _weights(station: Station, index: int, tolerance: Tolerance) -> Iterator[Slo
     yield _matrices(station, mass, weight)
     for row, column in zip(*np.triu_indices(3), strict=True):
         mass = np.zeros((size, size))
-        one, other = 6 * index + 3 + row, 6 * index + 3 + column
-        mass[one, other] = mass[other, one] = tolerance.inertia * stage.inertia[row, column]
+        first, second = 6 * index + 3 + row, 6 * index + 3 + column
+        mass[first, second] = mass[second, first] = tolerance.inertia * stage.inertia[row, column]
         yield _matrices(station, mass)
 
 
@@ -111,11 +111,11 @@ def _matrices(station: Station, mass: Real, stiffness: Real | None = None) -> Sl
     return Slopes(Equations(mass, still, still if stiffness is None else stiffness, rigid))
 
 
-def _places(machine: Machine, index: int, tolerance: Tolerance) -> Iterator[Slopes]:
+def _places(machine: TrueMachine, index: int, tolerance: Tolerances) -> Iterator[Slopes]:
     """By a stage's centre of mass and by the place that its joints share."""
     station, stage = machine.station, machine.station.stages[index]
-    children = [i for i, one in enumerate(station.stages) if one.parent == index]
-    first = 3 * sum(len(one.sensors) for one in station.stages[:index])
+    children = [i for i, child in enumerate(station.stages) if child.parent == index]
+    first = 3 * sum(len(body.sensors) for body in station.stages[:index])
     own_rows = slice(first, first + 3 * len(stage.sensors))
     for axis in np.eye(3):
         shift = tolerance.com * axis
@@ -124,12 +124,12 @@ def _places(machine: Machine, index: int, tolerance: Tolerance) -> Iterator[Slop
         yield Slopes(
             _slope_of_joints(ends, (index, *children)),
             (own_rows, _sensor_slopes(station, index, shift)),
-            (columns[0] - columns[1]) / (2 * _STEP),
+            (columns[0] - columns[1]) / (2 * _DIFFERENCE_STEP),
         )
         if stage.joints:
             by = tolerance.joint_position * axis
             yield Slopes(
-                _slope_of_joints(_ends(station, index, partial(_moved, stage, by)), (index,))
+                _slope_of_joints(_ends(station, index, partial(_move_joints, stage, by)), (index,))
             )
 
 
@@ -143,23 +143,25 @@ def _sensor_slopes(station: Station, index: int, shift: Real) -> Real:
     return rows
 
 
-def _with_com(stage: Stage, shift: Real, way: float) -> Stage:
+def _with_com(stage: StageBody, shift: Real, way: float) -> StageBody:
     return replace(stage, com=stage.com + way * shift)
 
 
-def _moved(stage: Stage, shift: Real, way: float) -> Stage:
-    joints = tuple(replace(one, position=one.position + way * shift) for one in stage.joints)
+def _move_joints(stage: StageBody, shift: Real, way: float) -> StageBody:
+    joints = tuple(replace(joint, position=joint.position + way * shift) for joint in stage.joints)
     return replace(stage, joints=joints)
 
 
-def _ends(station: Station, index: int, moved: Callable[[float], Stage]) -> tuple[Station, Station]:
+def _ends(
+    station: Station, index: int, move: Callable[[float], StageBody]
+) -> tuple[Station, Station]:
     """The station with a stage a step to either side."""
-    found = []
-    for way in (_STEP, -_STEP):
+    ends = []
+    for way in (_DIFFERENCE_STEP, -_DIFFERENCE_STEP):
         stages = list(station.stages)
-        stages[index] = moved(way)
-        found.append(replace(station, stages=tuple(stages)))
-    return found[0], found[1]
+        stages[index] = move(way)
+        ends.append(replace(station, stages=tuple(stages)))
+    return ends[0], ends[1]
 
 
 def _slope_of_joints(ends: tuple[Station, Station], indices: tuple[int, ...]) -> Equations:
@@ -173,16 +175,16 @@ def _slope_of_joints(ends: tuple[Station, Station], indices: tuple[int, ...]) ->
     damping += coupled[0].damping - coupled[1].damping
     stiffness += coupled[0].stiffness - coupled[1].stiffness
     for index in indices:
-        one, other = (joint_matrices(station, index) for station in ends)
-        damping += one[0] - other[0]
-        stiffness += one[1] - other[1]
+        ahead, behind = (joint_matrices(station, index) for station in ends)
+        damping += ahead[0] - behind[0]
+        stiffness += ahead[1] - behind[1]
         first = sum(sizes[:index])
-        rigid[first : first + sizes[index]] = one[2] - other[2]
-    over = 1 / (2 * _STEP)
+        rigid[first : first + sizes[index]] = ahead[2] - behind[2]
+    over = 1 / (2 * _DIFFERENCE_STEP)
     return Equations(mass * over, damping * over, stiffness * over, rigid * over)
 
 
-def _hits(machine: Machine, number: int, tolerance: Tolerance) -> Iterator[Slopes]:
+def _hits(machine: TrueMachine, number: int, tolerance: Tolerances) -> Iterator[Slopes]:
     """By the direction and the place of one hammer."""
     hammer = machine.hammers[number]
     if hammer.along:  # a motor acts as the model says

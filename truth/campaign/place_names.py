@@ -11,7 +11,7 @@ from truth.errors import NoPlaceError, TruthError
 from truth.machine.station import Station
 from truth.random_streams import stream
 
-_SHOWN = 12  # places in a sentence
+_N_SHOWN = 12  # places in a sentence
 
 
 def named_place(location: str, station: Station) -> str:
@@ -55,9 +55,9 @@ def find_place(place: str, station: Station) -> str:
     for part in (nodes.get(part, part) for part in parts):
         if kind in names and part not in {*names[kind], *nodes.values()}:
             shown = [f"{kind}:{name}" for name in names[kind]]
-            more = " ..." if len(shown) > _SHOWN else ""
+            more = " ..." if len(shown) > _N_SHOWN else ""
             raise TruthError(
-                f"place {place!r}: the machine has none; it has {', '.join(shown[:_SHOWN])}{more}"
+                f"place {place!r}: the machine has none; it has {', '.join(shown[:_N_SHOWN])}{more}"
             )
     if kind not in ("sensor", "hammer"):
         return place

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.campaign.measured import MeasuredCampaign, MeasuredTest
+from truth.campaign.measured import MeasuredTest, UserCampaign
 from truth.errors import TruthError
 from truth.machine.rig import Occasion
 from truth.machine.station import Real, Station
@@ -49,7 +49,7 @@ class Protocol:
     coherence: bool = True
     dead: Channel | None = None
     scale: float | None = None
-    measured: MeasuredCampaign | None = None
+    measured: UserCampaign | None = None
 
     def __post_init__(self) -> None:
         """Check that the test can be made."""
@@ -105,23 +105,23 @@ def takes(protocol: Protocol, station: Station, seed: int) -> tuple[Take, ...]:
     nodes = sorted(sensor.node for _, sensor in station.sensors())
     count = min(protocol.setups, max(1, len(nodes) // _LEAST_SETUP))
     order = stream(seed, "protocol.setups").permutation(len(nodes))
-    found = []
+    files = []
     for place, level in enumerate(protocol.levels):
         again = protocol.levels[:place].count(level)
         for number in range(count):
             setup = chr(ord("a") + number) if count > 1 else ""
-            own = sorted(nodes[place] for place in order[number::count])
+            members = sorted(nodes[place] for place in order[number::count])
             suffix = (f"_{setup}" if setup else "") + (f"_again{again}" if again else "")
-            found.append(
+            files.append(
                 Take(
                     f"impact_{level:g}N{suffix}.uff",
                     level,
                     setup,
-                    tuple((node, axis) for node in own for axis in (1, 2, 3)),
+                    tuple((node, axis) for node in members for axis in (1, 2, 3)),
                     visit=place,
                 )
             )
-    return tuple(found)
+    return tuple(files)
 
 
 def occasions(protocol: Protocol, files: tuple[Take, ...]) -> tuple[Occasion, ...]:

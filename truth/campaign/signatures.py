@@ -29,14 +29,14 @@ from truth.errors import TruthError
 from truth.machine.station import Mask, Real
 from truth.random_streams import stream
 
-_SHAPES = 4  # of an effect at each place, for each direction: a vector needs three
-_DRAWS = 16  # of direction and shape
-_TURNS = 6  # sizes that are tried
+_SHAPES_PER_DIRECTION = 4  # of an effect at each place, for each direction: a vector needs three
+_MAX_SHAPE_DRAWS = 16  # of direction and shape
+_MAX_SIZE_TRIALS = 6  # sizes that are tried
 _NEAR = 3.0  # factor on the size within which it is near enough
 _PRIOR = 0.5  # of the square of a tolerance in -ln L
 _CHANGE = 1.0  # r^T r at the size of the slope
-_REFINEMENTS = 3  # of the solution of the normal equations, which loses digits
-_RIDGE = 1e-12  # of the diagonal: for a spring that no sensor sees
+_SOLUTION_REFINEMENTS = 3  # of the solution of the normal equations, which loses digits
+_NORMAL_MATRIX_RIDGE = 1e-12  # of the diagonal: for a spring that no sensor sees
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Information:
         scale = np.sqrt(np.diag(self.normal))
         scale[scale == 0] = 1.0
         inner = self.normal / np.outer(scale, scale)
-        inner[np.diag_indices_from(inner)] += _RIDGE
+        inner[np.diag_indices_from(inner)] += _NORMAL_MATRIX_RIDGE
         inverse = np.linalg.inv(inner) / np.outer(scale, scale)
         tolerances: Real = inverse[np.ix_(self.bounded, self.bounded)]
         return tolerances
@@ -107,45 +107,45 @@ def find_signatures(
         seed: of directions and shapes.
     """
     project, without_tolerance = _Projection(test), list_without_tolerance(test.refit.tolerance)
-    found = []
+    signatures = []
     for name, draw in effects.items():
         if name == "none" or name in NONLINEAR or name in without_tolerance:
             continue
         for place in places or list_places(test.scene):
-            found += _signatures_at(project, name, draw, place, seed)
-    return found, Information(project.normal, test.refit.bounded)
+            signatures += _signatures_at(project, name, draw, place, seed)
+    return signatures, Information(project.normal, test.refit.bounded)
 
 
 def _signatures_at(
     project: "_Projection", name: str, draw: Draw, place: str, seed: int
 ) -> list[Signature]:
     """Return an effect at a place in some shapes of each direction."""
-    found: list[Signature] = []
+    signatures: list[Signature] = []
     drawn: Counter[str] = Counter()
-    for number in range(_DRAWS):
+    for number in range(_MAX_SHAPE_DRAWS):
         random = stream(seed, f"signature.{name}.{place}.{number}")
         try:
             effect = draw(random, project.scene, place)
             if effect is None:
                 break
             dof = effect.answer().dof
-            if drawn[dof] >= (1 if effect.size is None else _SHAPES):
+            if drawn[dof] >= (1 if effect.size is None else _SHAPES_PER_DIRECTION):
                 continue
             drawn[dof] += 1
             signature = project.signature(name, effect)
         except (TruthError, np.linalg.LinAlgError):
             break  # the place cannot have this effect
         if signature is None:
-            drawn[dof] = _DRAWS  # no channel sees this direction
+            drawn[dof] = _MAX_SHAPE_DRAWS  # no channel sees this direction
         else:
-            found.append(signature)
-    return found
+            signatures.append(signature)
+    return signatures
 
 
 def list_places(scene: Scene) -> list[str]:
     """Return all locations of a machine and its test, as in answers."""
     names = [stage.name for stage in scene.station.stages]
-    hits = sorted({one.node for one in scene.occasions if one.node >= 0})
+    hits = sorted({occasion.node for occasion in scene.occasions if occasion.node >= 0})
     return [
         *(f"body:{name}" for name in names),
         *(f"joint:{name}" for name in names),
@@ -157,7 +157,7 @@ def list_places(scene: Scene) -> list[str]:
 
 def gram_matrix(signatures: Sequence[Signature]) -> Real:
     """Return G of signatures per unit of their sizes [nats]; (n, n)."""
-    left = np.array([one.left for one in signatures])
+    left = np.array([signature.left for signature in signatures])
     gram: Real = left @ left.T
     return gram
 
@@ -165,8 +165,8 @@ def gram_matrix(signatures: Sequence[Signature]) -> Real:
 def families(signatures: Sequence[Signature]) -> Iterator[tuple[tuple[str, str, str], list[int]]]:
     """Go through effect, place and direction, with the numbers of their signatures."""
     known: dict[tuple[str, str, str], list[int]] = {}
-    for number, one in enumerate(signatures):
-        known.setdefault(one.family, []).append(number)
+    for number, signature in enumerate(signatures):
+        known.setdefault(signature.family, []).append(number)
     yield from known.items()
 
 
@@ -180,7 +180,7 @@ class _Projection:
         scale = np.sqrt(np.diag(self.normal))
         scale[scale == 0] = 1.0
         inner = self.normal / np.outer(scale, scale)
-        inner[np.diag_indices_from(inner)] += _RIDGE
+        inner[np.diag_indices_from(inner)] += _NORMAL_MATRIX_RIDGE
         self.scale = scale
         self.factor = scipy.linalg.cho_factor(inner)
 
@@ -191,7 +191,7 @@ class _Projection:
             return None
         bounded = self.refit.bounded
         followed, left = np.zeros(len(bounded)), slope
-        for _ in range(_REFINEMENTS):
+        for _ in range(_SOLUTION_REFINEMENTS):
             right = self.lines * self.refit.adjoint(left) - _PRIOR * bounded * followed
             step = scipy.linalg.cho_solve(self.factor, right / self.scale) / self.scale
             followed = followed + step
@@ -205,7 +205,7 @@ class _Projection:
         """Return the whitened change per unit of the size, where the FRFs are linear."""
         tried, size = effect, effect.size
         change = self._change(tried)
-        for _ in range(_TURNS):
+        for _ in range(_MAX_SIZE_TRIALS):
             if size is None or effect.limits is None or not change.any():
                 break
             factor = float(np.sqrt(_CHANGE / (change @ change)))
@@ -218,4 +218,4 @@ class _Projection:
 
     def _change(self, effect: Effect) -> Real:
         change = self.refit.change(replace(self.refit.machine, effects=(effect,)))
-        return np.asarray(self.lines * self.refit.weighted(change))
+        return np.asarray(self.lines * self.refit.whiten(change))

@@ -20,7 +20,7 @@ from truth.machine.station import Real, Station
 
 NINE_OF_TEN = 0.9
 _CONFUSED = 0.9  # cosine from which two signatures are confounded, as in a verdict
-_HALVINGS = 14  # of the interval of the logarithm of a size
+_SIZE_HALVINGS = 14  # of the interval of the logarithm of a size
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def find_thresholds(
     """
     low, high = (np.full(verdicts.draws, np.log(limit)) for limit in limits)
     is_found_ever = verdicts.find(numbers, np.exp(high))
-    for _ in range(_HALVINGS):
+    for _ in range(_SIZE_HALVINGS):
         middle = (low + high) / 2
         is_found = verdicts.find(numbers, np.exp(middle))
         low, high = np.where(is_found, low, middle), np.where(is_found, middle, high)
@@ -120,7 +120,7 @@ def _predict(verdicts: LinearVerdicts, family: Family, numbers: Sequence[int]) -
     if not np.isfinite(size):
         gain = _median_gain(verdicts, numbers, limits[1])
         return SmallestSize(*family, "", None, None, False, gain, confused)
-    parameter, value = _stated(drawn[0], size)
+    parameter, value = _state_size(drawn[0], size)
     of_usual = size / float(np.exp(np.mean(np.log(usual))))
     gain = _median_gain(verdicts, numbers, size)
     return SmallestSize(*family, parameter, value, of_usual, True, gain, confused)
@@ -144,7 +144,7 @@ def _find_confused(
     return tuple(dict.fromkeys(names))
 
 
-def _stated(drawn: Effect, size: float) -> tuple[str, float | None]:
+def _state_size(drawn: Effect, size: float) -> tuple[str, float | None]:
     """Return the first parameter of an answer that a size changes.
 
     The participation of a flexible body, for example, is no parameter: then there is none.

@@ -15,10 +15,10 @@ about the truth e0 = 1. Beside a background of small imperfections e0 is larger,
 values by noise and background together, and the ratio is over e0. J is in ``frf_sensitivities``.
 
 That is the first step of a refit. Where stiffness and damping can follow an effect far (losses, a
-bypass, a delay), further steps hide much more of it: ``retuned`` takes them, each with J about the
-stiffness and damping that the step before came to, with falling allowance, and only those that the
-FRFs themselves approve (Levenberg-Marquardt). Steps that nobody checks end anywhere: a damper far
-weaker hides a short delay to a hundredth of what they leave.
+bypass, a delay), further steps hide much more of it: ``retuned_ratio`` takes them, each with J
+about the stiffness and damping that the step before came to, with falling allowance, and only those
+that the FRFs themselves approve (Levenberg-Marquardt). Steps that nobody checks end anywhere: a
+damper far weaker hides a short delay to a hundredth of what they leave.
 """
 
 import operator
@@ -27,10 +27,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from truth.campaign.bounded_least_squares import normal_matrix
-from truth.campaign.draw import Tolerance
+from truth.campaign.draw import Tolerances
 from truth.campaign.frf_sensitivities import jacobian, jacobian_again
 from truth.campaign.linear_refit import LinearRefit
-from truth.campaign.machine_on_test import Known, Machine
+from truth.campaign.machine_on_test import Known, TrueMachine
 from truth.campaign.measure import (
     PULSE_SECONDS,
     frf_deviation,
@@ -40,7 +40,7 @@ from truth.campaign.measure import (
 )
 from truth.campaign.protocol import Protocol, Take, take_occasions
 from truth.errors import NoPlaceError
-from truth.machine.nonlinear import Pulses
+from truth.machine.nonlinear import HalfSinePulses
 from truth.machine.rig import Occasion
 from truth.machine.station import Complex, Joint, Real
 
@@ -51,9 +51,9 @@ _LOGARITHMIC = 0.1  # above it the logarithm of the ratio is fitted
 _FARTHEST = 1.0  # logarithm of a stiffness or damping in one of them
 _CAUTION = 1e-3  # of J^T J's diagonal, added to it
 _BOLDER, _WARIER = 0.2, 10.0  # times that after a step that helps, or does not
-_STEPS = 4  # of a refit that tolerates an error of the model
+_TOLERANT_STEPS = 4  # of a refit that tolerates an error of the model
 _LITTLE = 0.01  # of the cost: who gains less has arrived
-_LINES = 120  # lines of the refit
+_REFIT_LINES = 120  # lines of the refit
 _LOWEST_HZ = 5.0  # below, the building's noise drowns a hammer test
 _COARSE_HZ = 4096.0  # samples per second of nonlinear joints, when only a size is looked for
 
@@ -72,7 +72,7 @@ class Remainder:
 
 
 @dataclass(frozen=True, eq=False)
-class Refit(LinearRefit):
+class SurvivalRefit(LinearRefit):
     """A linearised refit of one machine and test, ready for any effect.
 
     Args:
@@ -84,13 +84,13 @@ class Refit(LinearRefit):
         without: what is left without effects, over which the ratio is.
     """
 
-    machine: Machine
+    machine: TrueMachine
     protocol: Protocol
     takes: tuple[Take, ...]
     known: Known
-    tolerance: Tolerance
+    tolerance: Tolerances
     without: Remainder
-    _last_change: list[tuple[Machine, Complex]] = field(default_factory=list)
+    _last_change: list[tuple[TrueMachine, Complex]] = field(default_factory=list)
 
     @property
     def noise_share(self) -> Real:
@@ -99,13 +99,13 @@ class Refit(LinearRefit):
         share: Real = np.sqrt((self.without.noise**2).sum(axis=0) / base)
         return share
 
-    def ratio(self, machine: Machine) -> float:
+    def ratio(self, machine: TrueMachine) -> float:
         """Return the survival ratio of the effects of a machine, to first order."""
         change = self.change(machine)
-        return self._left(change - self.fitted(change))
+        return self._residual_ratio(change - self.fit_change(change))
 
-    def retuned(self, machine: Machine, least: float = 0.0) -> float:
-        """Return the same after further steps of the refit.
+    def retuned_ratio(self, machine: TrueMachine, least: float = 0.0) -> float:
+        """Return the survival ratio after further steps of the refit.
 
         Args:
             machine: with its effects.
@@ -114,13 +114,13 @@ class Refit(LinearRefit):
         goal = self._base() + self.change(machine)
         moved, left = np.zeros(self.n_springs), self.ratio(machine)
         for allowance, tries in _ALLOWANCES:
-            moved, now = self._descended(goal, moved, allowance, tries)
-            left = min(left, self._left(now))
+            moved, now = self._descend(goal, moved, allowance, tries)
+            left = min(left, self._residual_ratio(now))
             if left < least:
                 break
         return left
 
-    def motion_left(self, machine: Machine, allowance: float) -> Real:
+    def motion_left(self, machine: TrueMachine, allowance: float) -> Real:
         """Return the relative motion of each channel that a refit leaves of a machine's effects.
 
         The refit tolerates a relative error, as one that knows its model to be inexact does.
@@ -134,13 +134,13 @@ class Refit(LinearRefit):
         """
         goal = self._base() + self.change(machine)
         moved, left = np.zeros(self.n_springs), goal - self._base()
-        for step, tries in ((_LOGARITHMIC, _STEPS), (allowance, _STEPS)):
-            moved, left = self._descended(goal, moved, step, tries)
+        for step, tries in ((_LOGARITHMIC, _TOLERANT_STEPS), (allowance, _TOLERANT_STEPS)):
+            moved, left = self._descend(goal, moved, step, tries)
         power = (np.abs(left) ** 2).sum(axis=0) / (np.abs(goal) ** 2).sum(axis=0)
         relative: Real = np.sqrt(power) * self.used[:, None]
         return relative
 
-    def _descended(
+    def _descend(
         self, goal: Complex, moved: Real, allowance: float, tries: int
     ) -> tuple[Real, Complex]:
         """Take steps of stiffness and damping towards FRFs.
@@ -155,13 +155,13 @@ class Refit(LinearRefit):
             The logarithms, and what they and tolerances leave; like deviation.
         """
         deviation = np.sqrt(self.deviation**2 + (allowance * np.abs(goal)) ** 2)
-        about, caution = self.moved(moved, deviation), _CAUTION
+        about, caution = self.relinearise(moved, deviation), _CAUTION
         off = _off(goal, about._base(), allowance)
         left, cost = about.fit_tolerances(off)
         for _ in range(tries):
             step = about.solve(off, caution)[0][: self.n_springs]
             ahead = moved + np.clip(step, -_FARTHEST, _FARTHEST)
-            known = Known(self._varied(ahead), self.known.freq_hz)
+            known = Known(self._vary_springs(ahead), self.known.freq_hz)
             there = _off(goal, self._accelerance(known), allowance)
             less, better = about.fit_tolerances(there)
             if better >= cost:
@@ -174,14 +174,14 @@ class Refit(LinearRefit):
             left, cost = about.fit_tolerances(off)
         return moved, left
 
-    def moved(self, logarithms: Real, deviation: Real) -> "Refit":
+    def relinearise(self, logarithms: Real, deviation: Real) -> "SurvivalRefit":
         """Return the refit about a machine with other stiffness and damping.
 
         Args:
             logarithms: of the factors, of stiffness and damping of each joint and then each tendon.
             deviation: of each value, with what the refit may leave anyway.
         """
-        machine = self._varied(logarithms)
+        machine = self._vary_springs(logarithms)
         known = Known(machine, self.known.freq_hz) if logarithms.any() else self.known
         weight = self.used[:, None] / deviation
         if known is self.known:
@@ -199,7 +199,7 @@ class Refit(LinearRefit):
             _last_change=[],
         )
 
-    def _with_joints(self, known: Known) -> "Refit":
+    def _with_joints(self, known: Known) -> "SurvivalRefit":
         """About other stiffness and damping, whose slopes alone are made anew."""
         weight = self.used[:, None] / self.deviation
         slopes = jacobian_again(known.machine, known.freq_hz, weight, self.slopes)
@@ -213,19 +213,21 @@ class Refit(LinearRefit):
             _last_change=[],
         )
 
-    def _varied(self, logarithms: Real) -> Machine:
+    def _vary_springs(self, logarithms: Real) -> TrueMachine:
         factors = iter(np.exp(logarithms).tolist())
 
         def vary(joint: Joint) -> Joint:
             stiffness, damping = joint.stiffness * next(factors), joint.damping * next(factors)
             return replace(joint, stiffness=stiffness, damping=damping)
 
-        station = self.machine.station.varied(vary)
+        station = self.machine.station.vary_joints(vary)
         tendons = tuple(
             replace(
-                one, stiffness=one.stiffness * next(factors), damping=one.damping * next(factors)
+                tendon,
+                stiffness=tendon.stiffness * next(factors),
+                damping=tendon.damping * next(factors),
             )
-            for one in station.tendons
+            for tendon in station.tendons
         )
         return replace(self.machine, station=replace(station, tendons=tendons))
 
@@ -236,12 +238,12 @@ class Refit(LinearRefit):
     def _accelerance(self, known: Known) -> Complex:
         return known.on(Occasion(node=self.protocol.nodes[0]))[1]
 
-    def _left(self, left: Complex) -> float:
+    def _residual_ratio(self, left: Complex) -> float:
         power = (np.abs(left) ** 2).sum(axis=0) / (self.without.noise**2).sum(axis=0)
         counted = self.used[:, None] & np.isfinite(self.without.noise).all(axis=0)
         return float(np.sqrt(power[counted].mean())) / self.without.excess
 
-    def change(self, machine: Machine) -> Complex:
+    def change(self, machine: TrueMachine) -> Complex:
         """What the effects change in the FRFs, as the hammer test would find; like deviation.
 
         The last change is kept: a size that was found is the start of further steps.
@@ -253,13 +255,13 @@ class Refit(LinearRefit):
         self._last_change[:] = [(machine, change)]
         return change
 
-    def _computed_change(self, machine: Machine) -> Complex:
+    def _computed_change(self, machine: TrueMachine) -> Complex:
         known, whole = Known(machine, self.known.freq_hz), Known(machine, self.protocol.freq_hz)
         base = self._base()
         values = np.array(base)
         points = [sensor.node for _, sensor in machine.station.sensors()]
         duration = PULSE_SECONDS / self.protocol.pace
-        pulse = Pulses(np.array([self.takes[0].level]), np.array([duration]))
+        pulse = HalfSinePulses(np.array([self.takes[0].level]), np.array([duration]))
         force = pulse_spectra(self.known.freq_hz, pulse)[0]
         places = np.searchsorted(self.protocol.freq_hz, self.known.freq_hz)
         for take in self.takes:
@@ -281,13 +283,13 @@ class Refit(LinearRefit):
 
 
 def refit_of(
-    machine: Machine,
+    machine: TrueMachine,
     protocol: Protocol,
     takes: tuple[Take, ...],
-    tolerance: Tolerance,
+    tolerance: Tolerances,
     background: Real | None = None,
-    count: int = _LINES,
-) -> Refit:
+    count: int = _REFIT_LINES,
+) -> SurvivalRefit:
     """Linearise a machine without effects at a part of its lines.
 
     Args:
@@ -300,7 +302,7 @@ def refit_of(
         count: number of lines, about.
     """
     plain = replace(machine, effects=())
-    lines = _chosen(protocol, count)
+    lines = _choose_lines(protocol, count)
     known = Known(plain, lines)
     base = known.on(Occasion(node=protocol.nodes[0]))[1]
     noise = frf_deviation(base, lines, protocol, takes[0].level, plain)
@@ -313,7 +315,7 @@ def refit_of(
         counted = used[:, None] & np.isfinite(noise).all(axis=0)
         excess = float(np.sqrt(1 + power[counted].mean()))
     slopes = jacobian(plain, lines, tolerance, used[:, None] / deviation)
-    refit = Refit(
+    refit = SurvivalRefit(
         deviation=deviation,
         used=used,
         slopes=slopes,
@@ -328,12 +330,10 @@ def refit_of(
     return replace(refit, normal=refit.normal + np.diag(refit.bounded.astype(float)))
 
 
-def _are_same(one: Machine, other: Machine) -> bool:
+def _are_same(before: TrueMachine, after: TrueMachine) -> bool:
     """Whether both have the very same parts."""
-    parts, others = (
-        (machine.station, machine.hammers, *machine.effects) for machine in (one, other)
-    )
-    return len(parts) == len(others) and all(map(operator.is_, parts, others))
+    old, new = ((machine.station, machine.hammers, *machine.effects) for machine in (before, after))
+    return len(old) == len(new) and all(map(operator.is_, old, new))
 
 
 def _off(goal: Complex, now: Complex, allowance: float) -> Complex:
@@ -344,7 +344,7 @@ def _off(goal: Complex, now: Complex, allowance: float) -> Complex:
     return now * np.log(goal / now) if allowance >= _LOGARITHMIC else goal - now
 
 
-def _chosen(protocol: Protocol, count: int) -> Real:
+def _choose_lines(protocol: Protocol, count: int) -> Real:
     """Lines of the refit, evenly from where a hammer test begins to tell."""
     lines = protocol.freq_hz[protocol.freq_hz >= _LOWEST_HZ * protocol.pace]
     return lines[:: max(1, len(lines) // count)]

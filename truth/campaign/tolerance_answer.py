@@ -16,7 +16,7 @@ from truth.machine.rig import Prepared
 from truth.machine.station import AXES, Real, Sensor, Station
 
 
-def stated(answer: Answer, drawing: Station, before: Station, after: Prepared) -> Answer:
+def subtract_drawing(answer: Answer, drawing: Station, before: Station, after: Prepared) -> Answer:
     """Return the answer with what a drawing says taken off what is true.
 
     Args:
@@ -26,43 +26,43 @@ def stated(answer: Answer, drawing: Station, before: Station, after: Prepared) -
         after: with all of them.
     """
     _, _, place = answer.location.partition(":")
-    found: dict[str, Parameter] = dict(answer.parameters)
+    parameters: dict[str, Parameter] = dict(answer.parameters)
     if answer.effect in ("sensor_gain", "sensor_misalignment", "sensor_position"):
-        drawn, true = (_sensor(one, place) for one in (drawing, after.station))
+        drawn, true = (_sensor(station, place) for station in (drawing, after.station))
         if answer.effect == "sensor_gain":
             axis = AXES.index(answer.dof[1])
-            found["gain"] = float(true.gain[axis] / drawn.gain[axis])
+            parameters["gain"] = float(true.gain[axis] / drawn.gain[axis])
         elif answer.effect == "sensor_position":
-            found["offset"] = _tuple(true.position - drawn.position)
+            parameters["offset"] = _tuple(true.position - drawn.position)
         else:  # A_true = A_drawn R^T
             turned = Rotation.from_matrix(true.axes.T @ drawn.axes)
-            found["rotation"] = _tuple(turned.as_rotvec())
+            parameters["rotation"] = _tuple(turned.as_rotvec())
     elif answer.effect == "sensor_delay":
-        drawn, true = (_sensor(one, place) for one in (drawing, after.station))
+        drawn, true = (_sensor(station, place) for station in (drawing, after.station))
         late = float(np.mean(true.delay - drawn.delay))
-        found["delay"] = late + float(np.asarray(found["delay"]))
+        parameters["delay"] = late + float(np.asarray(parameters["delay"]))
     elif answer.effect == "hammer_misalignment":
         axis = AXES.index(answer.dof[1])
-        node = int("".join(one for one in place if one.isdigit()))
+        node = int("".join(character for character in place if character.isdigit()))
         (hit, *_) = (
             hammer.direction
             for number, hammer in enumerate(after.hammers)
             if hammer.node == node and number % 3 == axis
         )
-        found["rotation"] = _tuple(_least_turn(drawing.aim_axes(node)[axis], hit))
+        parameters["rotation"] = _tuple(_least_turn(drawing.aim_axes(node)[axis], hit))
     elif answer.effect in ("hammer_gain", "hammer_delay"):
         force = after.hammers[0]  # one force channel for all hits
-        found = _with_channel(found, force.gain, force.delay)
+        parameters = _with_channel(parameters, force.gain, force.delay)
     elif answer.effect == "hammer_position":
-        found["offset"] = _tuple(_offset(drawing, after, place))
+        parameters["offset"] = _tuple(_offset(drawing, after, place))
     elif answer.effect == "mass_error":
         index = drawing.index(place)
         shift = before.stages[index].com - drawing.stages[index].com
-        found["position"] = _tuple(np.asarray(answer.parameters["position"]) + shift)
-    return replace(answer, parameters=found)
+        parameters["position"] = _tuple(np.asarray(answer.parameters["position"]) + shift)
+    return replace(answer, parameters=parameters)
 
 
-def named(answer: Answer, drawing: Station) -> Answer:
+def name_sites(answer: Answer, drawing: Station) -> Answer:
     """Return the answer with the drawing's own names of sites instead of ``acc<node>``."""
     return replace(
         answer,
@@ -71,16 +71,16 @@ def named(answer: Answer, drawing: Station) -> Answer:
     )
 
 
-def _with_channel(found: dict[str, Parameter], gain: float, delay: float) -> dict[str, Parameter]:
+def _with_channel(values: dict[str, Parameter], gain: float, delay: float) -> dict[str, Parameter]:
     """Return gain or delay of the force channel with what was within tolerance."""
-    if "gain" in found:
-        return {"gain": gain * float(np.asarray(found["gain"]))}
-    return {"delay": delay + float(np.asarray(found["delay"]))}
+    if "gain" in values:
+        return {"gain": gain * float(np.asarray(values["gain"]))}
+    return {"delay": delay + float(np.asarray(values["delay"]))}
 
 
 def _offset(drawing: Station, after: Prepared, site: str) -> Real:
     """Return where the hits of a point lie, the mean over the directions that feel each axis."""
-    node = int("".join(one for one in site if one.isdigit()))
+    node = int("".join(character for character in site if character.isdigit()))
     _, point = drawing.aim(node)
     places = np.array([hammer.position for hammer in after.hammers if hammer.node == node])
     # A force along an axis does not feel where along it.
@@ -91,17 +91,17 @@ def _offset(drawing: Station, after: Prepared, site: str) -> Real:
 
 
 def _sensor(station: Station, site: str) -> Sensor:
-    (sensor,) = (one for _, one in station.sensors() if f"acc{one.node}" == site)
+    (sensor,) = (candidate for _, candidate in station.sensors() if f"acc{candidate.node}" == site)
     return sensor
 
 
-def _least_turn(one: Real, other: Real) -> Real:
+def _least_turn(start: Real, end: Real) -> Real:
     """Rotation vector that takes a direction to another; about itself nothing is felt."""
-    about = np.cross(one, other)
+    about = np.cross(start, end)
     size = float(np.linalg.norm(about))
     if size == 0:
         return np.zeros(3)
-    turn: Real = about / size * np.arctan2(size, one @ other)
+    turn: Real = about / size * np.arctan2(size, start @ end)
     return turn
 
 

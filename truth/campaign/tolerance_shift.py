@@ -7,7 +7,7 @@ it proposes nothing there.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from truth.campaign.draw import Tolerance
+from truth.campaign.draw import Tolerances
 from truth.effects import Effect
 from truth.effects.effect import stated_number
 
@@ -54,7 +54,7 @@ _SHIFTED: Mapping[str, _Shifted] = {
 }
 
 
-def list_without_tolerance(tolerance: Tolerance) -> dict[str, str]:
+def list_without_tolerance(tolerance: Tolerances) -> dict[str, str]:
     """Return the effects on what has no tolerance, which no diagnosis proposes, with its field."""
     return {
         effect: shifted.tolerance
@@ -63,7 +63,7 @@ def list_without_tolerance(tolerance: Tolerance) -> dict[str, str]:
     }
 
 
-def shift_of(effect: Effect, tolerance: Tolerance) -> ToleranceShift:
+def shift_of(effect: Effect, tolerance: Tolerances) -> ToleranceShift:
     """Return how an effect shifts tolerances.
 
     Args:

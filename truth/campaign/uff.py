@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from truth.campaign.measure import Measurement
 
-_FRF, _COHERENCE = 4, 6
+_FRF_CODE, _COHERENCE_CODE = 4, 6
 _SINGLE_REAL, _SINGLE_COMPLEX = 2, 5
-_NOTHING, _ACCELERATION, _FORCE, _FREQUENCY = 0, 12, 13, 18
+_NO_QUANTITY, _ACCELERATION, _EXCITATION, _FREQUENCY = 0, 12, 13, 18
 _DELIMITER = f"{-1:6d}\n".encode("ascii")
 
 
@@ -23,10 +23,10 @@ def uff_bytes(measurement: Measurement) -> bytes:
     parts = [_units()]
     for column, reference in enumerate(measurement.references):
         for row, response in enumerate(measurement.responses):
-            own = [(_FRF, measurement.frf[:, row, column].astype("<c8"))]
+            pairs = [(_FRF_CODE, measurement.frf[:, row, column].astype("<c8"))]
             if measurement.coherence is not None:
-                own.append((_COHERENCE, measurement.coherence[:, row, column].astype("<f4")))
-            for kind, values in own:
+                pairs.append((_COHERENCE_CODE, measurement.coherence[:, row, column].astype("<f4")))
+            for kind, values in pairs:
                 spacing = float(measurement.freq_hz[1] - measurement.freq_hz[0])
                 start = float(measurement.freq_hz[0])
                 parts.append(_function(kind, values, response, reference, (start, spacing)))
@@ -35,8 +35,8 @@ def uff_bytes(measurement: Measurement) -> bytes:
 
 def _units() -> bytes:
     """Return dataset 164: SI, temperatures absolute, all factors 1."""
-    one, offset = (f"{value:25.16E}".replace("E", "D") for value in (1.0, 273.15))
-    lines = (f"{164:6d}", f"{1:10d}{'SI: Meter (newton)':<20}{2:10d}", one + one + one, offset)
+    unit, offset = (f"{value:25.16E}".replace("E", "D") for value in (1.0, 273.15))
+    lines = (f"{164:6d}", f"{1:10d}{'SI: Meter (newton)':<20}{2:10d}", unit + unit + unit, offset)
     return _DELIMITER + "".join(f"{line}\n" for line in lines).encode("ascii") + _DELIMITER
 
 
@@ -48,12 +48,12 @@ def _function(
     abscissa: tuple[float, float],
 ) -> bytes:
     """Return one dataset 58b; the points are (node, direction), the abscissa (start, spacing)."""
-    is_frf = kind == _FRF
+    is_frf = kind == _FRF_CODE
     data = values.tobytes()
     if len(data) != values.size * struct.calcsize("<ff" if is_frf else "<f"):
         raise TypeError(f"dataset 58b: {values.dtype} is not single precision")
-    over = (_ACCELERATION, "Acceleration", "m/s^2") if is_frf else (_NOTHING, "NONE", "NONE")
-    under = (_FORCE, "Force", "N") if is_frf else (_NOTHING, "NONE", "NONE")
+    over = (_ACCELERATION, "Acceleration", "m/s^2") if is_frf else (_NO_QUANTITY, "NONE", "NONE")
+    under = (_EXCITATION, "Force", "N") if is_frf else (_NO_QUANTITY, "NONE", "NONE")
     header = (
         f"{58:6d}b{1:6d}{2:6d}{11:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}",
         f"{'accelerance' if is_frf else 'coherence':<80}",
@@ -65,7 +65,7 @@ def _function(
         _axis(_FREQUENCY, "Frequency", "Hz"),
         _axis(*over),
         _axis(*under),
-        _axis(_NOTHING, "NONE", "NONE"),
+        _axis(_NO_QUANTITY, "NONE", "NONE"),
     )
     ascii_lines = "".join(f"{line}\n" for line in header).encode("ascii")
     return _DELIMITER + ascii_lines + data + b"\n" + _DELIMITER

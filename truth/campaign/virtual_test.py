@@ -11,7 +11,7 @@ from truth.campaign.background_sizing import size_background
 from truth.campaign.cause import Cause, Draws, draw_effects
 from truth.campaign.draw import (
     NO_TOLERANCE,
-    Tolerance,
+    Tolerances,
     draw_as_drawn,
     draw_basis,
     draw_drawing,
@@ -30,21 +30,21 @@ from truth.campaign.file_formats import (
     dirt_toml,
     model_xml,
 )
-from truth.campaign.machine_on_test import Machine
+from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, Take, occasions, takes
-from truth.campaign.survival import Refit, refit_of
-from truth.campaign.tolerance_answer import named, stated
+from truth.campaign.survival import SurvivalRefit, refit_of
+from truth.campaign.tolerance_answer import name_sites, subtract_drawing
 from truth.campaign.uff import uff_bytes
 from truth.effects import NONLINEAR, Scene
 from truth.errors import TruthError
-from truth.machine.settling import carried, settled
+from truth.machine.settling import carry, settle
 from truth.machine.station import Hammer, Real, Station
 from truth.random_streams import stream
 
-_TOLERANCE = Tolerance()
+_TOLERANCE = Tolerances()
 _PROTOCOL = Protocol()
-_NOTHING = Cause()
+_NO_CAUSE = Cause()
 _MOST_DIRT = 60.0  # per cent: more is another machine
 
 
@@ -67,9 +67,9 @@ class Plan:
     """
 
     seed: int
-    cause: Cause = _NOTHING
+    cause: Cause = _NO_CAUSE
     protocol: Protocol = _PROTOCOL
-    tolerance: Tolerance = _TOLERANCE
+    tolerance: Tolerances = _TOLERANCE
     rigid: int = 0
     sized_by: Protocol | None = None
     dirt: float = 0.0
@@ -82,7 +82,7 @@ class Plan:
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign:
+class VirtualCampaign:
     """A campaign and its answer.
 
     Args:
@@ -115,14 +115,14 @@ class Subject:
     """
 
     drawing: Station
-    machine: Machine
+    machine: TrueMachine
     draws: Draws
     background: Background
     files: tuple[Take, ...]
     scene: Scene
 
 
-def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
+def draw_campaign(nominal: Station, plan: Plan) -> VirtualCampaign:
     """Draw a machine about the nominal station, give it its effects, hit it, and write it down.
 
     Raises:
@@ -142,16 +142,16 @@ def draw_subject(nominal: Station, plan: Plan) -> Subject:
             f"model {nominal.name}: it has no site acc<node>, nothing would be measured"
         )
     drawing, true = draw_machines(nominal, plan)
-    files, machine, scene = _tested(drawing, true, plan)
+    files, machine, scene = _set_up_test(drawing, true, plan)
     sizing = replace(plan, protocol=plan.sized_by or plan.protocol)
     background = _background(drawing, true, sizing)
     draws = _effects(drawing, true, sizing, background)
-    effects = tuple(one.effect for one in draws.drawn)
+    effects = tuple(drawn.effect for drawn in draws.drawn)
     machine = replace(machine, effects=(*background.effects, *effects))
     return Subject(drawing, machine, draws, background, files, scene)
 
 
-def measure_subject(subject: Subject, plan: Plan, nominal_name: str) -> Campaign:
+def measure_subject(subject: Subject, plan: Plan, nominal_name: str) -> VirtualCampaign:
     """Hit a machine that was drawn, and write it down.
 
     Args:
@@ -170,14 +170,15 @@ def measure_subject(subject: Subject, plan: Plan, nominal_name: str) -> Campaign
     for take, test in zip(files, tests, strict=True):
         contents[take.file] = uff_bytes(test) if take.test is None else array_bytes(test)
     salt = stream(seed, "salt").bytes(16).hex()
-    whole = machine.prepared(subject.scene.occasions[0])
+    whole = machine.prepare(subject.scene.occasions[0])
     answers = tuple(
-        named(stated(one.effect.answer(), drawing, true, whole), drawing) for one in draws.drawn
+        name_sites(subtract_drawing(drawn.effect.answer(), drawing, true, whole), drawing)
+        for drawn in draws.drawn
     )
-    small = tuple(named(one.answer(), drawing) for one in background.effects)
+    small = tuple(name_sites(effect.answer(), drawing) for effect in background.effects)
     text = answer_toml(answers, draws, plan.cause, plan.protocol, nominal_name, salt)
     answer = (text + dirt_toml(small, plan.dirt, background.scale)).encode("utf-8")
-    return Campaign(MappingProxyType(contents), answer, draws.discarded)
+    return VirtualCampaign(MappingProxyType(contents), answer, draws.discarded)
 
 
 def draw_machines(nominal: Station, plan: Plan) -> tuple[Station, Station]:
@@ -190,7 +191,7 @@ def draw_machines(nominal: Station, plan: Plan) -> tuple[Station, Station]:
     at_work = NO_TOLERANCE if mistuned else plan.tolerance
     if plan.as_drawn or nominal.source is not None:
         varied = draw_as_drawn(nominal, seed, mistuned=mistuned)
-        return nominal, settled(varied if mistuned else draw_true(varied, at_work, seed))
+        return nominal, settle(varied if mistuned else draw_true(varied, at_work, seed))
     basis = draw_rigid(draw_basis(nominal, seed), plan.rigid, seed)
     true = draw_mistuned(basis, seed) if mistuned else draw_true(basis, at_work, seed)
     return draw_drawing(basis, seed), true
@@ -209,7 +210,7 @@ def _background(drawing: Station, true: Station, plan: Plan) -> Background:
     """Return the small imperfections, scaled to the wanted part of the motion; none without."""
     if plan.dirt == 0:
         return Background()
-    files, machine, _ = _tested(drawing, true, plan)
+    files, machine, _ = _set_up_test(drawing, true, plan)
     linear = not any(wanted.effect in NONLINEAR for wanted in plan.cause.wanted)
     drawn = draw_background(true, plan.protocol.freq_hz[-1], plan.seed, has_losses=linear)
     return size_background(drawn, _refit(machine, plan, files, None), plan.dirt / 100)
@@ -217,12 +218,14 @@ def _background(drawing: Station, true: Station, plan: Plan) -> Background:
 
 def _effects(drawing: Station, true: Station, plan: Plan, background: Background) -> Draws:
     """Return the effects, as strong as the refit of a plan's test leaves them."""
-    files, machine, scene = _tested(drawing, true, plan)
+    files, machine, scene = _set_up_test(drawing, true, plan)
     refit = partial(_refit, machine, plan, files, background.left)
     return draw_effects(machine, scene, plan.cause, refit, plan.seed)
 
 
-def _tested(drawing: Station, true: Station, plan: Plan) -> tuple[tuple[Take, ...], Machine, Scene]:
+def _set_up_test(
+    drawing: Station, true: Station, plan: Plan
+) -> tuple[tuple[Take, ...], TrueMachine, Scene]:
     """The files of a plan's test, the machine with its hammers, and when it is hit."""
     at_work = NO_TOLERANCE if plan.cause.mistuned else plan.tolerance
     files = takes(plan.protocol, drawing, plan.seed)
@@ -231,21 +234,23 @@ def _tested(drawing: Station, true: Station, plan: Plan) -> tuple[tuple[Take, ..
         if hammer.along:
             hammers.append(hammer)
             continue
-        place = carried(hammer.position, hammer.direction, hammer.stage, drawing, true)
+        place = carry(hammer.position, hammer.direction, hammer.stage, drawing, true)
         hammers.append(replace(hammer, position=place[0], direction=place[1]))
     scene = Scene(true, occasions(plan.protocol, files), plan.protocol.pace)
-    return files, Machine(true, tuple(hammers)), scene
+    return files, TrueMachine(true, tuple(hammers)), scene
 
 
-def _refit(machine: Machine, plan: Plan, files: tuple[Take, ...], background: Real | None) -> Refit:
+def _refit(
+    machine: TrueMachine, plan: Plan, files: tuple[Take, ...], background: Real | None
+) -> SurvivalRefit:
     """Return a refit of the files of the middle level, with what a background leaves beside it."""
     level = sorted(plan.protocol.levels)[len(plan.protocol.levels) // 2]
-    own = tuple(take for take in files if take.test or take.level == level)
-    return refit_of(machine, plan.protocol, own, plan.tolerance, background)
+    level_takes = tuple(take for take in files if take.test or take.level == level)
+    return refit_of(machine, plan.protocol, level_takes, plan.tolerance, background)
 
 
 def hammers_of(
-    drawing: Station, protocol: Protocol, tolerance: Tolerance, seed: int
+    drawing: Station, protocol: Protocol, tolerance: Tolerances, seed: int
 ) -> tuple[Hammer, ...]:
     """Return the hits and motors of a test, each off by its tolerances.
 

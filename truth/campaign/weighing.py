@@ -20,7 +20,7 @@ from scipy.stats import binom, chi2, norm
 from truth.campaign.bounded_least_squares import BOUND
 from truth.machine.station import Integer, Mask, Real
 
-_HALVINGS = 40  # of the interval of a threshold
+_THRESHOLD_HALVINGS = 40  # of the interval of a threshold
 _SMALLEST_GAP = 1e-9
 
 
@@ -79,7 +79,7 @@ class Weighing:
         """
         least = binom.sf(0, count, self._outlier_tail)
         low, high = np.full(count, BOUND), np.full(count, self.outlier)
-        for _ in range(_HALVINGS):
+        for _ in range(_THRESHOLD_HALVINGS):
             middle = (low + high) / 2
             is_chance = binom.sf(np.arange(count), count, 2 * norm.sf(middle)) >= least
             low, high = np.where(is_chance, middle, low), np.where(is_chance, high, middle)

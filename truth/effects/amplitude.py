@@ -3,7 +3,7 @@
 import numpy as np
 
 from truth.effects.effect import Scene
-from truth.effects.places import JointDirection
+from truth.effects.places import StageDirection
 from truth.machine.rig import Prepared, build, receptance
 from truth.machine.station import Hammer
 
@@ -11,7 +11,7 @@ _SPACING_HZ, _HIGHEST_HZ = 1.0, 400.0
 _PULSE_SECONDS = 5.7e-3  # of a usual hit
 
 
-def peak_stretch(scene: Scene, direction: JointDirection) -> float:
+def peak_stretch(scene: Scene, direction: StageDirection) -> float:
     """Return the largest stretch that a hit of the middle level makes in a joint [m or rad].
 
     A half sine of peak A and duration T has the momentum 2 A T / pi; the linear machine's answer

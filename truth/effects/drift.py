@@ -67,9 +67,9 @@ def draw_drift(random: np.random.Generator, scene: Scene, place: str | None) -> 
         return None
     test = choose(random, choose(random, kinds))
     sites = {
-        one.reference: hammer_site(scene.station, one.node)
-        for one in scene.occasions
-        if not one.label
+        occasion.reference: hammer_site(scene.station, occasion.node)
+        for occasion in scene.occasions
+        if not occasion.label
     }
     return Drift(
         stage=stage,

@@ -97,7 +97,7 @@ class Always:
     """Defaults of an effect: the same on all occasions, nothing changed."""
 
     def when(self, occasion: Occasion) -> Hashable:
-        """The same on all occasions."""
+        """Return None: the effect is alike on all occasions."""
         return None
 
     def to_machine(self, tested: Prepared, occasion: Occasion) -> Prepared:

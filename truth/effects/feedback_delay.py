@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import JointDirection, draw_direction
+from truth.effects.places import StageDirection, draw_direction
 from truth.effects.stability import longest_delay
-from truth.machine.rig import Law, Occasion, Prepared, Rig, build
+from truth.machine.rig import FrequencyLaw, Occasion, Prepared, Rig, build
 from truth.machine.station import Complex, Joint
 
 SHARE = (0.2, 0.7)  # of the longest delay
@@ -30,7 +30,7 @@ class FeedbackDelay(Sized):
         longest: delay that leaves the machine stable [s].
     """
 
-    direction: JointDirection
+    direction: StageDirection
     longest: float
 
     @property
@@ -52,7 +52,7 @@ class FeedbackDelay(Sized):
         del occasion
         row = self.direction.stretch(rig, tested)
         stiffness = self.direction.joint(tested.station).stiffness
-        law = Law(row, row, partial(_late, stiffness, self.size))
+        law = FrequencyLaw(row, row, partial(_late, stiffness, self.size))
         return replace(rig, laws=(*rig.laws, law))
 
 

@@ -9,7 +9,7 @@ from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_stage
 from truth.machine.dynamics import Flex
 from truth.machine.rig import Occasion, Prepared
-from truth.machine.station import Real, Stage, Station
+from truth.machine.station import Real, StageBody, Station
 
 AMPLITUDE = (0.3, 1.5)
 FREQUENCY_HZ = (60.0, 300.0)
@@ -76,10 +76,10 @@ def bend_of(station: Station, index: int, bending: tuple[float, ...]) -> Bend:
     return replace(bent, drift=tuple(drift.tolist()))
 
 
-def _points(station: Station, stage: Stage, index: int) -> Real:
+def _points(station: Station, stage: StageBody, index: int) -> Real:
     """Return where the stage is measured and held, each place once; (n, 3)."""
-    above = [one for one in station.stages if one.parent == index]
-    joints = [joint.position for one in (stage, *above) for joint in one.joints]
+    above = [child for child in station.stages if child.parent == index]
+    joints = [joint.position for body in (stage, *above) for joint in body.joints]
     return np.unique([*(sensor.position for sensor in stage.sensors), *joints], axis=0)
 
 
@@ -111,7 +111,7 @@ class FlexibleBody(Sized):
         """Return the machine with the stage's mode."""
         del occasion
         index = tested.station.index(self.body)
-        bending = tuple(self.size * one for one in self.bending)
+        bending = tuple(self.size * coefficient for coefficient in self.bending)
         flex = Flex(
             stage=index,
             shape=bend_of(tested.station, index, bending),
@@ -140,6 +140,6 @@ def draw_flexible_body(
     )
 
 
-def _shows(stage: Stage) -> bool:
+def _shows(stage: StageBody) -> bool:
     places = np.array([sensor.position for sensor in stage.sensors])
     return len(places) >= LEAST_SENSORS and bool(np.ptp(places, axis=0).max() > 0)

@@ -7,7 +7,7 @@ import numpy as np
 from truth.effects.amplitude import peak_stretch
 from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import JointDirection, draw_direction
+from truth.effects.places import StageDirection, draw_direction
 from truth.machine.rig import NonlinearJoint, Occasion, Prepared, Rig
 from truth.machine.station import Real
 
@@ -52,7 +52,7 @@ class Friction(Sized):
         limit: [N or N m].
     """
 
-    direction: JointDirection
+    direction: StageDirection
     spring: float
     limit: float
     limits = (1e-3, 5.0)

@@ -96,7 +96,7 @@ def _axes(station: Station, index: int) -> list[Real]:
         candidates = hinges
     turns, at = [], index
     while at != GROUND:
-        turns += [one.axis for one in station.stages[at].joints if one.kind == "hinge"]
+        turns += [joint.axis for joint in station.stages[at].joints if joint.kind == "hinge"]
         at = station.stages[at].parent
     if not turns:
         return []

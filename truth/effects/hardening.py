@@ -7,7 +7,7 @@ import numpy as np
 from truth.effects.amplitude import peak_stretch
 from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import JointDirection, draw_direction
+from truth.effects.places import StageDirection, draw_direction
 from truth.machine.rig import NonlinearJoint, Occasion, Prepared, Rig
 from truth.machine.station import Real
 
@@ -40,7 +40,7 @@ class Hardening(Sized):
         size: k3 peak^2 / k, how much stiffer the spring is there.
     """
 
-    direction: JointDirection
+    direction: StageDirection
     spring: float
     peak: float
     limits = (1e-4, 10.0)

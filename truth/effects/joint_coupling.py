@@ -9,7 +9,7 @@ from truth.effects.effect import Answer, Scene, Vector
 from truth.effects.places import draw_stage
 from truth.effects.rows import joint_stretch, springs
 from truth.machine.rig import Occasion, Prepared, Rig
-from truth.machine.station import Real, Stage
+from truth.machine.station import Real, StageBody
 
 OFFSET = (0.01, 0.12)
 LIMITS = (1e-4, 0.3)  # m
@@ -45,8 +45,8 @@ class JointCoupling(Vector):
         del occasion
         index = tested.station.index(self.stage)
         joints = tested.station.stages[index].joints
-        displaced = _displaced(tested, index, np.array(self.vector))
-        before, after = (joint_stretch(rig, one, index) for one in (tested, displaced))
+        displaced = _displace_joints(tested, index, np.array(self.vector))
+        before, after = (joint_stretch(rig, machine, index) for machine in (tested, displaced))
         stiffness = [joint.stiffness for joint in joints]
         damping = [joint.damping for joint in joints]
         return rig.with_matrices(
@@ -55,9 +55,11 @@ class JointCoupling(Vector):
         )
 
 
-def _displaced(tested: Prepared, index: int, offset: Real) -> Prepared:
+def _displace_joints(tested: Prepared, index: int, offset: Real) -> Prepared:
     stages = list(tested.station.stages)
-    joints = tuple(replace(one, position=one.position + offset) for one in stages[index].joints)
+    joints = tuple(
+        replace(joint, position=joint.position + offset) for joint in stages[index].joints
+    )
     stages[index] = replace(stages[index], joints=joints)
     return replace(tested, station=replace(tested.station, stages=tuple(stages)))
 
@@ -79,12 +81,12 @@ def draw_joint_coupling(
     )
 
 
-def _felt(stage: Stage) -> Real:
+def _felt(stage: StageBody) -> Real:
     """Return the directions a x b of offsets that couple a slide's spring to a hinge; (n, 3)."""
-    found = [
+    directions = [
         np.cross(slide.axis, hinge.axis)
         for slide in stage.joints
         for hinge in stage.joints
         if slide.kind == "slide" and hinge.kind == "hinge" and slide.stiffness > 0
     ]
-    return np.array(found).reshape(-1, 3)
+    return np.array(directions).reshape(-1, 3)

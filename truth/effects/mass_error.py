@@ -7,7 +7,7 @@ import numpy as np
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_stage
 from truth.machine.rig import Occasion, Prepared
-from truth.machine.station import Real, Stage
+from truth.machine.station import Real, StageBody
 
 MASS_RATIO = (0.05, 0.25)
 LIMITS = (1e-3, 1.0)  # of the body's mass
@@ -47,11 +47,11 @@ class MassError(Sized):
         del occasion
         index = tested.station.index(self.body)
         stages = list(tested.station.stages)
-        stages[index] = _loaded(stages[index], self.size * self.body_mass, np.array(self.position))
+        stages[index] = _ballast(stages[index], self.size * self.body_mass, np.array(self.position))
         return replace(tested, station=replace(tested.station, stages=tuple(stages)))
 
 
-def _loaded(stage: Stage, mass: float, position: Real) -> Stage:
+def _ballast(stage: StageBody, mass: float, position: Real) -> StageBody:
     total = stage.mass + mass
     spread = (position @ position) * np.eye(3) - np.outer(position, position)
     return replace(

@@ -9,7 +9,7 @@ from truth.effects.chance import choose, log_uniform
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import DIRECTIONS, draw_stage
 from truth.machine.rig import Occasion, Prepared
-from truth.machine.station import GROUND, Joint, Real, Stage, Station
+from truth.machine.station import GROUND, Joint, Real, StageBody, Station
 
 SIZE = (1.0, 30.0)
 LIMITS = (1e-3, 100.0)
@@ -72,7 +72,7 @@ def draw_missing_dof(
     """Draw a rigid direction along a world axis; None if every stage has six."""
     station = scene.station
     free = [list(_candidates(station, index)) for index in range(len(station.stages))]
-    choices = [index for index, found in enumerate(free) if found]
+    choices = [index for index, candidates in enumerate(free) if candidates]
     index = draw_stage(random, station, place, "joint", choices)
     if index is None:
         return None
@@ -92,25 +92,25 @@ def _candidates(station: Station, index: int) -> Iterator[tuple[str, float, floa
     twists = [_twist(joint, _point(stage)) for joint in stage.joints]
     taken = [joint.name for joint in stage.joints]
     for dof, twist in zip(DIRECTIONS, np.eye(6), strict=True):
-        found = _reference(station, index, "slide" if dof[0] == "t" else "hinge")
+        reference = _reference(station, index, "slide" if dof[0] == "t" else "hinge")
         independent = np.linalg.matrix_rank([*twists, twist], tol=1e-6) > len(twists)
-        if found and independent and f"{stage.name}_{dof}" not in taken:
-            yield dof, *found
+        if reference and independent and f"{stage.name}_{dof}" not in taken:
+            yield dof, *reference
 
 
 def _reference(station: Station, index: int, kind: str) -> tuple[float, float] | None:
     at = index
     while at != GROUND:
-        joints = [one for one in station.stages[at].joints if one.stiffness > 0]
-        alike = [one.stiffness for one in joints if one.kind == kind]
+        joints = [joint for joint in station.stages[at].joints if joint.stiffness > 0]
+        alike = [joint.stiffness for joint in joints if joint.kind == kind]
         if alike:
-            constants = [one.damping / one.stiffness for one in joints]
+            constants = [joint.damping / joint.stiffness for joint in joints]
             return REFERENCE * max(alike), float(np.median(constants))
         at = station.stages[at].parent
     return None
 
 
-def _point(stage: Stage) -> Real:
+def _point(stage: StageBody) -> Real:
     return stage.joints[0].position if stage.joints else stage.com
 
 

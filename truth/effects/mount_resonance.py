@@ -8,7 +8,7 @@ import numpy as np
 from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_sensor
-from truth.effects.sensors import filtered
+from truth.effects.sensors import filter_readings
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import Complex
 
@@ -56,7 +56,7 @@ class MountResonance(Sized):
         """Return the rig with the sensor on its mount."""
         del occasion
         mount = partial(_mount, 2 * np.pi * self.frequency, self.damping)
-        return filtered(rig, tested, self.node, mount)
+        return filter_readings(rig, tested, self.node, mount)
 
 
 def _mount(omega: float, damping: float, s: Complex) -> Complex:

@@ -21,9 +21,9 @@ def known_effects() -> Mapping[str, Draw]:
     Raises:
         TruthError: an entry point cannot be loaded, or has a name that is taken.
     """
-    found: dict[str, Draw] = {**CATALOGUE, **RIVALS, **OUTSIDE}
+    effects: dict[str, Draw] = {**CATALOGUE, **RIVALS, **OUTSIDE}
     for point in entry_points(group=GROUP):
-        if point.name in found:
+        if point.name in effects:
             raise TruthError(f"entry point {point.name} of {GROUP}: the name is taken; rename it")
         try:
             draw = point.load()
@@ -34,5 +34,5 @@ def known_effects() -> Mapping[str, Draw]:
             ) from error
         if not callable(draw):
             raise TruthError(f"entry point {point.name} of {GROUP}: name a function that draws it")
-        found[point.name] = draw
-    return found
+        effects[point.name] = draw
+    return effects

@@ -123,19 +123,19 @@ def _reference(station: Station, lower: int, upper: int) -> float | None:
     if station.stages[upper].parent == lower:
         return None
     between = _ancestry(station, lower) ^ _ancestry(station, upper)
-    found = [
+    stiffness = [
         joint.stiffness
         for index in between
         for joint in station.stages[index].joints
         if joint.kind == "slide" and joint.stiffness > 0
     ]
-    return float(np.exp(np.mean(np.log(found)))) if found else None
+    return float(np.exp(np.mean(np.log(stiffness)))) if stiffness else None
 
 
 def _ancestry(station: Station, index: int) -> frozenset[int]:
     """Return a stage and all that it stands on: the joints between it and the ground."""
-    found = set()
+    ancestors = set()
     while index != GROUND:
-        found.add(index)
+        ancestors.add(index)
         index = station.stages[index].parent
-    return frozenset(found)
+    return frozenset(ancestors)

@@ -13,7 +13,7 @@ from truth.machine.rig import Prepared, Rig
 from truth.machine.station import AXES, Joint, Real, Sensor, Station
 
 DIRECTIONS = tuple(kind + axis for kind in "tr" for axis in AXES)
-_SHOWN = 12  # locations in a sentence
+_N_LISTED = 12  # locations in a sentence
 
 
 def draw_stage(
@@ -70,14 +70,14 @@ def draw_location(
     for number, location in enumerate(locations):
         if place in (location, location.partition(":")[2]):
             return number
-    possible = ", ".join(locations[:_SHOWN]) + (" ..." if len(locations) > _SHOWN else "")
+    possible = ", ".join(locations[:_N_LISTED]) + (" ..." if len(locations) > _N_LISTED else "")
     raise NoPlaceError(f"{place!r} cannot have this effect; these can: {possible}")
 
 
 def draw_sensor(random: np.random.Generator, station: Station, place: str | None) -> Sensor | None:
     """Draw a sensor, at ``sensor:acc<node>``; None if there is none."""
     sensors = [sensor for _, sensor in station.sensors()]
-    number = draw_location(random, place, [f"sensor:acc{one.node}" for one in sensors])
+    number = draw_location(random, place, [f"sensor:acc{sensor.node}" for sensor in sensors])
     return None if number is None else sensors[number]
 
 
@@ -102,7 +102,7 @@ def direction_of(joint: Joint) -> str:
 
 
 @dataclass(frozen=True)
-class JointDirection:
+class StageDirection:
     """One direction of a stage's joint.
 
     Args:
@@ -140,7 +140,7 @@ def draw_direction(
     station: Station,
     place: str | None,
     usable: Callable[[Joint], bool] = has_spring,
-) -> JointDirection | None:
+) -> StageDirection | None:
     """Draw one direction of the joint of a stage, at ``joint:<stage>``; None if there is none."""
     choices = [i for i, stage in enumerate(station.stages) if any(map(usable, stage.joints))]
     index = draw_stage(random, station, place, "joint", choices)
@@ -148,7 +148,7 @@ def draw_direction(
         return None
     stage = station.stages[index]
     number = choose(random, [i for i, joint in enumerate(stage.joints) if usable(joint)])
-    return JointDirection(stage.name, number, direction_of(stage.joints[number]))
+    return StageDirection(stage.name, number, direction_of(stage.joints[number]))
 
 
 def draw_spring_stage(

@@ -8,7 +8,7 @@ import numpy as np
 from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_sensor
-from truth.effects.sensors import filtered
+from truth.effects.sensors import filter_readings
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import Complex
 
@@ -36,7 +36,7 @@ class SensorDelay(Sized):
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the sensor's delay."""
         del occasion
-        return filtered(rig, tested, self.node, partial(_late, self.size))
+        return filter_readings(rig, tested, self.node, partial(_late, self.size))
 
 
 def _late(delay: float, s: Complex) -> Complex:

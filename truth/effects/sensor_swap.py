@@ -42,11 +42,11 @@ class SensorSwap(Unsized):
         rows = [outputs(tested.station, node) for node in self.nodes]
         pairs = list(zip(*rows, strict=True))
         if self.axes:
-            one, other = (rows[0][axis] for axis in self.axes)
-            pairs = [(one, other)]
+            first, second = (rows[0][axis] for axis in self.axes)
+            pairs = [(first, second)]
         order = np.arange(len(rig.readout))
-        for one, other in pairs:
-            order[[one, other]] = other, one
+        for first, second in pairs:
+            order[[first, second]] = second, first
         # An exchange is its own inverse: row i shows what row order[i] was.
         filters = tuple(
             replace(each, outputs=tuple(int(order[output]) for output in each.outputs))

@@ -13,11 +13,11 @@ from truth.machine.station import Real, Sensor, Station
 def with_sensor(tested: Prepared, node: int, change: Callable[[Sensor], Sensor]) -> Prepared:
     """Return the machine with one sensor changed."""
 
-    def changed(sensor: Sensor) -> Sensor:
+    def change_matching(sensor: Sensor) -> Sensor:
         return change(sensor) if sensor.node == node else sensor
 
     stages = tuple(
-        replace(stage, sensors=tuple(changed(sensor) for sensor in stage.sensors))
+        replace(stage, sensors=tuple(change_matching(sensor) for sensor in stage.sensors))
         for stage in tested.station.stages
     )
     return replace(tested, station=replace(tested.station, stages=stages))
@@ -29,10 +29,10 @@ def outputs(station: Station, node: int) -> tuple[int, int, int]:
     return first, first + 1, first + 2
 
 
-def filtered(rig: Rig, tested: Prepared, node: int, response: Response) -> Rig:
+def filter_readings(rig: Rig, tested: Prepared, node: int, response: Response) -> Rig:
     """Return the rig with dynamics of one sensor on its three readings."""
-    own = Filter(outputs(tested.station, node), response)
-    return replace(rig, filters=(*rig.filters, own))
+    sensor_filter = Filter(outputs(tested.station, node), response)
+    return replace(rig, filters=(*rig.filters, sensor_filter))
 
 
 def turn(rotation: tuple[float, ...]) -> Real:

@@ -69,10 +69,10 @@ def poles(rig: Rig) -> Complex:
 
 def _lines(rig: Rig) -> Real:
     """Return omega [rad/s], positive and rising, close about every pole; (n_line,)."""
-    found = poles(rig)
-    found = found[found.imag > 0]
-    decay = np.maximum(-found.real, _LIGHT * np.abs(found))
-    lines = np.unique(found.imag[:, None] + decay[:, None] * _AROUND)
+    upper = poles(rig)
+    upper = upper[upper.imag > 0]
+    decay = np.maximum(-upper.real, _LIGHT * np.abs(upper))
+    lines = np.unique(upper.imag[:, None] + decay[:, None] * _AROUND)
     return np.asarray(lines[lines > 0], dtype=np.float64)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_spring_stage
 from truth.effects.rows import joint_stretch, springs
-from truth.machine.rig import Law, Occasion, Prepared, Rig
+from truth.machine.rig import FrequencyLaw, Occasion, Prepared, Rig
 from truth.machine.station import Complex
 
 LOSS = (0.03, 0.2)
@@ -51,7 +51,7 @@ class StructuralDamping(Sized):
         index = tested.station.index(self.stage)
         joints, rows = tested.station.stages[index].joints, joint_stretch(rig, tested, index)
         laws = tuple(
-            Law(row, row, partial(_loss, joint.stiffness * self.size))
+            FrequencyLaw(row, row, partial(_loss, joint.stiffness * self.size))
             for joint, row in zip(joints, rows, strict=True)
             if joint.stiffness > 0
         )

@@ -9,7 +9,7 @@ from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import DIRECTIONS, draw_stage
 from truth.effects.rows import relative_motion, springs
 from truth.machine.rig import Occasion, Prepared, Rig
-from truth.machine.station import Joint, Real, Stage
+from truth.machine.station import Joint, Real, StageBody
 
 LOST = (0.3, 0.9)
 NEAR = (0.6, 1.0)  # of the levers that the hinges allow
@@ -58,7 +58,7 @@ class SupportLoss(Sized):
 
     def answer(self) -> Answer:
         """Return what is to be found."""
-        fraction = tuple(1 - self.size if one in self.lost else 1.0 for one in range(4))
+        fraction = tuple(1 - self.size if corner in self.lost else 1.0 for corner in range(4))
         parameters = {"fraction": fraction}
         return Answer("support_loss", location=f"joint:{self.stage}", parameters=parameters)
 
@@ -70,13 +70,13 @@ class SupportLoss(Sized):
         motion = relative_motion(rig, tested, index, joints[0].position)
         stiffness = _along(joints, "stiffness")
         far = levers(stiffness, self.near)
-        lost = self.size * self._carried(motion, stiffness, far)
+        lost = self.size * self._lost_support_matrix(motion, stiffness, far)
         damping = _along(joints, "damping")
         near = np.minimum(levers(damping, self.near), far)
-        slower = self.size * self._carried(motion, damping, near)
+        slower = self.size * self._lost_support_matrix(motion, damping, near)
         return rig.with_matrices(damping=-slower, stiffness=-lost)
 
-    def _carried(self, motion: Real, along: Real, levers: Real) -> Real:
+    def _lost_support_matrix(self, motion: Real, along: Real, levers: Real) -> Real:
         """Return what the supports that lose something carry when whole; (n, n)."""
         a, b, flat = levers
         total = np.zeros((motion.shape[1], motion.shape[1]))
@@ -119,7 +119,7 @@ def _world_axis(joint: Joint) -> str | None:
     return _nearest_axis(joint) if np.abs(joint.axis).max() > 1 - 1e-9 else None
 
 
-def _stands(stage: Stage) -> bool:
+def _stands(stage: StageBody) -> bool:
     """Tell whether a stage has six springs through one point, along and about the world axes."""
     return (
         sorted(filter(None, map(_world_axis, stage.joints))) == sorted(DIRECTIONS)

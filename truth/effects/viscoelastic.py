@@ -9,7 +9,7 @@ from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_spring_stage
 from truth.effects.rows import joint_stretch
-from truth.machine.rig import Law, Occasion, Prepared, Rig
+from truth.machine.rig import FrequencyLaw, Occasion, Prepared, Rig
 from truth.machine.station import Complex
 
 RATIO = (0.1, 0.8)
@@ -53,7 +53,7 @@ class Viscoelastic(Sized):
         index = tested.station.index(self.stage)
         joints, rows = tested.station.stages[index].joints, joint_stretch(rig, tested, index)
         laws = tuple(
-            Law(row, row, partial(_branch, joint.stiffness * self.size, self.tau))
+            FrequencyLaw(row, row, partial(_branch, joint.stiffness * self.size, self.tau))
             for joint, row in zip(joints, rows, strict=True)
             if joint.stiffness > 0
         )

@@ -19,10 +19,10 @@ same cases by the same marks. What it yields is a ``Report``, a tree of frozen d
     confusion:  effects, kinds {truth: {said: n}}, places {machine: {truth: {said: n}}}
 """
 
-from truth.grade.cases import Case
+from truth.grade.cases import CaseFiles
 from truth.grade.marks import MEANS, RATES
 from truth.grade.report import Report, grade, to_json
 from truth.grade.scores import nearest_ratio
 from truth.grade.text_tables import tables
 
-__all__ = ["MEANS", "RATES", "Case", "Report", "grade", "nearest_ratio", "tables", "to_json"]
+__all__ = ["MEANS", "RATES", "CaseFiles", "Report", "grade", "nearest_ratio", "tables", "to_json"]

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from truth.grade.cases import Case
+from truth.grade.cases import CaseFiles
 from truth.grade.report import grade, to_json
 from truth.grade.text_tables import tables
 
@@ -18,22 +18,24 @@ BAD_INPUT = 3
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-def cases_in(folder: Path) -> list[Case]:
+def cases_in(folder: Path) -> list[CaseFiles]:
     """Return the cases of a folder, by the names of their folders."""
-    found = []
-    for own in sorted(one for one in folder.iterdir() if one.is_dir()):
-        refit, oracle, campaign = (own / name for name in ("refit.json", "oracle.json", "campaign"))
-        found.append(
-            Case(
-                name=own.name,
-                campaign=campaign if campaign.is_dir() else own,
-                verdict=own / "verdict.json",
-                answer=own / "answer.toml",
+    cases = []
+    for case_folder in sorted(child for child in folder.iterdir() if child.is_dir()):
+        refit, oracle, campaign = (
+            case_folder / name for name in ("refit.json", "oracle.json", "campaign")
+        )
+        cases.append(
+            CaseFiles(
+                name=case_folder.name,
+                campaign=campaign if campaign.is_dir() else case_folder,
+                verdict=case_folder / "verdict.json",
+                answer=case_folder / "answer.toml",
                 refit=refit if refit.exists() else None,
                 oracle=oracle if oracle.exists() else None,
             )
         )
-    return found
+    return cases
 
 
 @app.command()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from truth.errors import TruthError
 from truth.grade.json_reading import items, number, read_bytes, table, text
-from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, checked, direction, kind_of
+from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, check_place, direction, kind_of
 from truth.grade.verdict import Numbers
 
 
@@ -76,7 +76,7 @@ class Truth:
     @property
     def places(self) -> tuple[str, ...]:
         """Canonical locations of the causes."""
-        return tuple(one.location for one in self.causes if one.location)
+        return tuple(cause.location for cause in self.causes if cause.location)
 
 
 def read_answer(path: Path) -> Truth:
@@ -103,7 +103,7 @@ def answer_from(given: Mapping[str, object], name: str) -> Truth:
     if effect == NONE:
         causes: tuple[TrueCause, ...] = ()
     elif effect == SEVERAL:
-        causes = tuple(_cause(one) for one in items(given.get("cause"), "cause"))
+        causes = tuple(_cause(item) for item in items(given.get("cause"), "cause"))
         if len(causes) < 2:
             raise TruthError(f"{name}: several effects, but fewer than two [[cause]]")
     else:
@@ -116,12 +116,12 @@ def answer_from(given: Mapping[str, object], name: str) -> Truth:
 
 def _background(dirt: Mapping[str, object]) -> tuple[tuple[str, str], ...]:
     """Return effect and location of every small imperfection that is stated."""
-    found = []
+    rows = []
     for item in items(dirt.get("item", []), "dirt.item"):
         row = table(item, "dirt.item", "effect", "location")
         effect = text(row["effect"], "dirt.item.effect")
-        found.append((effect, checked(effect, text(row["location"], "dirt.item.location"))))
-    return tuple(found)
+        rows.append((effect, check_place(effect, text(row["location"], "dirt.item.location"))))
+    return tuple(rows)
 
 
 def _cause(value: object) -> TrueCause:
@@ -131,7 +131,7 @@ def _cause(value: object) -> TrueCause:
     if effect == UNEXPLAINED:
         location = canonical(location) if location else ""
     else:
-        location = checked(effect, location)
+        location = check_place(effect, location)
     ratio = given.get("ratio")
     return TrueCause(
         effect=effect,
@@ -140,29 +140,29 @@ def _cause(value: object) -> TrueCause:
         kind=text(given.get("kind", ""), "kind"),
         ratio=None if ratio is None else number(ratio, "ratio", 0.0),
         parameters={
-            name: tuple(number(part, name) for part in (one if isinstance(one, list) else [one]))
-            for name, one in table(given.get("parameters", {}), "parameters").items()
+            name: tuple(number(part, name) for part in (raw if isinstance(raw, list) else [raw]))
+            for name, raw in table(given.get("parameters", {}), "parameters").items()
         },
     )
 
 
 def _tags(drawn: Mapping[str, object]) -> tuple[str, ...]:
     """Return what a case is called by how it was drawn and tested; what is not stated is not."""
-    found = []
+    tags = []
     if isinstance(kind := drawn.get("kind"), str) and kind:
-        found.append(kind)
+        tags.append(kind)
     for key, tag in (("nodes", "two hammer points"), ("levels", "several levels")):
         value = drawn.get(key)
         if isinstance(value, list) and len(value) > 1:
-            found.append(tag)
+            tags.append(tag)
     setups = drawn.get("setups")
     if isinstance(setups, int) and setups > 1:
-        found.append("several set-ups")
+        tags.append("several set-ups")
     if drawn.get("coherence") is False:
-        found.append("no coherence")
+        tags.append("no coherence")
     if drawn.get("dead") is not None:
-        found.append("dead channel")
-    return tuple(found)
+        tags.append("dead channel")
+    return tuple(tags)
 
 
 def kinds_of(truth: Truth) -> tuple[str, ...]:

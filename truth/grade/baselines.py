@@ -14,17 +14,17 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 
 from truth.errors import TruthError
-from truth.grade.compare import Comparison
+from truth.grade.compare import DrawingComparison
 from truth.grade.marks import SEEN, Excess
 from truth.grade.names import CATALOGUE, NONE, UNEXPLAINED
-from truth.grade.verdict import EXPLAINED, Row, Verdict
+from truth.grade.verdict import EXPLAINED, Row, StatedVerdict
 from truth.machine.station import AXES
 
 Output = tuple[int, int]  # node, axis 1, 2, 3
-Ranking = Callable[[Comparison], list[Output]]
+Ranking = Callable[[DrawingComparison], list[Output]]
 
 
-def refit_only(excess: Excess) -> Verdict:
+def refit_only(excess: Excess) -> StatedVerdict:
     """Return the verdict of a refit that knows no effect.
 
     Raises:
@@ -33,23 +33,23 @@ def refit_only(excess: Excess) -> Verdict:
     if excess.refit is None:
         raise TruthError("there is no refit.json")
     if excess.refit < SEEN:
-        return Verdict(NONE, none=1.0)
-    return Verdict(UNEXPLAINED, unexplained=1.0)
+        return StatedVerdict(NONE, none=1.0)
+    return StatedVerdict(UNEXPLAINED, unexplained=1.0)
 
 
-def by_frac(comparison: Comparison) -> list[Output]:
+def by_frac(comparison: DrawingComparison) -> list[Output]:
     """Return the outputs by the FRAC of their channels, the worst first."""
-    ordered = sorted(comparison.channels, key=lambda one: one.frac)
-    return [(one.node, one.axis) for one in ordered]
+    ordered = sorted(comparison.channels, key=lambda channel: channel.frac)
+    return [(channel.node, channel.axis) for channel in ordered]
 
 
-def by_residual(comparison: Comparison) -> list[Output]:
+def by_residual(comparison: DrawingComparison) -> list[Output]:
     """Return the outputs by the relative residual of their channels, the largest first."""
-    ordered = sorted(comparison.channels, key=lambda one: -one.residual)
-    return [(one.node, one.axis) for one in ordered]
+    ordered = sorted(comparison.channels, key=lambda channel: -channel.residual)
+    return [(channel.node, channel.axis) for channel in ordered]
 
 
-def by_comac(comparison: Comparison) -> list[Output]:
+def by_comac(comparison: DrawingComparison) -> list[Output]:
     """Return the outputs by their COMAC over all lines, the worst first."""
     known = comparison.coordinates
     return sorted(known, key=lambda output: known[output])
@@ -60,25 +60,25 @@ RANKINGS: Mapping[str, Ranking] = MappingProxyType(
 )
 
 
-def gain_verdict(comparison: Comparison, ranking: Ranking) -> Verdict:
+def gain_verdict(comparison: DrawingComparison, ranking: Ranking) -> StatedVerdict:
     """Return a verdict that blames the sensors in their order, each by its worst direction."""
     worst: dict[str, str] = {}
     for node, axis in ranking(comparison):
         worst.setdefault(f"sensor:acc{node}", f"t{AXES[axis - 1]}")
-    return _blamed("sensor_gain", worst.items())
+    return _blame("sensor_gain", worst.items())
 
 
-def mass_verdict(comparison: Comparison, ranking: Ranking) -> Verdict:
+def mass_verdict(comparison: DrawingComparison, ranking: Ranking) -> StatedVerdict:
     """Return a verdict that blames the bodies in the order of their sensors."""
     carrier = {
         sensor.node: comparison.station.stages[index].name
         for index, sensor in comparison.station.sensors()
     }
     bodies = dict.fromkeys(f"body:{carrier[node]}" for node, _ in ranking(comparison))
-    return _blamed("mass_error", ((body, "") for body in bodies))
+    return _blame("mass_error", ((body, "") for body in bodies))
 
 
-def hypotheses_of(comparison: Comparison) -> dict[str, tuple[str, ...]]:
+def hypotheses_of(comparison: DrawingComparison) -> dict[str, tuple[str, ...]]:
     """Return the places that each effect of the catalogue may have in a machine.
 
     Joints are those that move, for ``missing_dof`` those with a rigid direction; a swap has one
@@ -100,20 +100,20 @@ def hypotheses_of(comparison: Comparison) -> dict[str, tuple[str, ...]]:
             if stage.parent != lower
         ],
     }
-    found = {effect: tuple(places[entry.kind]) for effect, entry in CATALOGUE.items()}
-    found["missing_dof"] = tuple(
+    hypotheses = {effect: tuple(places[entry.kind]) for effect, entry in CATALOGUE.items()}
+    hypotheses["missing_dof"] = tuple(
         f"joint:{stage.name}" for stage in station.stages if len(stage.joints) < 6
     )
-    found["sensor_swap"] += tuple(
-        f"sensor:{one}+{other}" for i, one in enumerate(sensors) for other in sensors[i + 1 :]
+    hypotheses["sensor_swap"] += tuple(
+        f"sensor:{first}+{second}" for i, first in enumerate(sensors) for second in sensors[i + 1 :]
     )
-    return {effect: own for effect, own in found.items() if own}
+    return {effect: locations for effect, locations in hypotheses.items() if locations}
 
 
-def _blamed(effect: str, ranked: Iterable[tuple[str, str]]) -> Verdict:
+def _blame(effect: str, ranked: Iterable[tuple[str, str]]) -> StatedVerdict:
     rows = tuple(
         Row(effect, place, probability=0.0 if number else 1.0, dof=dof)
         for number, (place, dof) in enumerate(ranked)
     )
     where = tuple((row.location, None) for row in rows)
-    return Verdict(EXPLAINED, causes=rows, where=where)
+    return StatedVerdict(EXPLAINED, causes=rows, where=where)

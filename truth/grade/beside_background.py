@@ -12,13 +12,13 @@ cause is that of the verdict where its row does not state it.
 
 from truth.grade.answer import Truth
 from truth.grade.marks import is_present
-from truth.grade.verdict import Row, Verdict
+from truth.grade.verdict import Row, StatedVerdict
 
 LIKELY = 0.5  # probability from which a cause is said to be there
 CLOSED_SHARE = 0.2  # of retuned^2 - 1, from which a cause matters
 
 
-def is_established(verdict: Verdict, row: Row) -> bool:
+def is_established(verdict: StatedVerdict, row: Row) -> bool:
     """Tell whether a cause is likely and matters."""
     after = row.excess_after
     if after is None and row in verdict.causes[:1]:
@@ -29,36 +29,36 @@ def is_established(verdict: Verdict, row: Row) -> bool:
     return gap > 0 and verdict.retuned**2 - after**2 >= CLOSED_SHARE * gap
 
 
-def is_right(truth: Truth, verdict: Verdict, row: Row) -> bool:
+def is_right(truth: Truth, verdict: StatedVerdict, row: Row) -> bool:
     """Tell whether a machine has a cause, among its faults or as an established item."""
     is_item = (row.effect, row.location) in truth.background
     return is_present(truth, row) or (is_item and is_established(verdict, row))
 
 
-def truth_is_first(truth: Truth, verdict: Verdict) -> bool:
+def truth_is_first(truth: Truth, verdict: StatedVerdict) -> bool:
     """Tell whether the most probable cause is one of the machine's faults."""
     return any(is_present(truth, row) for row in verdict.causes[:1])
 
 
-def right_first(truth: Truth, verdict: Verdict) -> bool:
+def right_first(truth: Truth, verdict: StatedVerdict) -> bool:
     """Tell whether the most probable cause is right."""
     return any(is_right(truth, verdict, row) for row in verdict.causes[:1])
 
 
-def all_found(truth: Truth, verdict: Verdict) -> bool:
+def all_found(truth: Truth, verdict: StatedVerdict) -> bool:
     """Tell whether every fault is among as many of the first causes, and likely."""
     first = verdict.causes[: len(truth.causes)]
     named = {(row.effect, row.location) for row in first if row.probability >= LIKELY}
     return named == {(cause.effect, cause.location) for cause in truth.causes}
 
 
-def wrong_causes(truth: Truth, verdict: Verdict) -> tuple[Row, ...]:
+def wrong_causes(truth: Truth, verdict: StatedVerdict) -> tuple[Row, ...]:
     """Return the causes that are said to be there and are not right."""
     likely = (row for row in verdict.causes if row.probability >= LIKELY)
     return tuple(row for row in likely if not is_right(truth, verdict, row))
 
 
-def probability_on(truth: Truth, verdict: Verdict) -> float:
+def probability_on(truth: Truth, verdict: StatedVerdict) -> float:
     """Return the probability that the faults are present, of several the least likely one's.
 
     Without faults it is that of none.

@@ -13,11 +13,11 @@ from truth.grade.answer import Truth, read_answer
 from truth.grade.json_reading import number, read_json, table
 from truth.grade.marks import Excess
 from truth.grade.read_verdict import read_verdict
-from truth.grade.verdict import NOTHING_SAID, Verdict
+from truth.grade.verdict import NOTHING_SAID, StatedVerdict
 
 
 @dataclass(frozen=True)
-class Case:
+class CaseFiles:
     """Where the files of a case are.
 
     Args:
@@ -54,9 +54,9 @@ class Read:
         remarks: what of the refits could not be read.
     """
 
-    case: Case
+    case: CaseFiles
     truth: Truth
-    verdict: Verdict
+    verdict: StatedVerdict
     failure: str
     excess: Excess
     remarks: tuple[str, ...]
@@ -72,7 +72,7 @@ class Read:
         return tuple(dict.fromkeys((*self.case.tags, *self.truth.tags)))
 
 
-def read_cases(cases: Sequence[Case]) -> tuple[tuple[Read, ...], dict[str, str]]:
+def read_cases(cases: Sequence[CaseFiles]) -> tuple[tuple[Read, ...], dict[str, str]]:
     """Read all cases.
 
     Returns:
@@ -103,8 +103,8 @@ def read_cases(cases: Sequence[Case]) -> tuple[tuple[Read, ...], dict[str, str]]
     return tuple(read), ungraded
 
 
-def _excess(case: Case) -> tuple[float | None, float | None, tuple[str, ...]]:
-    found: list[float | None] = []
+def _excess(case: CaseFiles) -> tuple[float | None, float | None, tuple[str, ...]]:
+    excesses: list[float | None] = []
     remarks = []
     for path in (case.refit, case.oracle):
         value = None
@@ -114,5 +114,5 @@ def _excess(case: Case) -> tuple[float | None, float | None, tuple[str, ...]]:
                 value = number(given["excess"], f"{path.name}: excess", 0.0)
             except TruthError as error:
                 remarks.append(str(error))
-        found.append(value)
-    return found[0], found[1], tuple(remarks)
+        excesses.append(value)
+    return excesses[0], excesses[1], tuple(remarks)

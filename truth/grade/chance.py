@@ -17,7 +17,7 @@ import numpy as np
 from truth.grade.answer import Truth
 from truth.grade.marks import FLOOR, NO_EXCESS, Excess, Marks, marks_of
 from truth.grade.names import canonical
-from truth.grade.verdict import EXPLAINED, Verdict
+from truth.grade.verdict import EXPLAINED, StatedVerdict
 from truth.machine.station import Real
 
 Hypotheses = Mapping[str, Sequence[str]]  # places by effect
@@ -38,10 +38,10 @@ def chance_marks(truth: Truth, hypotheses: Hypotheses, excess: Excess = NO_EXCES
     }
     labels, chances = list(drawn), np.array(list(drawn.values()))
     # A verdict without causes has every mark that cannot depend on what is drawn.
-    marks = dict(marks_of(truth, Verdict(EXPLAINED), excess))
+    marks = dict(marks_of(truth, StatedVerdict(EXPLAINED), excess))
     marks |= {"verdict_is_first": 1.0, "twin_set": 1.0, "direction": None}
     marks |= _where(truth, drawn)
-    true = [labels.index(one) for one in _labels(truth) if one in drawn]
+    true = [labels.index(label) for label in _labels(truth) if label in drawn]
     on_truth, top = 0.0, 0.0
     only = truth.only
     if only is not None:
@@ -61,17 +61,17 @@ def chance_marks(truth: Truth, hypotheses: Hypotheses, excess: Excess = NO_EXCES
 
 def among_three(chances: Real, wanted: list[int]) -> float:
     """Return the probability that one of the wanted is among three drawn of (n,), none twice."""
-    others = np.delete(chances, wanted)
-    pairs = others[:, None] + others
+    unwanted = np.delete(chances, wanted)
+    pairs = unwanted[:, None] + unwanted
     rest = 1 - pairs
     np.fill_diagonal(rest, 1.0)
-    missed = (others / (1 - others))[:, None] * others * (others.sum() - pairs) / rest
+    missed = (unwanted / (1 - unwanted))[:, None] * unwanted * (unwanted.sum() - pairs) / rest
     np.fill_diagonal(missed, 0.0)
     return float(1 - missed.sum())
 
 
 def _labels(truth: Truth) -> list[tuple[str, str]]:
-    return [(one.effect, one.location) for one in truth.causes]
+    return [(cause.effect, cause.location) for cause in truth.causes]
 
 
 def _where(truth: Truth, drawn: Mapping[tuple[str, str], float]) -> dict[str, float | None]:

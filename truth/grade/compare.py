@@ -46,7 +46,7 @@ class Agreement:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class DrawingComparison:
     """A campaign against its drawing.
 
     Args:
@@ -62,7 +62,7 @@ class Comparison:
     coordinates: Mapping[tuple[int, int], float]
 
 
-def compare(folder: Path) -> Comparison:
+def compare(folder: Path) -> DrawingComparison:
     """Compare a campaign with its drawing.
 
     Raises:
@@ -86,16 +86,18 @@ def compare(folder: Path) -> Comparison:
         noise = _noise(test, band, averages)
         for out, into in zip(*np.nonzero(test.present & (parts[0] > 0)), strict=True):
             node, direction = test.responses[out]
-            own = parts[:, out, into]
+            part = parts[:, out, into]
             place = (node, abs(direction))
-            channels.append((Agreement(*place, *_measures(own)), float(noise[out, into])))
+            channels.append((Agreement(*place, *_measures(part)), float(noise[out, into])))
             if noise[out, into] <= _NOISY:
-                sums[place] = sums.get(place, np.zeros(3)) + own[[0, 1, 4]]
-    quiet = tuple(one for one, noise in channels if noise <= _NOISY)
+                sums[place] = sums.get(place, np.zeros(3)) + part[[0, 1, 4]]
+    quiet = tuple(agreement for agreement, noise in channels if noise <= _NOISY)
     if not quiet:
         raise TruthError(f"{folder.name}: no channel stands out of its noise")
     nodes = tuple(dict.fromkeys(node for test, _ in measured for node, _ in test.references))
-    return Comparison(station, nodes, quiet, {place: _comac(own) for place, own in sums.items()})
+    return DrawingComparison(
+        station, nodes, quiet, {place: _comac(total) for place, total in sums.items()}
+    )
 
 
 def _tests(path: Path) -> tuple[list[tuple[str, float | None]], str]:
@@ -107,15 +109,15 @@ def _tests(path: Path) -> tuple[list[tuple[str, float | None]], str]:
     table(given, path.name, "model", "test")
     if "sensor" in given:
         raise TruthError(f"{path.name}: [sensor] is not handled; the drawing must say it all")
-    found: list[tuple[str, float | None]] = []
-    for one in items(given["test"], "test"):
-        test = table(one, "test", "file")
+    tests: list[tuple[str, float | None]] = []
+    for item in items(given["test"], "test"):
+        test = table(item, "test", "file")
         if test.get("window_tau", 0.0) != 0.0:
             raise TruthError(f"{path.name}: an exponential window is not handled")
         averages = test.get("averages")
-        own = None if averages is None else number(averages, "averages", 2.0)
-        found.append((text(test["file"], "file"), own))
-    return found, text(given["model"], "model")
+        count = None if averages is None else number(averages, "averages", 2.0)
+        tests.append((text(test["file"], "file"), count))
+    return tests, text(given["model"], "model")
 
 
 def _drawn_frf(station: Station, test: Measured) -> Complex:
@@ -174,11 +176,11 @@ def _parts(measured: Complex, drawn: Complex) -> Real:
     )
 
 
-def _measures(own: Real) -> tuple[float, float]:
-    measured, drawn, apart, cross, _ = own.tolist()
+def _measures(sums: Real) -> tuple[float, float]:
+    measured, drawn, apart, cross, _ = sums.tolist()
     return cross / (measured * drawn) if drawn > 0 else 0.0, float(np.sqrt(apart / measured))
 
 
-def _comac(own: Real) -> float:
-    measured, drawn, cross = own.tolist()
+def _comac(sums: Real) -> float:
+    measured, drawn, cross = sums.tolist()
     return cross**2 / (measured * drawn) if drawn > 0 else 0.0

@@ -71,12 +71,12 @@ def number(value: object, what: str, low: float = -BOUND, high: float = BOUND) -
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TruthError(f"{what}: expected a number, got {_short(value)}")
     try:
-        found = float(value)
+        converted = float(value)
     except OverflowError:
-        found = math.inf
-    if not (math.isfinite(found) and low <= found <= high):
+        converted = math.inf
+    if not (math.isfinite(converted) and low <= converted <= high):
         raise TruthError(f"{what}: {_short(value)} is not finite, or not from {low:g} to {high:g}")
-    return found
+    return converted
 
 
 def number_or_null(value: object, what: str, low: float = -BOUND) -> float | None:
@@ -96,9 +96,9 @@ def _refuse(constant: str) -> float:
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    entries = dict(pairs)
+    if len(entries) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
         raise ValueError(f"the key {twice[:40]!r} is given twice")
-    return found
+    return entries

@@ -16,7 +16,7 @@ from truth.grade.verdict import (
     PARTLY,
     First,
     Row,
-    Verdict,
+    StatedVerdict,
     alone,
     first_of,
     is_word_of,
@@ -74,20 +74,20 @@ class Excess:
 NO_EXCESS = Excess()
 
 
-def marks_of(truth: Truth, verdict: Verdict, excess: Excess = NO_EXCESS) -> Marks:
+def marks_of(truth: Truth, verdict: StatedVerdict, excess: Excess = NO_EXCESS) -> Marks:
     """Return all marks of ``RATES`` and ``MEANS``, each by its name."""
     first = first_of(verdict)
-    found: dict[str, float | None] = {
+    marks: dict[str, float | None] = {
         **_of_first(truth, verdict, first),
         **_of_kind(truth, verdict, first),
         **_of_where(truth, verdict),
         **_of_probability(truth, verdict),
     }
     fits = verdict.verdict != FAILED and is_word_of(verdict.verdict, first)
-    found["verdict_is_first"] = float(fits)
-    found["twin_set"] = float(len(twins_of(verdict, first.row))) if first.row else None
-    found["shrink_share"] = shrink_share(verdict, excess)
-    return MappingProxyType(found)
+    marks["verdict_is_first"] = float(fits)
+    marks["twin_set"] = float(len(twins_of(verdict, first.row))) if first.row else None
+    marks["shrink_share"] = shrink_share(verdict, excess)
+    return MappingProxyType(marks)
 
 
 def is_true(truth: Truth, first: First) -> bool:
@@ -99,10 +99,10 @@ def is_true(truth: Truth, first: First) -> bool:
 
 def is_present(truth: Truth, row: Row) -> bool:
     """Tell whether a machine has a cause, alone or among several."""
-    return any(_is_at(one, row) for one in truth.causes)
+    return any(_is_at(cause, row) for cause in truth.causes)
 
 
-def shrink_share(verdict: Verdict, excess: Excess) -> float | None:
+def shrink_share(verdict: StatedVerdict, excess: Excess) -> float | None:
     """Return (refit^2 - after^2) over (refit^2 - oracle^2), 0 to 1; 0 without a cause.
 
     Both refits are the command's; of the verdict only what is left after its cause counts. None
@@ -121,7 +121,7 @@ def _is_at(cause: TrueCause | None, row: Row) -> bool:
     return cause is not None and (cause.effect, cause.location) == (row.effect, row.location)
 
 
-def _of_first(truth: Truth, verdict: Verdict, first: First) -> dict[str, float | None]:
+def _of_first(truth: Truth, verdict: StatedVerdict, first: First) -> dict[str, float | None]:
     effect = first.effect == truth.effect
     place = first.place in truth.places
     both = effect and (place or not truth.places)
@@ -144,8 +144,8 @@ def _of_first(truth: Truth, verdict: Verdict, first: First) -> dict[str, float |
     }
 
 
-def _of_kind(truth: Truth, verdict: Verdict, first: First) -> dict[str, float | None]:
-    found: dict[str, float | None] = dict.fromkeys(
+def _of_kind(truth: Truth, verdict: StatedVerdict, first: First) -> dict[str, float | None]:
+    marks: dict[str, float | None] = dict.fromkeys(
         (
             "false_alarm",
             "unknown_rejected",
@@ -156,31 +156,31 @@ def _of_kind(truth: Truth, verdict: Verdict, first: First) -> dict[str, float | 
         )
     )
     if truth.effect == NONE:
-        found["false_alarm"] = float(not verdict.verdict == first.effect == NONE)
+        marks["false_alarm"] = float(not verdict.verdict == first.effect == NONE)
     elif truth.effect == UNEXPLAINED:
         rejected = verdict.verdict == first.effect == UNEXPLAINED
-        found["unknown_rejected"] = float(rejected)
+        marks["unknown_rejected"] = float(rejected)
         if rejected and truth.places:
             most = verdict.where[0][0] if verdict.where else ""
-            found["unknown_placed"] = float(most in truth.places)
+            marks["unknown_placed"] = float(most in truth.places)
     elif truth.effect == SEVERAL:
         said = verdict.verdict == SEVERAL or (
             verdict.verdict == PARTLY and sum(row.probability >= 0.5 for row in verdict.causes) > 1
         )
-        found["several_said"] = float(said)
-        known = [one for one in truth.causes if one.effect != UNEXPLAINED]
+        marks["several_said"] = float(said)
+        known = [cause for cause in truth.causes if cause.effect != UNEXPLAINED]
         if len(known) == len(truth.causes) == 2:
             two = {(row.effect, row.location) for row in verdict.causes[:2]}
-            true = {(one.effect, one.location) for one in known}
-            found["both_found"] = float(said and two == true)
+            true = {(cause.effect, cause.location) for cause in known}
+            marks["both_found"] = float(said and two == true)
         if truth.causes[0] in known:
-            found["largest_first"] = float(
+            marks["largest_first"] = float(
                 any(_is_at(truth.causes[0], row) for row in verdict.causes[:1])
             )
-    return found
+    return marks
 
 
-def _of_where(truth: Truth, verdict: Verdict) -> dict[str, float | None]:
+def _of_where(truth: Truth, verdict: StatedVerdict) -> dict[str, float | None]:
     if not truth.places:
         return {"where_first": None, "where_top3": None}
     seen = [place for place, _ in verdict.where or ()]
@@ -190,15 +190,15 @@ def _of_where(truth: Truth, verdict: Verdict) -> dict[str, float | None]:
     }
 
 
-def _of_probability(truth: Truth, verdict: Verdict) -> dict[str, float | None]:
+def _of_probability(truth: Truth, verdict: StatedVerdict) -> dict[str, float | None]:
     stated = [
         (verdict.none, truth.effect == NONE),
         (verdict.unexplained, truth.effect == UNEXPLAINED),
         (verdict.several, truth.effect == SEVERAL),
     ]
     stated += [
-        (own, _is_at(truth.only, row))
-        for row, own in zip(verdict.causes, alone(verdict), strict=True)
+        (probability, _is_at(truth.only, row))
+        for row, probability in zip(verdict.causes, alone(verdict), strict=True)
     ]
     on_truth = math.fsum(probability for probability, true in stated if true)
     brier = math.fsum((probability - true) ** 2 for probability, true in stated)

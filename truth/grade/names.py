@@ -91,7 +91,7 @@ def canonical(location: str) -> str:
     return location
 
 
-def checked(effect: str, location: str) -> str:
+def check_place(effect: str, location: str) -> str:
     """Return the canonical location of an effect of the catalogue.
 
     Raises:
@@ -110,6 +110,6 @@ def checked(effect: str, location: str) -> str:
 def direction(dof: str) -> str:
     """Return a direction such that ``tx+ty`` and ``ty+tx`` are the same; others stay."""
     known = dof.split("+")
-    if all(len(one) == 2 and one[0] in "tr" and one[1] in "xyz" for one in known):
+    if all(len(part) == 2 and part[0] in "tr" and part[1] in "xyz" for part in known):
         return "+".join(sorted(known))
     return dof

@@ -57,8 +57,8 @@ def paired_difference(pairs: Iterable[tuple[bool, bool]]) -> PairedDifference:
     (low1, high1), (low2, high2) = wilson(a + b, n), wilson(a + c, n)
     phi = _correlation(a, b, c, d)
     difference = first - second
-    down = _joined(first - low1, high2 - second, phi)
-    up = _joined(high1 - first, second - low2, phi)
+    down = _join_widths(first - low1, high2 - second, phi)
+    up = _join_widths(high1 - first, second - low2, phi)
     return PairedDifference(n, b, c, difference, difference - down, difference + up, mcnemar(b, c))
 
 
@@ -69,7 +69,7 @@ def mcnemar(first_alone: int, second_alone: int) -> float:
     return min(1.0, 2 * tail)
 
 
-def _joined(first: float, second: float, phi: float) -> float:
+def _join_widths(first: float, second: float, phi: float) -> float:
     return math.sqrt(max(0.0, first**2 - 2 * phi * first * second + second**2))
 
 

@@ -106,11 +106,11 @@ def rate_of(marks: Iterable[float | None]) -> Rate:
 
 def quantile(values: Sequence[float], part: float) -> float:
     """Return a quantile, linear between the sorted values; at least one value."""
-    found = sorted(values)
-    at = part * (len(found) - 1)
-    below = min(int(at), len(found) - 1)
-    above = min(below + 1, len(found) - 1)
-    return found[below] + (at - below) * (found[above] - found[below])
+    ordered = sorted(values)
+    at = part * (len(ordered) - 1)
+    below = min(int(at), len(ordered) - 1)
+    above = min(below + 1, len(ordered) - 1)
+    return ordered[below] + (at - below) * (ordered[above] - ordered[below])
 
 
 def spread_of(values: Iterable[float | None]) -> Spread:
@@ -133,9 +133,9 @@ def diagram_of(statements: Iterable[tuple[float, bool]]) -> Diagram:
         raise ValueError("diagram: a probability lies outside 0 to 1")
     bins, error = [], 0.0
     for low, high in BINS:
-        inside = [one for one in given if low <= one[0] < high or one[0] == high == 1]
-        true = rate_of(float(one) for _, one in inside)
-        stated = fmean(one for one, _ in inside) if inside else None
+        inside = [pair for pair in given if low <= pair[0] < high or pair[0] == high == 1]
+        true = rate_of(float(is_true) for _, is_true in inside)
+        stated = fmean(probability for probability, _ in inside) if inside else None
         if stated is not None and true.rate is not None:
             error += len(inside) / len(given) * abs(stated - true.rate)
         bins.append(Bin(low, high, stated, true))

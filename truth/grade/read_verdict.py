@@ -11,17 +11,17 @@ from pathlib import Path
 
 from truth.errors import TruthError
 from truth.grade.json_reading import items, number, number_or_null, read_json, table, text
-from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, checked, direction
-from truth.grade.verdict import EXPLAINED, PARTLY, WORDS, Interval, Numbers, Row, Verdict
+from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, check_place, direction
+from truth.grade.verdict import EXPLAINED, PARTLY, WORDS, Interval, Numbers, Row, StatedVerdict
 
 ABOVE = 0.01  # by which probabilities may sum to more than 1: they are rounded
 OMITTED = 0.2  # that may be missing: rows below 0.01 need not be stated
-_ROUNDING = 1e-9
+_PROBABILITY_ROUNDING = 1e-9
 _KEYS = ("verdict", "probability", "gap", "where", "causes", "twins", "not_testable")
 _LAST = "next_experiment"
 
 
-def read_verdict(path: Path) -> Verdict:
+def read_verdict(path: Path) -> StatedVerdict:
     """Read and check a verdict.
 
     Raises:
@@ -30,7 +30,7 @@ def read_verdict(path: Path) -> Verdict:
     return verdict_from(read_json(path))
 
 
-def verdict_from(value: object) -> Verdict:
+def verdict_from(value: object) -> StatedVerdict:
     """Check a verdict that is read already.
 
     Raises:
@@ -44,26 +44,26 @@ def verdict_from(value: object) -> Verdict:
     if unknown := sorted(stated.keys() - {NONE, UNEXPLAINED, SEVERAL}):
         raise TruthError(f"probability: {unknown[0][:40]!r} is no hypothesis of the contract")
     retuned, after = _gap(given["gap"])
-    verdict = Verdict(
+    verdict = StatedVerdict(
         verdict=word,
         none=_probability(stated[NONE], NONE),
         unexplained=_probability(stated[UNEXPLAINED], UNEXPLAINED),
         several=_probability(stated[SEVERAL], SEVERAL),
-        causes=tuple(_row(one, f"causes[{i}]") for i, one in enumerate(_list(given, "causes"))),
+        causes=tuple(_row(row, f"causes[{i}]") for i, row in enumerate(_list(given, "causes"))),
         where=None if given["where"] is None else _where(given),
-        twins=tuple(_twins(one, f"twins[{i}]") for i, one in enumerate(_list(given, "twins"))),
+        twins=tuple(_twins(group, f"twins[{i}]") for i, group in enumerate(_list(given, "twins"))),
         retuned=retuned,
         after=after,
     )
-    for one in _list(given, "not_testable"):
-        text(one, "not_testable")
+    for item in _list(given, "not_testable"):
+        text(item, "not_testable")
     if given[_LAST] is not None:
         text(given[_LAST], _LAST)
     _check(verdict)
     return verdict
 
 
-def _check(verdict: Verdict) -> None:
+def _check(verdict: StatedVerdict) -> None:
     """Refuse what contradicts itself."""
     rows = [row.probability for row in verdict.causes]
     least = {EXPLAINED: 1, PARTLY: 1, SEVERAL: 2}.get(verdict.verdict, 0)
@@ -88,7 +88,7 @@ def _check(verdict: Verdict) -> None:
 
 
 def _probability(value: object, what: str) -> float:
-    return min(1.0, number(value, f"probability of {what}", 0.0, 1 + _ROUNDING))
+    return min(1.0, number(value, f"probability of {what}", 0.0, 1 + _PROBABILITY_ROUNDING))
 
 
 def _list(given: Mapping[str, object], key: str) -> list[object]:
@@ -98,29 +98,29 @@ def _list(given: Mapping[str, object], key: str) -> list[object]:
 def _gap(value: object) -> tuple[float | None, float | None]:
     """Return the excess re-tuned and after."""
     gap = table(value, "gap", "as_drawn", "retuned", "after", "noise", "closed")
-    found: list[float | None] = []
+    excesses: list[float | None] = []
     for key in ("as_drawn", "retuned", "after"):
         if gap[key] is None:
-            found.append(None)
+            excesses.append(None)
             continue
         inside = table(gap[key], f"gap.{key}", "error", "excess")
         number_or_null(inside["error"], f"gap.{key}.error", 0.0)
-        found.append(number_or_null(inside["excess"], f"gap.{key}.excess", 0.0))
+        excesses.append(number_or_null(inside["excess"], f"gap.{key}.excess", 0.0))
     number_or_null(gap["noise"], "gap.noise", 0.0)
     number_or_null(gap["closed"], "gap.closed")
-    return found[1], found[2]
+    return excesses[1], excesses[2]
 
 
 def _row(value: object, what: str) -> Row:
     given = table(value, what, "effect", "location", "probability", "parameters")
     effect = text(given["effect"], f"{what}.effect")
-    location = checked(effect, text(given["location"], f"{what}.location"))
+    location = check_place(effect, text(given["location"], f"{what}.location"))
     dof = given.get("dof")
     parameters = table(given["parameters"], f"{what}.parameters")
-    found = {
-        name: _components(one, f"{what}.parameters.{name}")
-        for name, one in parameters.items()
-        if one is not None
+    components = {
+        name: _components(stated, f"{what}.parameters.{name}")
+        for name, stated in parameters.items()
+        if stated is not None
     }
     interval = given.get("interval")
     intervals = {} if interval is None else table(interval, f"{what}.interval")
@@ -130,11 +130,11 @@ def _row(value: object, what: str) -> Row:
         location=location,
         probability=_probability(given["probability"], what),
         dof="" if dof is None else direction(text(dof, f"{what}.dof")),
-        parameters=found,
+        parameters=components,
         interval={
-            name: _interval(one, len(found[name]), f"{what}.interval.{name}")
-            for name, one in intervals.items()
-            if one is not None and name in found
+            name: _interval(stated, len(components[name]), f"{what}.interval.{name}")
+            for name, stated in intervals.items()
+            if stated is not None and name in components
         },
         excess_after=None if after is None else number(after, f"{what}.excess_after", 0.0),
     )
@@ -145,14 +145,14 @@ def _numbers(value: object, what: str) -> Numbers:
         return (number(value, what),)
     if not value:
         raise TruthError(f"{what}: is empty")
-    return tuple(number(one, what) for one in value)
+    return tuple(number(component, what) for component in value)
 
 
 def _components(value: object, what: str) -> Numbers:
     """Return a number or a vector; a component that is null, since nothing shows it, is nan."""
     if not isinstance(value, list) or not value:
         return _numbers(value, what)
-    return tuple(math.nan if one is None else number(one, what) for one in value)
+    return tuple(math.nan if component is None else number(component, what) for component in value)
 
 
 def _interval(value: object, size: int, what: str) -> Interval:
@@ -161,33 +161,33 @@ def _interval(value: object, size: int, what: str) -> Interval:
     if size == 1 and len(given) == 2 and not isinstance(given[0], list):
         given = [given]
     unknown = (math.nan, math.nan)
-    pairs = tuple(unknown if one is None else _numbers(one, what) for one in given)
-    if len(pairs) != size or any(len(one) != 2 or one[0] > one[1] for one in pairs):
+    pairs = tuple(unknown if pair is None else _numbers(pair, what) for pair in given)
+    if len(pairs) != size or any(len(pair) != 2 or pair[0] > pair[1] for pair in pairs):
         raise TruthError(f"{what}: expected [low, high], of a vector one for each component")
     return tuple((low, high) for low, high in pairs)
 
 
 def _where(given: Mapping[str, object]) -> tuple[tuple[str, float | None], ...]:
-    found = []
-    for index, one in enumerate(_list(given, "where")):
-        row = table(one, f"where[{index}]", "location", "share")
+    places = []
+    for index, item in enumerate(_list(given, "where")):
+        row = table(item, f"where[{index}]", "location", "share")
         share = row["share"]
         if share is not None:
-            share = min(1.0, number(share, f"where[{index}].share", 0.0, 1 + _ROUNDING))
-        found.append((canonical(text(row["location"], f"where[{index}].location")), share))
-    if len({place for place, _ in found}) < len(found):
+            share = min(1.0, number(share, f"where[{index}].share", 0.0, 1 + _PROBABILITY_ROUNDING))
+        places.append((canonical(text(row["location"], f"where[{index}].location")), share))
+    if len({place for place, _ in places}) < len(places):
         raise TruthError("where: a location is given twice")
-    shares = [share for _, share in found if share is not None]
-    if len(shares) not in (0, len(found)):
+    shares = [share for _, share in places if share is not None]
+    if len(shares) not in (0, len(places)):
         raise TruthError("where: some shares are null, others not")
     if sum(shares) > 1 + ABOVE or any(low < high for low, high in pairwise(shares)):
         raise TruthError("where: expected shares that sum to 1 at most, the largest first")
-    return tuple(found)
+    return tuple(places)
 
 
 def _twins(value: object, what: str) -> frozenset[tuple[str, str]]:
-    labels = [text(one, what).partition("@") for one in items(value, what)]
-    found = frozenset((effect, checked(effect, place)) for effect, _, place in labels)
-    if len(found) < 2 or len(found) < len(labels):
+    labels = [text(item, what).partition("@") for item in items(value, what)]
+    twins = frozenset((effect, check_place(effect, place)) for effect, _, place in labels)
+    if len(twins) < 2 or len(twins) < len(labels):
         raise TruthError(f"{what}: expected two or more different effect@location")
-    return found
+    return twins

@@ -8,16 +8,16 @@ import numpy as np
 
 from truth.errors import TruthError
 from truth.grade.baselines import RANKINGS, gain_verdict, hypotheses_of, mass_verdict, refit_only
-from truth.grade.cases import Case, Read, read_cases
+from truth.grade.cases import CaseFiles, Read, read_cases
 from truth.grade.chance import chance_marks
-from truth.grade.compare import Comparison, compare
+from truth.grade.compare import DrawingComparison, compare
 from truth.grade.marks import Marks, marks_of
 from truth.grade.scores import Judged, Scores, ratio_of, scores_of
-from truth.grade.verdict import First, Verdict, first_of
+from truth.grade.verdict import First, StatedVerdict, first_of
 
 
 @dataclass(frozen=True)
-class Baseline:
+class BaselineScores:
     """A baseline's scores.
 
     Args:
@@ -75,11 +75,11 @@ class Report:
     ungraded: dict[str, str]
     remarks: dict[str, tuple[str, ...]]
     verdicts: Scores | None
-    baselines: dict[str, Baseline]
+    baselines: dict[str, BaselineScores]
     lines: tuple[Line, ...]
 
 
-def grade(cases: Sequence[Case], *, baselines: bool = True) -> Report:
+def grade(cases: Sequence[CaseFiles], *, baselines: bool = True) -> Report:
     """Grade verdicts against sealed answers.
 
     Args:
@@ -91,16 +91,17 @@ def grade(cases: Sequence[Case], *, baselines: bool = True) -> Report:
     """
     read, ungraded = read_cases(cases)
     judged = [
-        _judged(one, marks_of(one.truth, one.verdict, one.excess), one.verdict) for one in read
+        _judge(entry, marks_of(entry.truth, entry.verdict, entry.excess), entry.verdict)
+        for entry in read
     ]
     return Report(
         cases=len(cases),
-        failed={one.case.name: one.failure for one in read if one.failure},
+        failed={entry.case.name: entry.failure for entry in read if entry.failure},
         ungraded=ungraded,
-        remarks={one.case.name: one.remarks for one in read if one.remarks},
+        remarks={entry.case.name: entry.remarks for entry in read if entry.remarks},
         verdicts=scores_of(judged) if judged else None,
         baselines=_baselines(read) if baselines else {},
-        lines=tuple(_line(one) for one in judged),
+        lines=tuple(_line(entry) for entry in judged),
     )
 
 
@@ -115,50 +116,50 @@ def to_json(report: Report) -> str:
     )
 
 
-def _judged(read: Read, marks: Marks, verdict: Verdict | None) -> Judged:
+def _judge(read: Read, marks: Marks, verdict: StatedVerdict | None) -> Judged:
     return Judged(read.case.name, read.machine, read.tags, read.truth, marks, verdict)
 
 
-def _baselines(read: Sequence[Read]) -> dict[str, Baseline]:
-    found: dict[str, list[Judged]] = {"random": [], "refit_only": []}
-    found |= {f"{rank}_{blame}": [] for rank in RANKINGS for blame in ("gain", "mass")}
-    skipped: dict[str, dict[str, str]] = {name: {} for name in found}
-    for one in read:
-        name = one.case.name
+def _baselines(read: Sequence[Read]) -> dict[str, BaselineScores]:
+    judgements: dict[str, list[Judged]] = {"random": [], "refit_only": []}
+    judgements |= {f"{rank}_{blame}": [] for rank in RANKINGS for blame in ("gain", "mass")}
+    skipped: dict[str, dict[str, str]] = {name: {} for name in judgements}
+    for entry in read:
+        name = entry.case.name
         try:
-            found["refit_only"].append(_said(one, refit_only(one.excess)))
+            judgements["refit_only"].append(_said(entry, refit_only(entry.excess)))
         except TruthError as error:
             skipped["refit_only"][name] = str(error)
         try:
-            comparison = compare(one.case.campaign)
+            comparison = compare(entry.case.campaign)
         except (TruthError, np.linalg.LinAlgError) as error:
-            for own in skipped.keys() - {"refit_only"}:
-                skipped[own][name] = str(error)
+            for baseline in skipped.keys() - {"refit_only"}:
+                skipped[baseline][name] = str(error)
             continue
-        for own, judged in _of_files(one, comparison).items():
-            found[own].append(judged)
+        for baseline, judged in _of_files(entry, comparison).items():
+            judgements[baseline].append(judged)
     return {
-        name: Baseline(skipped[name], scores_of(own) if own else None)
-        for name, own in found.items()
+        name: BaselineScores(skipped[name], scores_of(judged) if judged else None)
+        for name, judged in judgements.items()
     }
 
 
-def _of_files(read: Read, comparison: Comparison) -> Mapping[str, Judged]:
+def _of_files(read: Read, comparison: DrawingComparison) -> Mapping[str, Judged]:
     """Return the judgements of one campaign's files, by the baseline's name."""
     chance = chance_marks(read.truth, hypotheses_of(comparison), read.excess)
-    found = {"random": _judged(read, chance, None)}
+    judgements = {"random": _judge(read, chance, None)}
     for rank, ranking in RANKINGS.items():
-        found[f"{rank}_gain"] = _said(read, gain_verdict(comparison, ranking))
-        found[f"{rank}_mass"] = _said(read, mass_verdict(comparison, ranking))
-    return found
+        judgements[f"{rank}_gain"] = _said(read, gain_verdict(comparison, ranking))
+        judgements[f"{rank}_mass"] = _said(read, mass_verdict(comparison, ranking))
+    return judgements
 
 
-def _said(read: Read, verdict: Verdict) -> Judged:
-    return _judged(read, marks_of(read.truth, verdict, read.excess), verdict)
+def _said(read: Read, verdict: StatedVerdict) -> Judged:
+    return _judge(read, marks_of(read.truth, verdict, read.excess), verdict)
 
 
 def _line(judged: Judged) -> Line:
-    verdict = judged.verdict or Verdict("")
+    verdict = judged.verdict or StatedVerdict("")
     first: First = first_of(verdict)
     return Line(
         name=judged.name,

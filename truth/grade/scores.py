@@ -9,7 +9,7 @@ from truth.grade.marks import MEANS, RATES, Marks, is_present, is_true
 from truth.grade.names import kind_of
 from truth.grade.rates import Diagram, Rate, Spread, diagram_of, rate_of, spread_of
 from truth.grade.sizes import Sizes, estimates_of, sizes_of
-from truth.grade.verdict import FAILED, Verdict, first_of
+from truth.grade.verdict import FAILED, StatedVerdict, first_of
 
 RATIOS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 NOWHERE = "nowhere"
@@ -32,7 +32,7 @@ class Judged:
     tags: tuple[str, ...]
     truth: Truth
     marks: Marks
-    verdict: Verdict | None
+    verdict: StatedVerdict | None
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class CalibrationDiagrams:
     """Whether probabilities are what they say; verdicts that could not be read state none.
 
     Args:
@@ -97,23 +97,23 @@ class Scores:
     by_ratio: dict[str, Group]
     by_machine: dict[str, Group]
     by_tag: dict[str, Group]
-    calibration: Calibration | None
+    calibration: CalibrationDiagrams | None
     sizes: Sizes | None
     confusion: Confusion | None
 
 
 def scores_of(judged: Sequence[Judged]) -> Scores:
     """Return the scores of cases; all of them have a verdict, or none has."""
-    stated = [(one, one.verdict) for one in judged if one.verdict is not None]
+    stated = [(case, case.verdict) for case in judged if case.verdict is not None]
     return Scores(
         all=_group(judged),
-        by_effect=_split(judged, lambda one: (one.truth.label,)),
-        by_place=_split(judged, lambda one: kinds_of(one.truth)),
-        by_ratio=_split(judged, lambda one: (ratio_of(one.truth),)),
-        by_machine=_split(judged, lambda one: (one.machine,)),
-        by_tag=_split(judged, lambda one: one.tags),
+        by_effect=_group_by(judged, lambda case: (case.truth.label,)),
+        by_place=_group_by(judged, lambda case: kinds_of(case.truth)),
+        by_ratio=_group_by(judged, lambda case: (ratio_of(case.truth),)),
+        by_machine=_group_by(judged, lambda case: (case.machine,)),
+        by_tag=_group_by(judged, lambda case: case.tags),
         calibration=_calibration(stated) if stated else None,
-        sizes=sizes_of(e for one, said in stated for e in estimates_of(one.truth, said))
+        sizes=sizes_of(e for case, said in stated for e in estimates_of(case.truth, said))
         if stated
         else None,
         confusion=_confusion(stated) if stated else None,
@@ -130,29 +130,31 @@ def nearest_ratio(ratio: float | None) -> str:
     if ratio is None:
         return "none"
     log = math.log(max(ratio, 1e-9))
-    return f"{min(RATIOS, key=lambda one: abs(math.log(one) - log)):g}"
+    return f"{min(RATIOS, key=lambda candidate: abs(math.log(candidate) - log)):g}"
 
 
 def _group(judged: Sequence[Judged]) -> Group:
     return Group(
         n=len(judged),
-        rates={name: rate_of(one.marks.get(name) for one in judged) for name in RATES},
-        means={name: spread_of(one.marks.get(name) for one in judged) for name in MEANS},
+        rates={name: rate_of(case.marks.get(name) for case in judged) for name in RATES},
+        means={name: spread_of(case.marks.get(name) for case in judged) for name in MEANS},
     )
 
 
-def _split(judged: Sequence[Judged], labels: Callable[[Judged], Iterable[str]]) -> dict[str, Group]:
+def _group_by(
+    judged: Sequence[Judged], labels: Callable[[Judged], Iterable[str]]
+) -> dict[str, Group]:
     parts: dict[str, list[Judged]] = {}
-    for one in judged:
-        for label in labels(one):
-            parts.setdefault(label, []).append(one)
+    for case in judged:
+        for label in labels(case):
+            parts.setdefault(label, []).append(case)
     return {label: _group(parts[label]) for label in sorted(parts)}
 
 
-def _calibration(stated: Sequence[tuple[Judged, Verdict]]) -> Calibration:
-    read = [(one.truth, said) for one, said in stated if said.verdict != FAILED]
+def _calibration(stated: Sequence[tuple[Judged, StatedVerdict]]) -> CalibrationDiagrams:
+    read = [(case.truth, said) for case, said in stated if said.verdict != FAILED]
     firsts = [(truth, first_of(said)) for truth, said in read]
-    return Calibration(
+    return CalibrationDiagrams(
         first=diagram_of((first.probability, is_true(truth, first)) for truth, first in firsts),
         causes=diagram_of(
             (row.probability, is_present(truth, row)) for truth, said in read for row in said.causes
@@ -166,19 +168,19 @@ def _calibration(stated: Sequence[tuple[Judged, Verdict]]) -> Calibration:
     )
 
 
-def _confusion(stated: Sequence[tuple[Judged, Verdict]]) -> Confusion:
-    found = Confusion({}, {}, {})
-    for one, said in stated:
+def _confusion(stated: Sequence[tuple[Judged, StatedVerdict]]) -> Confusion:
+    confusion = Confusion({}, {}, {})
+    for case, said in stated:
         first = first_of(said)
         label = FAILED if said.verdict == FAILED else first.effect
-        _count(found.effects, one.truth.label, label)
+        _count(confusion.effects, case.truth.label, label)
         place = FAILED if said.verdict == FAILED else first.place or NOWHERE
         kind = kind_of(first.place) or place
-        places = found.places.setdefault(one.machine, {})
-        for true in one.truth.places or (NOWHERE,):
+        places = confusion.places.setdefault(case.machine, {})
+        for true in case.truth.places or (NOWHERE,):
             _count(places, true, place)
-            _count(found.kinds, kind_of(true), kind)
-    return found
+            _count(confusion.kinds, kind_of(true), kind)
+    return confusion
 
 
 def _count(matrix: Matrix, true: str, said: str) -> None:

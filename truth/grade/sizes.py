@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from truth.grade.answer import TrueCause, Truth
 from truth.grade.names import CATALOGUE, UNEXPLAINED
 from truth.grade.rates import Rate, quantile, rate_of
-from truth.grade.verdict import Numbers, Row, Verdict
+from truth.grade.verdict import Numbers, Row, StatedVerdict
 
-_NOTHING = 1e-30  # a truth that has no size
+_MIN_TRUE_SIZE = 1e-30  # a truth that has no size
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ class Sizes:
     intervals_of: dict[str, Rate]
 
 
-def estimates_of(truth: Truth, verdict: Verdict) -> tuple[Estimate, ...]:
+def estimates_of(truth: Truth, verdict: StatedVerdict) -> tuple[Estimate, ...]:
     """Return one estimate for each parameter that the truth states of an effect it knows."""
-    found = []
+    estimates = []
     for cause in truth.causes:
         if cause.effect == UNEXPLAINED:
             continue
@@ -86,32 +86,36 @@ def estimates_of(truth: Truth, verdict: Verdict) -> tuple[Estimate, ...]:
             if (row.effect, row.location) == (cause.effect, cause.location)
         ]
         row = rows[0] if rows else None
-        found += [_estimate(cause, name, row) for name in cause.parameters]
-    return tuple(found)
+        estimates += [_estimate(cause, name, row) for name in cause.parameters]
+    return tuple(estimates)
 
 
 def sizes_of(estimates: Iterable[Estimate]) -> Sizes:
     """Return the errors and intervals of many estimates."""
     known = list(estimates)
-    sizes = [one for one in known if one.is_size]
-    effects = sorted({one.effect for one in known})
+    sizes = [estimate for estimate in known if estimate.is_size]
+    effects = sorted({estimate.effect for estimate in known})
     parameters: dict[str, dict[str, Errors]] = {}
     for effect in effects:
-        own = [one for one in known if one.effect == effect]
-        names = dict.fromkeys(one.parameter for one in own)
+        of_effect = [estimate for estimate in known if estimate.effect == effect]
+        names = dict.fromkeys(estimate.parameter for estimate in of_effect)
         parameters[effect] = {
-            name: _errors([one.error for one in own if one.parameter == name]) for name in names
+            name: _errors([estimate.error for estimate in of_effect if estimate.parameter == name])
+            for name in names
         }
     return Sizes(
-        size=_errors([one.size_error for one in sizes]),
+        size=_errors([estimate.size_error for estimate in sizes]),
         size_of={
-            effect: _errors([one.size_error for one in sizes if one.effect == effect])
-            for effect in sorted({one.effect for one in sizes})
+            effect: _errors(
+                [estimate.size_error for estimate in sizes if estimate.effect == effect]
+            )
+            for effect in sorted({estimate.effect for estimate in sizes})
         },
         parameters=parameters,
-        intervals=_held(known),
+        intervals=_rate_inside(known),
         intervals_of={
-            effect: _held([one for one in known if one.effect == effect]) for effect in effects
+            effect: _rate_inside([estimate for estimate in known if estimate.effect == effect])
+            for effect in effects
         },
     )
 
@@ -144,9 +148,9 @@ def _relative(stated: Numbers | None, true: Numbers, neutral: float) -> float | 
         return None
     pairs = [pair for pair in zip(stated, true, strict=True) if not math.isnan(pair[0])]
     whole = math.hypot(*(value - neutral for _, value in pairs))
-    if whole < _NOTHING:
+    if whole < _MIN_TRUE_SIZE:
         return None
-    return math.hypot(*(one - other for one, other in pairs)) / whole
+    return math.hypot(*(number - value for number, value in pairs)) / whole
 
 
 def _errors(errors: list[float | None]) -> Errors:
@@ -156,5 +160,5 @@ def _errors(errors: list[float | None]) -> Errors:
     return Errors(len(errors), len(known), quantile(known, 0.5), quantile(known, 0.9))
 
 
-def _held(estimates: list[Estimate]) -> Rate:
-    return rate_of(float(one) for estimate in estimates for one in estimate.inside)
+def _rate_inside(estimates: list[Estimate]) -> Rate:
+    return rate_of(float(is_inside) for estimate in estimates for is_inside in estimate.inside)

@@ -31,7 +31,7 @@ def tables(report: Report) -> str:
     parts += [f"  failed {name}: {why}" for name, why in report.failed.items()]
     parts += [f"  not graded {name}: {why}" for name, why in report.ungraded.items()]
     for name, remarks in report.remarks.items():
-        parts += [f"  remark {name}: {one}" for one in remarks]
+        parts += [f"  remark {name}: {remark}" for remark in remarks]
     if report.verdicts is not None:
         parts += ["", *_scores(report.verdicts)]
     if report.baselines:
@@ -49,7 +49,7 @@ def rate_text(rate: Rate) -> str:
     return f"{100 * rate.rate:.1f} %{inside} n={rate.n}"
 
 
-def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
+def align(rows: Iterable[Sequence[str]]) -> list[str]:
     """Return rows of cells as lines, each column as wide as its widest cell."""
     cells = [list(row) for row in rows]
     count = max((len(row) for row in cells), default=0)
@@ -63,17 +63,17 @@ def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
 def _baselines(report: Report) -> list[str]:
     """The verdicts and the baselines below each other, and why some cases were skipped."""
     known = {"verdicts": report.verdicts}
-    known |= {name: own.scores for name, own in report.baselines.items()}
-    found = _split({name: own.all for name, own in known.items() if own is not None})
+    known |= {name: entry.scores for name, entry in report.baselines.items()}
+    lines = _groups({name: scores.all for name, scores in known.items() if scores is not None})
     reasons = Counter(
-        (name, why) for name, own in report.baselines.items() for why in own.skipped.values()
+        (name, why) for name, entry in report.baselines.items() for why in entry.skipped.values()
     )
-    found += [f"  {name} skipped in {n} cases: {why}" for (name, why), n in reasons.items()]
-    return found
+    lines += [f"  {name} skipped in {n} cases: {why}" for (name, why), n in reasons.items()]
+    return lines
 
 
 def _scores(scores: Scores) -> list[str]:
-    found = ["verdicts", *_group(scores.all)]
+    lines = ["verdicts", *_group(scores.all)]
     for title, split in (
         ("by effect", scores.by_effect),
         ("by kind of place", scores.by_place),
@@ -82,20 +82,20 @@ def _scores(scores: Scores) -> list[str]:
         ("by tag", scores.by_tag),
     ):
         if split:
-            found += ["", title, *_split(split)]
+            lines += ["", title, *_groups(split)]
     if scores.calibration is not None:
         for title, diagram in (
             ("calibration of the most probable hypothesis", scores.calibration.first),
             ("calibration of the causes", scores.calibration.causes),
             ("calibration of the shares", scores.calibration.shares),
         ):
-            found += ["", title, *_diagram(diagram)]
+            lines += ["", title, *_diagram(diagram)]
     if scores.sizes is not None:
-        found += ["", "sizes", *_sizes(scores.sizes)]
+        lines += ["", "sizes", *_sizes(scores.sizes)]
     if scores.confusion is not None:
-        found += ["", "confusion of effects", *_matrix(scores.confusion.effects)]
-        found += ["", "confusion of kinds of places", *_matrix(scores.confusion.kinds)]
-    return found
+        lines += ["", "confusion of effects", *_matrix(scores.confusion.effects)]
+        lines += ["", "confusion of kinds of places", *_matrix(scores.confusion.kinds)]
+    return lines
 
 
 def _group(group: Group) -> list[str]:
@@ -111,26 +111,26 @@ def _group(group: Group) -> list[str]:
         for name, meaning in MEANS.items()
         if group.means[name].n
     ]
-    return [*aligned(rows), "", *aligned(means)]
+    return [*align(rows), "", *align(means)]
 
 
-def _split(split: Mapping[str, Group]) -> list[str]:
+def _groups(split: Mapping[str, Group]) -> list[str]:
     rows = [["", "cases", *_SPLIT_RATES, "p of truth"]]
     for label, group in split.items():
         rates = [rate_text(group.rates[name]) for name in _SPLIT_RATES]
         rows.append(
             [label, str(group.n), *rates, _number(group.means["probability_of_truth"].mean)]
         )
-    return aligned(rows)
+    return align(rows)
 
 
 def _diagram(diagram: Diagram) -> list[str]:
     rows = [["stated", "mean", "true"]]
     rows += [
-        [f"{one.low:g} to {one.high:g}", _number(one.stated), rate_text(one.true)]
-        for one in diagram.bins
+        [f"{part.low:g} to {part.high:g}", _number(part.stated), rate_text(part.true)]
+        for part in diagram.bins
     ]
-    return [*aligned(rows), f"expected calibration error {_number(diagram.error)} n={diagram.n}"]
+    return [*align(rows), f"expected calibration error {_number(diagram.error)} n={diagram.n}"]
 
 
 def _sizes(sizes: Sizes) -> list[str]:
@@ -142,7 +142,7 @@ def _sizes(sizes: Sizes) -> list[str]:
         rows += [[effect, name, *_errors(errors)] for name, errors in parameters.items()]
     held = [["intervals", "hold the truth"], ["all", rate_text(sizes.intervals)]]
     held += [[effect, rate_text(rate)] for effect, rate in sizes.intervals_of.items() if rate.n]
-    return [*aligned(rows), "", *aligned(held)]
+    return [*align(rows), "", *align(held)]
 
 
 def _matrix(matrix: Matrix) -> list[str]:
@@ -151,12 +151,12 @@ def _matrix(matrix: Matrix) -> list[str]:
     rows += [
         [true, *(str(matrix[true].get(label, ".")) for label in said)] for true in sorted(matrix)
     ]
-    return aligned(rows)
+    return align(rows)
 
 
 def _spread(spread: Spread) -> list[str]:
     numbers = (spread.mean, spread.median, spread.ninety, spread.largest)
-    return [*(_number(one) for one in numbers), str(spread.n)]
+    return [*(_number(value) for value in numbers), str(spread.n)]
 
 
 def _errors(errors: Errors) -> list[str]:

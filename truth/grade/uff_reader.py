@@ -16,11 +16,11 @@ from truth.machine.station import Complex, Mask, Real
 
 Channel = tuple[int, int]  # node and signed direction 1, 2, 3
 
-_LARGEST = 2_000_000_000
+_MAX_BYTES = 2_000_000_000
 _MARK = b"    -1\n"
-_LINES = 11  # of ASCII in front of the data
-_FRF, _COHERENCE = 4, 6
-_TYPES = {_FRF: (5, "<c8"), _COHERENCE: (2, "<f4")}  # ordinate data type, its values
+_ASCII_LINES = 11  # of ASCII in front of the data
+_FRF_KIND, _COHERENCE_KIND = 4, 6
+_TYPES = {_FRF_KIND: (5, "<c8"), _COHERENCE_KIND: (2, "<f4")}  # ordinate data type, its values
 _SI = 1
 
 
@@ -60,38 +60,38 @@ def read_uff(path: Path) -> Measured:
     Raises:
         TruthError: it is missing, no such file, damaged, or holds a record twice.
     """
-    content = read_bytes(path, _LARGEST)
+    content = read_bytes(path, _MAX_BYTES)
     try:
-        return _measured(_records(content))
+        return _tabulate(_records(content))
     except (ValueError, IndexError) as error:
         raise TruthError(f"{path.name}: is no UFF file of datasets 58b ({error})") from error
     except TruthError as error:
         raise TruthError(f"{path.name}: {error}") from error
 
 
-def _measured(records: list[_Record]) -> Measured:
+def _tabulate(records: list[_Record]) -> Measured:
     """Sort the records into tables; every FRF has its coherence, or none has."""
-    frfs = [one for one in records if one.kind == _FRF]
+    frfs = [record for record in records if record.kind == _FRF_KIND]
     if not frfs:
         raise TruthError("holds no FRF")
     first = frfs[0]
-    if any(_grid(one) != _grid(first) for one in records):
+    if any(_grid(record) != _grid(first) for record in records):
         raise TruthError("its records have different lines; expected the same")
-    responses = tuple(dict.fromkeys(one.response for one in frfs))
-    references = tuple(dict.fromkeys(one.reference for one in frfs))
+    responses = tuple(dict.fromkeys(record.response for record in frfs))
+    references = tuple(dict.fromkeys(record.reference for record in frfs))
     shape = (first.values.size, len(responses), len(references))
     frf, present = np.zeros(shape, np.complex128), np.zeros(shape[1:], bool)
     coherence, known = np.zeros(shape), np.zeros(shape[1:], bool)
-    for one in records:
-        is_frf = one.kind == _FRF
-        if one.response not in responses or one.reference not in references:
+    for record in records:
+        is_frf = record.kind == _FRF_KIND
+        if record.response not in responses or record.reference not in references:
             continue  # a coherence without its FRF
-        cell = responses.index(one.response), references.index(one.reference)
+        cell = responses.index(record.response), references.index(record.reference)
         filled = present if is_frf else known
         if filled[cell]:
-            raise TruthError(f"{one.response} from {one.reference} is given twice")
+            raise TruthError(f"{record.response} from {record.reference} is given twice")
         filled[cell] = True
-        (frf if is_frf else coherence)[:, *cell] = one.values
+        (frf if is_frf else coherence)[:, *cell] = record.values
     whole = bool(known[present].all())
     if known.any() and not whole:
         raise TruthError("some FRFs have a coherence, others not")
@@ -105,7 +105,7 @@ def _grid(record: _Record) -> tuple[int, float, float]:
 
 def _records(content: bytes) -> list[_Record]:
     """Return the functions of a file; units are checked, other datasets refused."""
-    found: list[_Record] = []
+    records: list[_Record] = []
     at = 0
     while at < len(content):
         if not content.startswith(_MARK, at):
@@ -115,7 +115,7 @@ def _records(content: bytes) -> list[_Record]:
         name = head[:7].strip()
         if name == "58b":
             record, at = _function(content, at)
-            found.append(record)
+            records.append(record)
         elif name == "164":
             units, at = _line(content, body)
             if int(units[:10]) != _SI:
@@ -126,17 +126,17 @@ def _records(content: bytes) -> list[_Record]:
         if not content.startswith(_MARK, at):
             raise TruthError(f"byte {at}: a dataset is damaged, expected a line -1 behind it")
         at += len(_MARK)
-    return found
+    return records
 
 
 def _function(content: bytes, at: int) -> tuple[_Record, int]:
     """Return a dataset 58b that starts at a byte, and the byte behind it."""
     lines = []
-    for _ in range(_LINES + 1):
+    for _ in range(_ASCII_LINES + 1):
         line, at = _line(content, at)
         lines.append(line)
     head, place, data = lines[0], lines[6], lines[7]
-    if (int(head[7:13]), int(head[13:19]), int(head[19:31])) != (1, 2, _LINES):
+    if (int(head[7:13]), int(head[13:19]), int(head[19:31])) != (1, 2, _ASCII_LINES):
         raise TruthError("dataset 58b: expected little-endian IEEE numbers behind 11 lines")
     kind, count, size = int(place[:5]), int(data[10:20]), int(head[31:43])
     if kind not in _TYPES or int(data[20:30]) != 1:
@@ -146,7 +146,7 @@ def _function(content: bytes, at: int) -> tuple[_Record, int]:
     number, values = _TYPES[kind]
     if int(data[:10]) != number or size != count * np.dtype(values).itemsize:
         raise TruthError("dataset 58b: expected single precision, and as many bytes as lines need")
-    if kind == _FRF and (int(lines[9][:10]), int(lines[10][:10])) != (12, 13):
+    if kind == _FRF_KIND and (int(lines[9][:10]), int(lines[10][:10])) != (12, 13):
         raise TruthError("dataset 58b: an FRF is no acceleration over a force")
     if len(content) < at + size:
         raise TruthError("dataset 58b: the file ends within its data")

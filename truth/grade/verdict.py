@@ -37,7 +37,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class StatedVerdict:
     """A verdict.
 
     Args:
@@ -60,7 +60,7 @@ class Verdict:
     after: float | None = None
 
 
-NOTHING_SAID = Verdict(FAILED)
+NOTHING_SAID = StatedVerdict(FAILED)
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class First:
     row: Row | None = None
 
 
-def alone(verdict: Verdict) -> tuple[float, ...]:
+def alone(verdict: StatedVerdict) -> tuple[float, ...]:
     r"""Return the probability of each cause alone, as a hypothesis of its own.
 
     A row tells that its cause is present, p_i = alone_i + q_i, q_i being that of all sets of
@@ -99,19 +99,19 @@ def alone(verdict: Verdict) -> tuple[float, ...]:
     stated = [row.probability for row in verdict.causes]
     left = sum(stated) - (1 - verdict.none - verdict.unexplained - verdict.several)
     weight = sum(stated)
-    found = list(stated)
+    probabilities = list(stated)
     # Whoever reaches a limit first, the largest, takes it; the others share what is left.
     for index in sorted(range(len(stated)), key=lambda i: -stated[i]):
         if left <= 0 or weight <= 0:
             break
         within = min(left / weight * stated[index], verdict.several, stated[index])
-        found[index] -= within
+        probabilities[index] -= within
         left -= within
         weight -= stated[index]
-    return tuple(max(0.0, one) for one in found)
+    return tuple(max(0.0, probability) for probability in probabilities)
 
 
-def first_of(verdict: Verdict) -> First:
+def first_of(verdict: StatedVerdict) -> First:
     """Return the most probable hypothesis; of equal ones that which the verdict's word names."""
     top = verdict.causes[0].location if verdict.causes else ""
     most = verdict.where[0][0] if verdict.where else ""
@@ -121,10 +121,13 @@ def first_of(verdict: Verdict) -> First:
         First(SEVERAL, top, verdict.several),
     ]
     hypotheses += [
-        First(row.effect, row.location, own, row)
-        for row, own in zip(verdict.causes, alone(verdict), strict=True)
+        First(row.effect, row.location, probability, row)
+        for row, probability in zip(verdict.causes, alone(verdict), strict=True)
     ]
-    best = max(hypotheses, key=lambda one: (one.probability, is_word_of(verdict.verdict, one)))
+    best = max(
+        hypotheses,
+        key=lambda hypothesis: (hypothesis.probability, is_word_of(verdict.verdict, hypothesis)),
+    )
     return best if best.probability > 0 else First(FAILED, "", 0.0)
 
 
@@ -139,7 +142,7 @@ def is_word_of(word: str, first: First) -> bool:
     return word == word_of(first) or (word == PARTLY and has_causes)
 
 
-def twins_of(verdict: Verdict, row: Row) -> frozenset[tuple[str, str]]:
+def twins_of(verdict: StatedVerdict, row: Row) -> frozenset[tuple[str, str]]:
     """Return a cause and all that the verdict calls its twins."""
-    own = (row.effect, row.location)
-    return frozenset({own}).union(*(group for group in verdict.twins if own in group))
+    cause = (row.effect, row.location)
+    return frozenset({cause}).union(*(group for group in verdict.twins if cause in group))

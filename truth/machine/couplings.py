@@ -19,7 +19,7 @@ from truth.machine.station import GROUND, Joint, Real, Station
 
 
 @dataclass(frozen=True, eq=False)
-class Matrices:
+class CouplingMatrices:
     """M, C and K of the same coordinates; (n, n) each."""
 
     mass: Real
@@ -27,11 +27,11 @@ class Matrices:
     stiffness: Real
 
 
-def coupled_matrices(station: Station, flexes: tuple[Flex, ...] = ()) -> Matrices:
+def coupled_matrices(station: Station, flexes: tuple[Flex, ...] = ()) -> CouplingMatrices:
     """Return what tendons, weights and the remaining forces add in absolute coordinates; (n, n)."""
     size = 6 * len(station.stages) + len(flexes)
     if station.remaining is None and not station.tendons and not station.gravity.any():
-        return Matrices(*np.zeros((3, size, size)))
+        return CouplingMatrices(*np.zeros((3, size, size)))
     moving = [joint_rows(station, index, flexes)[0] for index in range(len(station.stages))]
     rows: Real = np.vstack([np.zeros((0, size)), *moving])
     names = [joint.name for stage in station.stages for joint in stage.joints]
@@ -46,7 +46,7 @@ def coupled_matrices(station: Station, flexes: tuple[Flex, ...] = ()) -> Matrice
         mass[place] += station.remaining.mass
         damping[place] += station.remaining.damping
         stiffness[place] += station.remaining.stiffness
-    return Matrices(*(rows.T @ matrix @ rows for matrix in (mass, damping, stiffness)))
+    return CouplingMatrices(*(rows.T @ matrix @ rows for matrix in (mass, damping, stiffness)))
 
 
 def tendon_rows(station: Station) -> Real:
@@ -98,8 +98,8 @@ def _motion(joint: Joint, point: Real) -> Real:
 
 def _path(station: Station, index: int) -> list[int]:
     """Return the stages from the ground to one, itself included."""
-    found: list[int] = []
+    path: list[int] = []
     while index != GROUND:
-        found.insert(0, index)
+        path.insert(0, index)
         index = station.stages[index].parent
-    return found
+    return path

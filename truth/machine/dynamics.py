@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg
 
 from truth.errors import TruthError
-from truth.machine.station import GROUND, Hammer, Real, Stage, Station
+from truth.machine.station import GROUND, Hammer, Real, StageBody, Station
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def joint_matrices(
     return damping, stiffness, fixed
 
 
-def point_row(stage: Stage, position: Real, direction: Real) -> Real:
+def point_row(stage: StageBody, position: Real, direction: Real) -> Real:
     """Return the row d such that d x is the motion of a point of the stage along a direction.
 
     Its transpose is the generalised force of a unit force there; (6,), the stage's coordinates.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from truth.errors import TruthError
 
-_FOLDERS = ("", "meshdir", "texturedir", "assetdir")
+_COMPILER_FOLDERS = ("", "meshdir", "texturedir", "assetdir")
 
 
 def gather_files(path: Path) -> tuple[Mapping[str, bytes], str]:
@@ -23,17 +23,17 @@ def gather_files(path: Path) -> tuple[Mapping[str, bytes], str]:
         TruthError: a file cannot be read.
     """
     main = path.absolute()
-    found: dict[Path, bytes] = {}
+    files: dict[Path, bytes] = {}
     waiting = [main]
     while waiting:
         file = Path(os.path.normpath(waiting.pop()))
-        if file in found:
+        if file in files:
             continue
-        found[file] = _content(file)
+        files[file] = _content(file)
         if file.suffix.lower() in (".xml", ".mjcf") or file == main:
-            waiting += _named(file, found[file], main.parent)
-    common = Path(os.path.commonpath([file.parent for file in found]))
-    contents = {file.relative_to(common).as_posix(): content for file, content in found.items()}
+            waiting += _list_named_files(file, files[file], main.parent)
+    common = Path(os.path.commonpath([file.parent for file in files]))
+    contents = {file.relative_to(common).as_posix(): content for file, content in files.items()}
     return contents, Path(os.path.normpath(main)).relative_to(common).as_posix()
 
 
@@ -46,7 +46,7 @@ def _content(file: Path) -> bytes:
         raise TruthError(f"{file}: cannot be read ({error.strerror}); give its file") from error
 
 
-def _named(file: Path, content: bytes, folder: Path) -> list[Path]:
+def _list_named_files(file: Path, content: bytes, folder: Path) -> list[Path]:
     """Return the files that a text names, in any of the folders that it states."""
     try:
         root = ET.fromstring(content)
@@ -54,7 +54,7 @@ def _named(file: Path, content: bytes, folder: Path) -> list[Path]:
         raise TruthError(f"{file}: is not XML ({error}); give an MJCF file") from error
     folders = {folder, file.parent}
     for compiler in root.iter("compiler"):
-        folders |= {folder / compiler.get(name, "") for name in _FOLDERS}
+        folders |= {folder / compiler.get(name, "") for name in _COMPILER_FOLDERS}
     names = {
         value
         for element in root.iter()

@@ -20,7 +20,7 @@ from truth.machine.station import (
     Real,
     Sensor,
     Shape,
-    Stage,
+    StageBody,
     Station,
 )
 
@@ -37,8 +37,8 @@ _ALLOWED = {
     "joint": {"name", "type", "axis", "pos", "stiffness", "damping", "group"},
     "site": {"name", "pos", "size", "rgba", "type", "group"},
 }
-_KINDS: dict[str, Literal["slide", "hinge"]] = {"slide": "slide", "hinge": "hinge"}
-_SHAPES = {"sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"}
+_ALLOWED_JOINTS: dict[str, Literal["slide", "hinge"]] = {"slide": "slide", "hinge": "hinge"}
+_GEOM_SHAPES = {"sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"}
 
 
 def read_station(path: Path) -> Station:
@@ -65,7 +65,7 @@ def read_station(path: Path) -> Station:
     defaults = _geom_defaults(root)
     _check_angles(root)
     meshes = _read_meshes(root, path)
-    stages: list[Stage] = []
+    stages: list[StageBody] = []
     for world in root.findall("worldbody"):
         _check(world, children={"body", "geom", "site"})
         for site in world.findall("site"):
@@ -82,7 +82,7 @@ def _read_body(
     parent: int,
     parent_origin: Real,
     defaults: dict[str, str],
-    stages: list[Stage],
+    stages: list[StageBody],
 ) -> None:
     _check(body, children={"inertial", "joint", "geom", "site", "body"})
     origin = parent_origin + _vector(body, "pos", "0 0 0")
@@ -92,7 +92,7 @@ def _read_body(
     _check(inertials[0], children=set(), owner=body)
     sensors, hit_points = _read_sites(body, origin)
     stages.append(
-        Stage(
+        StageBody(
             name=_name(body),
             parent=parent,
             mass=_number(inertials[0], "mass", None),
@@ -112,11 +112,11 @@ def _read_body(
 def _read_joint(joint: ET.Element, origin: Real) -> Joint:
     _check(joint, children=set())
     kind = joint.get("type", "hinge")
-    if kind not in _KINDS:
+    if kind not in _ALLOWED_JOINTS:
         raise TruthError(f"{_label(joint)}: type {kind!r} is not handled; use slide and hinge")
     return Joint(
         name=_name(joint),
-        kind=_KINDS[kind],
+        kind=_ALLOWED_JOINTS[kind],
         axis=_vector(joint, "axis", "0 0 1"),
         position=origin + _vector(joint, "pos", "0 0 0"),
         stiffness=_number(joint, "stiffness", "0"),
@@ -143,7 +143,7 @@ def _read_sites(body: ET.Element, origin: Real) -> tuple[tuple[Sensor, ...], tup
 
 def _shape(geom: ET.Element, origin: Real, defaults: dict[str, str]) -> Shape:
     attributes = {**defaults, **geom.attrib}
-    if attributes.get("type", "sphere") not in _SHAPES:
+    if attributes.get("type", "sphere") not in _GEOM_SHAPES:
         raise TruthError(f"{_label(geom)}: type {attributes['type']!r} is not handled; use a mesh")
     if "mass" not in attributes or _numbers(geom, "mass", attributes["mass"], 1)[0] != 0:
         raise TruthError(f'{_label(geom)}: a shape must have mass="0"; masses go into <inertial>')
@@ -220,7 +220,7 @@ def _check_angles(root: ET.Element) -> None:
 
 
 def _geom_defaults(root: ET.Element) -> dict[str, str]:
-    found: dict[str, str] = {}
+    attributes: dict[str, str] = {}
     for default in root.findall("default"):
         for child in default:
             if child.tag not in {"geom", "site"}:
@@ -231,8 +231,8 @@ def _geom_defaults(root: ET.Element) -> dict[str, str]:
                     f"<default>: it sets {', '.join(turned)} of every <site>; remove it"
                 )
         for geom in default.findall("geom"):
-            found.update(geom.attrib)
-    return found
+            attributes.update(geom.attrib)
+    return attributes
 
 
 def _check(element: ET.Element, *, children: set[str], owner: ET.Element | None = None) -> None:

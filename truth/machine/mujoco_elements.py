@@ -106,7 +106,7 @@ def named_joints(model: mujoco.MjModel) -> dict[str, int]:
 
 def joints_of(model: mujoco.MjModel, data: mujoco.MjData, lead: int) -> tuple[Joint, ...]:
     """Return the joints of a body; a ball is three hinges, a free joint three slides more."""
-    found = []
+    joints = []
     start = int(model.body_jntadr[lead])
     for joint in range(start, start + int(model.body_jntnum[lead])):
         name, kind = joint_name(model, joint), mujoco.mjtJoint(model.jnt_type[joint])
@@ -125,7 +125,7 @@ def joints_of(model: mujoco.MjModel, data: mujoco.MjData, lead: int) -> tuple[Jo
             axes += [("hinge", axis) for axis in frame.T]
             anchor, stiffness = data.xpos[lead].copy(), 0.0
         for number, (turn, axis) in enumerate(axes):
-            found.append(
+            joints.append(
                 Joint(
                     name=name if len(axes) == 1 else f"{name}.{number}",
                     kind=turn,
@@ -135,7 +135,7 @@ def joints_of(model: mujoco.MjModel, data: mujoco.MjData, lead: int) -> tuple[Jo
                     damping=float(model.dof_damping[dof + number]),
                 )
             )
-    return tuple(found)
+    return tuple(joints)
 
 
 def coordinates(model: mujoco.MjModel) -> list[str]:
@@ -155,7 +155,7 @@ def tendon_name(model: mujoco.MjModel, tendon: int) -> str:
 
 def motors_of(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Motor, ...]:
     """Return the motors that act on joints, with their forces per unit of the control."""
-    names, found = coordinates(model), []
+    names, motors = coordinates(model), []
     for number in range(model.nactuator):
         if model.actuator_ctrlnum[number] != 1:
             continue
@@ -169,13 +169,13 @@ def motors_of(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Motor, ...]:
         along = tuple((name, slope) for name, slope in zip(names, slopes, strict=True) if slope)
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number)
         if along:
-            found.append(Motor(name or f"actuator{number}", along))
-    return tuple(found)
+            motors.append(Motor(name or f"actuator{number}", along))
+    return tuple(motors)
 
 
 def tendons_of(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Tendon, ...]:
     """Return the tendons that are stretched or damped; one that is slack has no spring."""
-    slopes, names, found = tendon_slopes(model, data), coordinates(model), []
+    slopes, names, tendons = tendon_slopes(model, data), coordinates(model), []
     for number in range(model.ntendon):
         low, high = model.tendon_lengthspring[number]
         is_slack = low < data.ten_length[number] < high
@@ -184,5 +184,5 @@ def tendons_of(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Tendon, ...]
         if (stiffness or damping) and slopes[number].any():
             along = zip(names, slopes[number].tolist(), strict=True)
             row = tuple((name, slope) for name, slope in along if slope)
-            found.append(Tendon(tendon_name(model, number), row, stiffness, damping))
-    return tuple(found)
+            tendons.append(Tendon(tendon_name(model, number), row, stiffness, damping))
+    return tuple(tendons)

@@ -10,9 +10,9 @@ import scipy.linalg
 from truth.errors import TruthError
 from truth.machine.values import Real
 
-_STEPS = 200  # of Newton's method at most
+_MAX_BALANCE_STEPS = 200  # of Newton's method at most
 _LONGEST_STEP = 0.3  # m or rad
-_HALVINGS = 30
+_STEP_HALVINGS = 30
 _AT_REST = 1e-11  # of the forces that have to balance
 _NEARLY_AT_REST = 1e-6
 _WITHOUT_STIFFNESS = 1e-13  # of the largest stiffness over mass
@@ -37,7 +37,7 @@ def balance(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """
     force = net_force(model, data)
     scale = _force_scale(model, data)
-    for _ in range(_STEPS):
+    for _ in range(_MAX_BALANCE_STEPS):
         if np.abs(force).max(initial=0.0) <= _AT_REST * scale:
             break
         values, shapes = _tangent_modes(model, data)
@@ -47,7 +47,7 @@ def balance(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         largest = np.abs(step).max(initial=0.0)
         step *= min(1.0, _LONGEST_STEP / max(float(largest), 1e-300))
         start = data.qpos.copy()
-        for _ in range(_HALVINGS):
+        for _ in range(_STEP_HALVINGS):
             data.qpos[:] = start
             mujoco.mj_integratePos(model, data.qpos, step, 1.0)
             ahead = net_force(model, data)

@@ -1,6 +1,6 @@
 """Read any MJCF through MuJoCo itself: geometry, masses, springs and remaining forces at rest.
 
-A station of such a file keeps the compiled model. ``settled`` gives that model the station's own
+A station of such a file keeps the compiled model. ``settle`` gives that model the station's own
 values, and returns the station at the equilibrium that the machine then has.
 """
 
@@ -28,11 +28,11 @@ from truth.machine.mujoco_elements import (
 )
 from truth.machine.mujoco_forces import balance, force_slopes, full_mass
 from truth.machine.springs import Remaining
-from truth.machine.station import Stage, Station
+from truth.machine.station import StageBody, Station
 from truth.machine.values import GROUND
 
 _HOME = "home"  # the keyframe at which the search for the equilibrium begins, if there is one
-_ROUNDING = 1e-11  # of the matrices' diagonals, below which a remainder is none
+_MIN_REMAINDER = 1e-11  # of the matrices' diagonals, below which a remainder is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def station_of(source: CompiledModel, name: str) -> Station:
         above = int(welded[model.body_parentid[lead]])
         sensors, hits = instruments(model, data, lead)
         stages.append(
-            Stage(
+            StageBody(
                 name=model.body(lead).name or f"body{lead}",
                 parent=order.index(above) if above else GROUND,
                 mass=mass,
@@ -160,7 +160,7 @@ def _remaining(station: Station, model: mujoco.MjModel, data: mujoco.MjData) -> 
     for total, part in zip(totals, known, strict=True):
         matrix = total - part
         size = np.sqrt(np.outer(np.abs(np.diag(total)), np.abs(np.diag(total))))
-        matrix[np.abs(matrix) <= _ROUNDING * np.maximum(size, np.abs(part))] = 0.0
+        matrix[np.abs(matrix) <= _MIN_REMAINDER * np.maximum(size, np.abs(part))] = 0.0
         rest.append((matrix + matrix.T) / 2)
     if not any(matrix.any() for matrix in rest):
         return None

@@ -24,11 +24,11 @@ import numpy as np
 import scipy.linalg
 
 from truth.errors import TruthError
-from truth.machine.rig import NonlinearJoint, Rig, null_basis, receptance, recorded
+from truth.machine.rig import NonlinearJoint, Rig, null_basis, read_accelerations, receptance
 from truth.machine.station import Complex, Real
 
 RATE_HZ = 8192.0
-_TURNS = 40  # repetitions for the implicit force, at most
+_MAX_REPETITIONS = 40  # repetitions for the implicit force, at most
 _SETTLED = 1e-10  # of the largest force of the sample, or of what ever was
 _LOOK = 2.0  # periods of the slowest mode between two looks whether joints are still at work:
 # one that is at its limit is quiet too, for less than half a period
@@ -36,7 +36,7 @@ _QUIET = 1e-7  # of the largest step of the force: below it they are not
 
 
 @dataclass(frozen=True, eq=False)
-class Pulses:
+class HalfSinePulses:
     """Half sines: peaks [N] and durations [s]; (n_hit,) each."""
 
     peak: Real
@@ -63,7 +63,7 @@ class Pulses:
 def nonlinear_readings(
     rig: Rig,
     columns: tuple[int, ...],
-    pulses: Pulses,
+    pulses: HalfSinePulses,
     freq_hz: Real,
     rate_hz: float = RATE_HZ,
 ) -> Complex:
@@ -86,13 +86,13 @@ def nonlinear_readings(
     reading = np.zeros((len(pulses.peak), freq_hz.size, len(rig.readout)), np.complex128)
     lines = freq_hz[1:]
     rows = np.array([joint.row for joint in rig.joints])
-    answer = recorded(rig, receptance(rig, lines, rows.T), lines)
+    answer = read_accelerations(rig, receptance(rig, lines, rows.T), lines)
     reading[:, 1:] = -np.einsum("foj,jcf->cfo", answer, _transform(steps, lines, rate_hz))
     return reading
 
 
 def rest_forces(
-    rig: Rig, columns: tuple[int, ...], pulses: Pulses, seconds: float, rate_hz: float
+    rig: Rig, columns: tuple[int, ...], pulses: HalfSinePulses, seconds: float, rate_hz: float
 ) -> Real:
     """Return the rest of each joint's force at every sample; (n_joint, n_hit, n_sample)."""
     if rig.laws:
@@ -100,10 +100,10 @@ def rest_forces(
     modes = _modes(rig, rate_hz)
     hits, drive = len(pulses.peak), list(columns)
     count = round(seconds * rate_hz)
-    found = np.zeros((len(rig.joints), hits, count + 1))
-    solver = _Implicit(rig.joints, modes.own, hits)
+    forces = np.zeros((len(rig.joints), hits, count + 1))
+    solver = _Implicit(rig.joints, modes.compliance, hits)
     struck, motion = np.zeros((2, len(modes.decay), hits), np.complex128)
-    rest = found[:, :, 0]
+    rest = forces[:, :, 0]
     last = round(float(pulses.duration.max()) * rate_hz) + 1
     turning = modes.roots.imag[modes.roots.imag > 0]
     period = 2 * np.pi / turning.min() if len(turning) else seconds
@@ -116,14 +116,14 @@ def rest_forces(
             motion += now - modes.decay * struck
             struck = now
         rest = solver.solve((modes.read @ motion).real, rest)
-        found[:, :, n] = rest
+        forces[:, :, n] = rest
         if n % look == 0:
-            recent = float(np.abs(np.diff(found[:, :, n - look : n + 1])).max())
+            recent = float(np.abs(np.diff(forces[:, :, n - look : n + 1])).max())
             largest = max(largest, recent)
             if n > last + look and recent <= _QUIET * largest:
-                found[:, :, n:] = rest[:, :, None]
+                forces[:, :, n:] = rest[:, :, None]
                 break
-    return found
+    return forces
 
 
 class _Implicit:
@@ -133,8 +133,8 @@ class _Implicit:
     the law is a straight line.
     """
 
-    def __init__(self, joints: tuple[NonlinearJoint, ...], own: Real, hits: int) -> None:
-        self.laws, self.own = [joint.law for joint in joints], own
+    def __init__(self, joints: tuple[NonlinearJoint, ...], compliance: Real, hits: int) -> None:
+        self.laws, self.compliance = [joint.law for joint in joints], compliance
         self.state = np.array([law.start(hits) for law in self.laws])
         self.size = 0.0
 
@@ -142,8 +142,8 @@ class _Implicit:
         """Return the rest that a stretch without it leads to, and keep the joints' state."""
         new, state = np.empty_like(rest), np.empty_like(self.state)
         before = step = rest
-        for turn in range(_TURNS):
-            stretch = free - self.own @ rest
+        for turn in range(_MAX_REPETITIONS):
+            stretch = free - self.compliance @ rest
             for number, law in enumerate(self.laws):
                 new[number], state[number] = law.force(stretch[number], self.state[number])
             ahead = new - rest
@@ -177,7 +177,7 @@ class _Modes:
         drive: b of the hammers; (n_mode, n_in).
         rest: of the joints, from one sample to the next, z without the force of its own sample:
             gamma_0 b + e^{lambda h} gamma_1 b; (n_mode, n_joint).
-        own: stretch per force in the same sample; (n_joint, n_joint).
+        compliance: stretch per force in the same sample; (n_joint, n_joint).
     """
 
     decay: Complex
@@ -185,7 +185,7 @@ class _Modes:
     roots: Complex
     drive: Complex
     rest: Complex
-    own: Real
+    compliance: Real
 
 
 def _modes(rig: Rig, rate_hz: float) -> _Modes:

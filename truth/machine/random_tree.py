@@ -6,7 +6,7 @@ stage sits on its parent or beside its siblings, most suspension modes lie betwe
 
 import numpy as np
 
-from truth.machine.station import GROUND, HitPoint, Joint, Real, Sensor, Shape, Stage, Station
+from truth.machine.station import GROUND, HitPoint, Joint, Real, Sensor, Shape, StageBody, Station
 from truth.random_streams import stream
 
 STAGES = (3, 10)
@@ -15,7 +15,7 @@ _LIGHTER = (0.15, 0.8)  # of the parent's mass
 _DENSITY = (800.0, 3000.0)  # kg/m3 of a stage's box, which is partly empty
 _FLATNESS = (0.3, 1.0)  # height over width
 _FREQUENCY_HZ = (15.0, 120.0)  # of a stage and all that it carries, on its joint alone
-_DAMPING = (0.01, 0.06)
+_DAMPING_RATIO = (0.01, 0.06)
 _RIGID = 0.25  # of the stages have one or two directions without a joint
 _BRANCH = 0.25  # of the stages stand beside another on the same parent
 _CORNERS = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, -1]], float)
@@ -80,7 +80,7 @@ def _boxes(random: np.random.Generator, parents: list[int]) -> list[Box]:
 
 def _stage(
     random: np.random.Generator, index: int, parent: int, box: Box, carried: float, hit: bool
-) -> Stage:
+) -> StageBody:
     centre, half, mass = box
     name = f"stage{index + 1}"
     com = centre + random.uniform(-0.1, 0.1, 3) * half
@@ -94,7 +94,7 @@ def _stage(
     )
     sizes = " ".join(f"{value:.6g}" for value in half)
     where = " ".join(f"{value:.6g}" for value in centre)
-    return Stage(
+    return StageBody(
         name=name,
         parent=parent,
         mass=mass,
@@ -129,7 +129,7 @@ def _joints(
     joints = []
     for number in range(6):
         frequency = float(np.exp(random.uniform(*np.log(_FREQUENCY_HZ))))
-        damping = random.uniform(*_DAMPING)
+        damping = random.uniform(*_DAMPING_RATIO)
         axis = np.eye(3)[number % 3]
         lever = float(np.linalg.norm(np.delete(half, number % 3))) if number >= 3 else 1.0
         stiffness = carried * lever**2 * (2 * np.pi * frequency) ** 2

@@ -51,7 +51,7 @@ class Occasion:
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
+class FrequencyLaw:
     """A stiffness that depends on frequency: force z(s) (row x) on the column.
 
     Args:
@@ -118,7 +118,7 @@ class Rig:
     equations: Equations
     readout: Real
     drive: Real
-    laws: tuple[Law, ...] = ()
+    laws: tuple[FrequencyLaw, ...] = ()
     filters: tuple[Filter, ...] = ()
     joints: tuple[NonlinearJoint, ...] = field(default=())
 
@@ -133,7 +133,7 @@ class Rig:
                 replace(law, row=np.pad(law.row, (0, 1)), column=np.pad(law.column, (0, 1)))
                 for law in self.laws
             ),
-            joints=tuple(replace(one, row=np.pad(one.row, (0, 1))) for one in self.joints),
+            joints=tuple(replace(joint, row=np.pad(joint.row, (0, 1))) for joint in self.joints),
         )
 
     def with_matrices(
@@ -202,12 +202,12 @@ def receptance(rig: Rig, freq_hz: Real, columns: Real) -> Complex:
     return np.asarray(basis @ np.linalg.solve(matrix, (basis.T @ columns)[None]))
 
 
-def recorded(rig: Rig, motion: Complex, freq_hz: Real) -> Complex:
+def read_accelerations(rig: Rig, motion: Complex, freq_hz: Real) -> Complex:
     """Accelerations recorded of the coordinates' motion (n_freq, n, k); (n_freq, n_out, k)."""
     s: Complex = (2j * np.pi * freq_hz).astype(np.complex128)
     reading: Complex = s[:, None, None] ** 2 * (rig.readout @ motion)
-    for one in rig.filters:
-        reading[:, list(one.outputs)] *= one.response(s)[:, None, None]
+    for sensor_filter in rig.filters:
+        reading[:, list(sensor_filter.outputs)] *= sensor_filter.response(s)[:, None, None]
     return reading
 
 
@@ -224,5 +224,5 @@ def accelerance(rig: Rig, freq_hz: Real) -> Complex:
     values = np.zeros((freq_hz.size, len(rig.readout), rig.drive.shape[1]), dtype=np.complex128)
     moving = freq_hz > 0
     lines = freq_hz[moving]
-    values[moving] = recorded(rig, receptance(rig, lines, rig.drive), lines)
+    values[moving] = read_accelerations(rig, receptance(rig, lines, rig.drive), lines)
     return values

@@ -10,11 +10,11 @@ from truth.machine.mujoco_elements import leads, named_joints, tendon_name, weld
 from truth.machine.mujoco_forces import balance
 from truth.machine.mujoco_reader import CompiledModel, station_of
 from truth.machine.springs import Joint
-from truth.machine.station import Stage, Station
+from truth.machine.station import StageBody, Station
 from truth.machine.values import Real
 
 
-def settled(station: Station) -> Station:
+def settle(station: Station) -> Station:
     """Return a machine at the equilibrium that its own masses, places and springs give it.
 
     Sensors and hammer points move with their bodies. A station that its values describe in full
@@ -45,7 +45,7 @@ def settled(station: Station) -> Station:
     return replace(here, stages=_with_instruments(here, station))
 
 
-def carried(
+def carry(
     place: Real, direction: Real, stage: int, before: Station, after: Station
 ) -> tuple[Real, Real]:
     """Return a point and a direction that move with a stage from one equilibrium to another."""
@@ -57,21 +57,21 @@ def carried(
     return turn @ (place - old.xpos[lead]) + new.xpos[lead], turn @ direction
 
 
-def _with_instruments(here: Station, station: Station) -> tuple[Stage, ...]:
+def _with_instruments(here: Station, station: Station) -> tuple[StageBody, ...]:
     """Return the stages at rest, with the sensors of a station carried there."""
     stages = []
     for index, (stage, drawn) in enumerate(zip(here.stages, station.stages, strict=True)):
         sensors = []
         for sensor in drawn.sensors:
-            place, _ = carried(sensor.position, sensor.axes[0], index, station, here)
-            axes = [carried(sensor.position, axis, index, station, here)[1] for axis in sensor.axes]
+            place, _ = carry(sensor.position, sensor.axes[0], index, station, here)
+            axes = [carry(sensor.position, axis, index, station, here)[1] for axis in sensor.axes]
             sensors.append(replace(sensor, position=place, axes=np.array(axes)))
         stages.append(replace(stage, sensors=tuple(sensors)))
     return tuple(stages)
 
 
 def _write_body(
-    model: mujoco.MjModel, data: mujoco.MjData, stage: Stage, members: list[int]
+    model: mujoco.MjModel, data: mujoco.MjData, stage: StageBody, members: list[int]
 ) -> None:
     """Give the first body of a stage all its mass, and the bodies welded to it none.
 

@@ -34,13 +34,13 @@ __all__ = [
     "Joint",
     "Mask",
     "MeshFile",
+    "MjcfSource",
     "Motor",
     "Real",
     "Remaining",
     "Sensor",
     "Shape",
-    "Source",
-    "Stage",
+    "StageBody",
     "Station",
     "Tendon",
     "frozen",
@@ -48,7 +48,7 @@ __all__ = [
 ]
 
 
-class Source(Protocol):
+class MjcfSource(Protocol):
     """The compiled model of a station, and the files that it was read from."""
 
     @property
@@ -92,7 +92,7 @@ class MeshFile:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class StageBody:
     """A rigid body and what joins it to its parent.
 
     Args:
@@ -145,13 +145,13 @@ class Station:
     """
 
     name: str
-    stages: tuple[Stage, ...]
+    stages: tuple[StageBody, ...]
     meshes: tuple[MeshFile, ...] = ()
     gravity: Real = field(default_factory=lambda: np.zeros(3))
     tendons: tuple[Tendon, ...] = ()
     motors: tuple[Motor, ...] = ()
     remaining: Remaining | None = None
-    source: Source | None = None
+    source: MjcfSource | None = None
 
     def __post_init__(self) -> None:
         """Check the tree and that every name is given once."""
@@ -171,7 +171,7 @@ class Station:
         """Go through the sensors in the order of the stages, each with its stage's index."""
         return ((i, sensor) for i, stage in enumerate(self.stages) for sensor in stage.sensors)
 
-    def varied(self, vary: Callable[[Joint], Joint]) -> "Station":
+    def vary_joints(self, vary: Callable[[Joint], Joint]) -> "Station":
         """Return the station with every joint varied, in the order of the stages."""
         stages = tuple(
             replace(stage, joints=tuple(vary(joint) for joint in stage.joints))
@@ -196,19 +196,19 @@ class Station:
 
     def aim(self, node: int) -> tuple[int, Real]:
         """Return stage and point of the hammer: the site ``hit<node>``, else the sensor."""
-        index, site = self._struck(node)
+        index, site = self._find_hit_site(node)
         return index, site.position
 
     def aim_axes(self, node: int) -> Real:
         """Return the directions of the hits at a node, as rows; (3, 3)."""
-        return self._struck(node)[1].axes
+        return self._find_hit_site(node)[1].axes
 
     def site(self, node: int) -> str:
         """Return the name of the site of a sensor."""
         names = [sensor.site for _, sensor in self.sensors() if sensor.node == node]
         return names[0] if names else f"acc{node}"
 
-    def _struck(self, node: int) -> tuple[int, HitPoint | Sensor]:
+    def _find_hit_site(self, node: int) -> tuple[int, HitPoint | Sensor]:
         """Return stage and site of the hammer."""
         for index, stage in enumerate(self.stages):
             for hit in stage.hit_points:

@@ -7,7 +7,7 @@ import numpy as np
 from truth.effects.chance import choose, sign
 from truth.effects.effect import Scene
 from truth.effects.outside.unexplained import Unexplained
-from truth.effects.places import JointDirection, direction_of, draw_direction
+from truth.effects.places import StageDirection, direction_of, draw_direction
 from truth.effects.stability import largest_coupling
 from truth.machine.rig import Occasion, Prepared, Rig, build
 from truth.machine.station import Joint
@@ -34,7 +34,7 @@ class Crosstalk(Unexplained):
         largest: size that leaves the machine stable.
     """
 
-    source: JointDirection
+    source: StageDirection
     coupling: float
     largest: float
     kind = "crosstalk"
@@ -55,7 +55,7 @@ class Crosstalk(Unexplained):
         return rig.with_matrices(damping=self.size * self.coupling * np.outer(acts, feels))
 
 
-def _damped(joint: Joint) -> bool:
+def _has_damper(joint: Joint) -> bool:
     return joint.damping > 0
 
 
@@ -64,14 +64,14 @@ def draw_crosstalk(
 ) -> Crosstalk | None:
     """Draw two damped joint directions of two stages, and the sign of the coupling."""
     station = scene.station
-    direction = draw_direction(random, station, place, _damped)
+    direction = draw_direction(random, station, place, _has_damper)
     if direction is None:
         return None
     sources = [
-        JointDirection(stage.name, number, direction_of(joint))
+        StageDirection(stage.name, number, direction_of(joint))
         for stage in station.stages
         for number, joint in enumerate(stage.joints)
-        if stage.name != direction.stage and _damped(joint)
+        if stage.name != direction.stage and _has_damper(joint)
     ]
     if not sources:
         return None

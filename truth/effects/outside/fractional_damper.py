@@ -9,7 +9,7 @@ from truth.effects.chance import log_uniform
 from truth.effects.effect import Scene
 from truth.effects.outside.unexplained import Unexplained
 from truth.effects.places import draw_direction
-from truth.machine.rig import Law, Occasion, Prepared, Rig
+from truth.machine.rig import FrequencyLaw, Occasion, Prepared, Rig
 from truth.machine.station import Complex
 
 RATIO = (0.1, 0.6)
@@ -54,7 +54,7 @@ class FractionalDamper(Unexplained):
         """Return the rig with the damper."""
         del occasion
         row = self.direction.stretch(rig, tested)
-        law = Law(row, row, partial(_power, self.coefficient, self.order))
+        law = FrequencyLaw(row, row, partial(_power, self.coefficient, self.order))
         return replace(rig, laws=(*rig.laws, law))
 
 

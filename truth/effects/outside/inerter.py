@@ -46,7 +46,7 @@ def draw_inerter(random: np.random.Generator, scene: Scene, place: str | None) -
     Against the floor an inerter is a mass, which every catalogue has.
     """
     stages = scene.station.stages
-    floor = {joint.name for one in stages if one.parent == GROUND for joint in one.joints}
+    floor = {joint.name for stage in stages if stage.parent == GROUND for joint in stage.joints}
 
     def between(joint: Joint) -> bool:
         return joint.name not in floor

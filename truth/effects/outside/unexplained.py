@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from truth.effects.effect import Answer, Parameter, Sized
-from truth.effects.places import JointDirection
+from truth.effects.places import StageDirection
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Unexplained(Sized):
         direction: of the joint.
     """
 
-    direction: JointDirection
+    direction: StageDirection
     kind: ClassVar[str]
 
     def parameters(self) -> Mapping[str, Parameter]:
