@@ -303,3 +303,15 @@ def test_normal_equations_that_somebody_knew_may_be_wrong(wrong):
     )
     alone, _ = normals_until_the_end()
     assert result.x == pytest.approx(alone.x, abs=1e-5)
+
+
+def test_damping_does_not_hide_what_a_prior_alone_tells_apart():
+    # The data know the sum; by the prior of the first the minimum is zero.
+    problem = Squares(
+        lambda x: np.array([1e3 * (x[0] + x[1])]),
+        lambda x: np.array([[1e3, 1e3]]),
+        np.array([1.0, 0.0]),
+    )
+    end = gauss_newton(problem, np.array([2.5, -2.5]), box_of(2, precision=problem.precision))
+    assert end.outcome == "converged"
+    np.testing.assert_allclose(end.x, 0.0, atol=0.05)
