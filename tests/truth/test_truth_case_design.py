@@ -120,7 +120,7 @@ def test_small_effects_behind_a_large_one_have_a_size():
 def test_a_place_is_drawn_that_does_for_both_twins(pair, monkeypatch):
     # Random trees have stages without all six directions: no place for a support that is lost.
     monkeypatch.setattr(
-        SurvivalRefit, "retuned", lambda one, machine, _: one.ratio(machine)
+        SurvivalRefit, "retuned_ratio", lambda one, machine, _: one.ratio(machine)
     )  # places are asked for, not sizes
     kind = "body" if pair[0] == "mass_error" else "joint"
     deck = [Card("twin", (name,), 1.0, number, kind, pair) for number in range(4) for name in pair]

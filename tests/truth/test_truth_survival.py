@@ -318,7 +318,7 @@ def test_a_correction_that_leaves_too_much_is_taken_back(machine):
         def ratio(self, loaded):
             return 40 * loaded.effects[0].size
 
-        def retuned(self, loaded, least):
+        def retuned_ratio(self, loaded, least):
             return 1.34 * (loaded.effects[0].size / 0.1) ** 1.9
 
     scene = Scene(machine.station, occasions(PROTOCOL, takes(PROTOCOL, machine.station, 1)))
