@@ -31,7 +31,7 @@ CALLS = {
     "blind": f"blind {ASSETS}/two_bodies.xml --cases 1 --seed 3 --effect mass_error",
 }
 _PLACE = re.compile(r'(?<=")[^"\s]*/(?=assets/)')  # of the project on the machine that made them
-_LEFT_OUT = ("*.html", "*.mat", "*.uff", "*.unv")  # pages, and what other programs read
+_LEFT_OUT = ("*.html", "*.mat", "*.uff", "*.unv", "body_frfs.npz")  # pages, what nothing reads
 
 
 def main() -> int:
