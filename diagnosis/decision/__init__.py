@@ -1,1 +1,1 @@
-"""What is decided of a diagnosis: its gap is there to be closed, and causes are established."""
+"""Decisions of a diagnosis: which causes are established, and whether held-out lines agree."""

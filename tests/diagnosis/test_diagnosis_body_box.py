@@ -66,11 +66,11 @@ def test_the_box_is_that_of_geoms_points_and_mass_with_half_its_largest_edge_aro
     tmp_path, geom, low, high
 ):
     machine = load(tmp_path, geom)
-    found = find_box(machine, [0]) - machine.layout.centres[0]
+    box = find_box(machine, [0]) - machine.layout.centres[0]
     low, high = np.minimum(low, -REACH), np.maximum(high, REACH)
     high[0] = max(high[0], 0.15)  # the sensor
     margin = 0.5 * (high - low).max()
-    np.testing.assert_allclose(found, [low - margin, high + margin], atol=1e-9)
+    np.testing.assert_allclose(box, [low - margin, high + margin], atol=1e-9)
 
 
 def test_the_joint_of_a_body_without_geoms_is_on_it(tmp_path):
@@ -84,17 +84,17 @@ def test_every_place_that_a_fit_may_reach_is_in_the_box(virtual):
     machine = virtual.model.machine
     random = np.random.default_rng(3)
     for effect in ("appendage", "parallel_path", "hammer_position"):
-        for one in EFFECTS[effect](virtual):
-            varies = add_hypothesis(virtual.session, one).parametrisation
+        for hypothesis in EFFECTS[effect](virtual):
+            varies = add_hypothesis(virtual.session, hypothesis).parametrisation
             ends = np.maximum(varies.lower, -1e3), np.minimum(varies.upper, 1e3)
             names = [parameter.name for parameter in varies.parameters]
             for _ in range(3):
                 x = np.where(random.uniform(size=varies.size) < 0.5, *ends)
-                said = one.state(dict(zip(names, varies.theta(x).tolist(), strict=True)))
-                name, bodies = one.location.partition(":")[::2]
+                said = hypothesis.state(dict(zip(names, varies.theta(x).tolist(), strict=True)))
+                name, bodies = hypothesis.location.partition(":")[::2]
                 place = np.array(said.get("position", said.get("offset")), float)
                 if name == "pair":
-                    on = [b for b in one.movable.bodies if b != "world"]
+                    on = [b for b in hypothesis.movable.bodies if b != "world"]
                 elif name == "hammer":
                     at = machine.layout.points.index(bodies)
                     on = [machine.layout.bodies[machine.layout.body_of[at]]]
@@ -104,20 +104,22 @@ def test_every_place_that_a_fit_may_reach_is_in_the_box(virtual):
                     place = place + machine.layout.centres[machine.layout.bodies.index(bodies)]
                 low, high = find_box(machine, [machine.layout.bodies.index(b) for b in on])
                 known = ~np.isnan(place)
-                assert (low - 1e-9 <= place)[known].all(), one.words
-                assert (place <= high + 1e-9)[known].all(), one.words
+                assert (low - 1e-9 <= place)[known].all(), hypothesis.words
+                assert (place <= high + 1e-9)[known].all(), hypothesis.words
 
 
 def test_along_slides_a_mass_and_a_link_have_no_place_and_no_stiffness_across(virtual, tmp_path):
     scene = see(virtual, load(tmp_path))
-    for one in EFFECTS["mass_error"](scene):
-        (name,) = one.coordinates
-        said = one.state({p.name: 20.0 for p in one.parts[0].parameters})
+    for hypothesis in EFFECTS["mass_error"](scene):
+        (name,) = hypothesis.coordinates
+        said = hypothesis.state({p.name: 20.0 for p in hypothesis.parts[0].parameters})
         mass = -1.0 if ".missing" in name else 1.0
         assert said == {"mass": pytest.approx(mass), "position": (None, None, None)}
-    for one in EFFECTS["appendage"](scene):
-        assert len(one.coordinates) == 1
-        said = one.state(dict.fromkeys((p.name for p in one.parts[0].parameters), 0.0))
+    for hypothesis in EFFECTS["appendage"](scene):
+        assert len(hypothesis.coordinates) == 1
+        said = hypothesis.state(
+            dict.fromkeys((p.name for p in hypothesis.parts[0].parameters), 0.0)
+        )
         assert tuple(said["position"]) == (None, None, None)
     link = next(iter(EFFECTS["parallel_path"](scene)))
     assert len(link.coordinates) == 2
@@ -135,7 +137,11 @@ def test_what_turns_shows_the_place_across_its_axis(virtual, tmp_path):
     said = top.state(dict.fromkeys((p.name for p in top.parts[0].parameters), 20.0))["position"]
     # It swings below its centre of mass, so that the moment of x meets no motion along z.
     assert [value is None for value in said] == [True, True, False]
-    link = next(one for one in EFFECTS["parallel_path"](scene) if one.location == "pair:low-top")
+    link = next(
+        hypothesis
+        for hypothesis in EFFECTS["parallel_path"](scene)
+        if hypothesis.location == "pair:low-top"
+    )
     said = link.state({p.name: 1.0 for p in link.parts[0].parameters})
     assert [value is None for value in said["stiffness"]] == [False, True, False]
     assert [value is None for value in said["position"]] == [False, True, False]
@@ -153,34 +159,32 @@ def test_springs_turned_towards_the_axis_that_moves_are_stated_along_it(virtual,
 
 def test_what_nothing_shows_does_not_vary_in_a_fit(virtual, tmp_path):
     scene = see(virtual, load(tmp_path))
-    one = next(iter(EFFECTS["mass_error"](scene)))
-    moved = replace(one, begin=dict.fromkeys(one.held, 3.0))
-    varies = add_hypothesis(virtual.session, replace(moved, parts=one.parts)).parametrisation
+    hypothesis = next(iter(EFFECTS["mass_error"](scene)))
+    moved = replace(hypothesis, begin=dict.fromkeys(hypothesis.held, 3.0))
+    varies = add_hypothesis(virtual.session, replace(moved, parts=hypothesis.parts)).parametrisation
     names = [parameter.name for parameter in varies.parameters]
     theta = dict(zip(names, varies.theta(np.ones(varies.size)), strict=True))
-    assert not {*one.held} & {*varies.names}
-    assert all(theta[name] == 0.0 for name in one.held)
+    assert not {*hypothesis.held} & {*varies.names}
+    assert all(theta[name] == 0.0 for name in hypothesis.held)
 
 
 def test_gains_and_offsets_are_bounded_in_their_own_units(virtual):
     for effect in ("sensor_gain", "sensor_position"):
-        one = next(iter(EFFECTS[effect](virtual)))
-        varies = add_hypothesis(virtual.session, one).parametrisation
-        names = [parameter.name for parameter in varies.parameters]
-        low, high = (
-            varies.theta(x)[names.index(one.release[0])] for x in (varies.lower, varies.upper)
-        )
-        assert (low, high) == pytest.approx(one.bounds[one.release[0]])
+        hypothesis = next(iter(EFFECTS[effect](virtual)))
+        varies = add_hypothesis(virtual.session, hypothesis).parametrisation
+        names, name = [parameter.name for parameter in varies.parameters], hypothesis.release[0]
+        low, high = (varies.theta(x)[names.index(name)] for x in (varies.lower, varies.upper))
+        assert (low, high) == pytest.approx(hypothesis.bounds[name])
         if effect != "sensor_position":
             assert (low, high) == pytest.approx(GAIN_ENDS)
 
 
 def test_a_mass_is_in_a_tetrahedron_that_holds_all_that_is_drawn_of_its_body(virtual):
     machine = virtual.model.machine
-    for one in EFFECTS["mass_error"](virtual):
-        (part,) = one.parts
+    for hypothesis in EFFECTS["mass_error"](virtual):
+        (part,) = hypothesis.parts
         names = [p.name for p in part.parameters]
-        number = machine.layout.bodies.index(one.movable.bodies[0])
+        number = machine.layout.bodies.index(hypothesis.movable.bodies[0])
         centre = machine.layout.centres[number]
         box = find_box(machine, [number])
         sign = 1.0 if ".added" in names[0] else -1.0
@@ -189,13 +193,13 @@ def test_a_mass_is_in_a_tetrahedron_that_holds_all_that_is_drawn_of_its_body(vir
             turned = np.cross(np.eye(3), arm)
             aim = sign * np.block([[np.eye(3), -turned], [turned, -turned @ turned]])
             to_centre = transport(centre)
-            values = one.movable.start({"inertia": to_centre.T @ aim @ to_centre})
+            values = hypothesis.movable.start({"inertia": to_centre.T @ aim @ to_centre})
             assert min(values[name] for name in names[:4]) >= -1e-9
-            said = one.state({name: 1e3 * value for name, value in values.items()})
+            said = hypothesis.state({name: 1e3 * value for name, value in values.items()})
             assert said["mass"] == pytest.approx(1e3 * sign)
             np.testing.assert_allclose(said["position"], arm, atol=1e-9)
         for name in names[:4]:
-            said = one.state(dict.fromkeys(names, 0.0) | {name: 5.0})["position"]
+            said = hypothesis.state(dict.fromkeys(names, 0.0) | {name: 5.0})["position"]
             reach = np.abs(centre + said - box.mean(axis=0))
             np.testing.assert_allclose(reach, 0.75 * np.ptp(box, axis=0))
 

@@ -7,7 +7,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.helpers.squares import TRUTH, Squares, arrow_of, box_of, decay
-from tuning.solvers.gauss_newton import bounded_step, gauss_newton
+from tuning.solvers.bounded_step import bounded_step
+from tuning.solvers.gauss_newton import gauss_newton
 
 
 def rosenbrock():

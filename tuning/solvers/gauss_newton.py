@@ -4,10 +4,12 @@ Each step minimises a quadratic model of J within the bounds,
 
     min_d  g'd + 1/2 d'(N + D + l diag(N + D)) d,    lower <= x + d <= upper,
 
-by an active-set method: a coordinate that would cross a bound is put on it, and one that the slope
-drives inwards is released. D is the precision of the prior, l the damping. The damping falls
-tenfold after a step that decreases J as predicted and rises tenfold after one that does not
-(Nocedal and Wright 2006, ch. 10.3 and 16.5).
+by an active-set method (``bounded_step``). D is the precision of the prior, l the damping. The
+damping falls tenfold after a step that decreases J as predicted and rises tenfold after one that
+does not (Nocedal and Wright 2006, ch. 10.3).
+
+A small damping of large N holds back a step along which the data do not change and the prior alone
+does. So the search ends only where a step without damping is predicted to gain too little as well.
 
 N is kept as long as steps decrease J as N predicts, to within 3 %. Only the gradient is then
 computed anew, at a tenth of the cost. The minimum is as accurate, since the gradient alone
@@ -32,8 +34,9 @@ from typing import Protocol
 
 import numpy as np
 
-from identification.words import Mask, Real
-from tuning.misfit.normal_equations import ArrowMatrix, ArrowSolver, QuadraticModel
+from identification.words import Real
+from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
+from tuning.solvers.bounded_step import bounded_step
 from tuning.solvers.nlopt_solver import (
     INTERRUPTED_ADVICE,
     OUT_OF_EVALUATIONS_ADVICE,
@@ -55,8 +58,7 @@ _GRADIENT_DIFFERENCE_STEP = 0.1  # of the Gauss-Newton step: between gradients c
 _RADIUS_FACTOR = 3.0  # by which the trust radius grows and shrinks
 _MAX_RADIUS_TRIES = 3
 MAX_DAMPING = 1e9  # beyond it, no step lowers J
-_MAX_ACTIVE_SET_ITERATIONS = 200
-LEAST_DAMPING = 1e-9
+LEAST_DAMPING = 1e-9  # counts as none
 MIN_DIAGONAL = 1e-12  # of the largest diagonal: fixes directions that the data do not depend on
 
 
@@ -357,54 +359,6 @@ def _best_length(slope: float, change: float) -> float:
     """Return the minimum of a parabola from its slope at 0 and its change from 0 to 1."""
     curvature = change - slope
     return min(-slope / (2 * curvature), _MAX_STEP_FACTOR) if curvature > 0 else _MAX_STEP_FACTOR
-
-
-def bounded_step(
-    normal: ArrowMatrix, gradient: Real, added: Real, bounds: tuple[Real, Real]
-) -> Real:
-    """Return the d that minimises g'd + d'(N + diag(added)) d / 2 within bounds; (n,).
-
-    Active-set method. All coordinates that would cross a bound are put on it together if this
-    lowers the cost; otherwise only the first one on the way is. The cost never rises, so that no
-    active set occurs twice.
-
-    Args:
-        normal: N.
-        gradient: g; (n,).
-        added: added to the diagonal of N; (n,).
-        bounds: lower (at most 0) and upper (at least 0) bounds of d; (n,) each.
-    """
-    lower, upper = bounds
-
-    def cost(d: Real) -> float:
-        return float(gradient @ d + 0.5 * d @ (normal.multiply(d) + added * d))
-
-    is_active: Mask = ((lower >= 0) & (gradient > 0)) | ((upper <= 0) & (gradient < 0))
-    step, solver = np.zeros(len(gradient)), ArrowSolver(normal, added)
-    for _ in range(_MAX_ACTIVE_SET_ITERATIONS):
-        fixed = np.where(is_active, step, 0.0)
-        right = -(gradient + normal.multiply(fixed))
-        target = np.where(is_active, fixed, solver.solve(right, ~is_active))
-        is_outside = ~is_active & ((target < lower) | (target > upper))
-        if is_outside.any():
-            clipped = np.clip(target, lower, upper)
-            if cost(clipped) < cost(step):
-                step, is_active = clipped, is_active | is_outside
-                continue
-            bounds_hit = np.where(target > upper, upper, lower)
-            direction = np.where(is_outside, target - step, 1.0)
-            share = np.where(is_outside, (bounds_hit - step) / direction, np.inf)
-            first = share <= share.min()
-            step = np.where(first, bounds_hit, step + share.min() * (target - step))
-            is_active = is_active | first
-            continue
-        step = target
-        slope = gradient + normal.multiply(step) + added * step
-        inward = is_active & (((step <= lower) & (slope < 0)) | ((step >= upper) & (slope > 0)))
-        if not inward.any():
-            break
-        is_active = is_active & ~inward
-    return np.clip(step, lower, upper)
 
 
 def _minimum(state: _State, value: float, outcome: Outcome, advice: str) -> Minimum:

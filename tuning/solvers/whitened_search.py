@@ -30,13 +30,13 @@ import scipy.linalg
 
 from identification.words import Real
 from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
+from tuning.solvers.bounded_step import bounded_step
 from tuning.solvers.gauss_newton import (
     MAX_DAMPING,
     MAX_PREDICTION_ERROR,
     MIN_DIAGONAL,
     Box,
     Problem,
-    bounded_step,
 )
 from tuning.solvers.nlopt_solver import (
     INTERRUPTED_ADVICE,
