@@ -128,7 +128,7 @@ def choose_fit(bounded: Fit, unbounded: Fit) -> Fit:
     all other parameters, so that intervals are valid without it only. A pull above 4.5 is a fault,
     which the tolerance must not absorb.
     """
-    pulls = unbounded.x[unbounded.parametrisation.has_prior]
+    pulls = unbounded.x[unbounded.parametrisation.is_tolerance]
     is_plausible = float(np.abs(pulls).max(initial=0.0)) <= PLAUSIBLE_PULL_SIGMA
     return unbounded if is_plausible and unbounded.converged else bounded
 
@@ -275,7 +275,7 @@ def refit_without_bounds(
         KeyboardInterrupt: interrupted.
     """
     parametrisation = bounded.parametrisation
-    if not (parametrisation.has_prior & parametrisation.coordinates_at_bound(bounded.x)).any():
+    if not (parametrisation.is_tolerance & parametrisation.coordinates_at_bound(bounded.x)).any():
         return bounded
     unbounded = fit(
         model,

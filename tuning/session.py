@@ -54,7 +54,7 @@ class Session:
                 for parameter, scale, k in zip(
                     varies.parameters, varies.scale, varies.coordinate_of, strict=True
                 )
-                if parameter.name in gains and k >= 0 and varies.has_prior[k]
+                if parameter.name in gains and k >= 0 and varies.is_tolerance[k]
             ),
             default=0.0,
         )

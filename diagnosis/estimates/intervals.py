@@ -218,7 +218,7 @@ def fit_parameters(
             )
             if fitted.outcome == "interrupted":
                 raise KeyboardInterrupt
-            shifts = np.abs(fitted.x[coordinates.has_prior])
+            shifts = np.abs(fitted.x[coordinates.is_tolerance])
             if shifts.max(initial=0.0) <= PLAUSIBLE_PULL_SIGMA:
                 break
         confidence = estimate_confidence(model, thin_lines(campaign, stride_factor), fitted)

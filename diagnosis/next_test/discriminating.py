@@ -41,7 +41,7 @@ from diagnosis.refits.refit import Refit
 from diagnosis.settings import DiagnosisSettings
 from identification.words import Campaign, Output, Real
 from tuning import Misfit, mean_channel_variance, predict_tests, thin_lines
-from tuning.assessment.parameter_confidence import FREE_PRIOR_SD
+from tuning.assessment.parameter_confidence import posterior_precision
 
 
 def propose_experiment(diagnosis: Diagnosis) -> str | None:
@@ -206,10 +206,10 @@ def _compute_misfit(rival: RivalModel, predicted: Campaign, before: Real, ratio:
     x = varies.coordinates(rival.theta)
     value, gradient, normal = problem.quadratic_model(x)
     cost = (value - problem.prior(x)) * ratio
-    slope = (gradient - np.where(varies.has_prior, x, 0.0)) * ratio
+    slope = (gradient - varies.precision * x) * ratio
     whole = normal.dense() * ratio
     whole[: len(before), : len(before)] += before
-    whole += np.diag(np.where(varies.has_prior, 1.0, FREE_PRIOR_SD**-2))
+    whole += np.diag(posterior_precision(varies, x))
     free = np.array([name not in rival.pinned for name in varies.names])
     scale = 1 / np.sqrt(np.diag(whole)[free])
     inner = whole[np.ix_(free, free)] * np.outer(scale, scale)

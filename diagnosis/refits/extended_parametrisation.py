@@ -38,7 +38,8 @@ def extend_parametrisation(
         if parameter.name in hypothesis.begin and free.coordinate_of[k] < 0:
             fixed[k] = hypothesis.begin[parameter.name]
     lower, upper = free.lower.copy(), free.upper.copy()
-    scale, has_prior = free.scale.copy(), free.has_prior.copy()
+    scale, is_tolerance = free.scale.copy(), free.is_tolerance.copy()
+    precision = free.precision.copy()
     for member in hypothesis.members or (hypothesis,):
         if member.signed:
             sizes = np.isin(np.array(free.names), member.coordinates)
@@ -49,9 +50,18 @@ def extend_parametrisation(
                 lower[k], upper[k] = _find_ends(free, k, ends) if name in member.release else ends
             if name in member.believed:
                 deviation = member.believed[name]
-                scale[free.coordinate_of == k], has_prior[k] = deviation, True
+                scale[free.coordinate_of == k] = deviation
+                is_tolerance[k], precision[k] = True, 1.0
                 lower[k], upper[k] = lower[k] / deviation, upper[k] / deviation
-    whole = replace(free, fixed=fixed, lower=lower, upper=upper, scale=scale, has_prior=has_prior)
+    whole = replace(
+        free,
+        fixed=fixed,
+        lower=lower,
+        upper=upper,
+        scale=scale,
+        is_tolerance=is_tolerance,
+        precision=precision,
+    )
     held = {
         name: member.bounds[name][0]
         for member in hypothesis.members or (hypothesis,)
@@ -90,7 +100,8 @@ def hold_parameters(varies: Parametrisation, theta: Real, names: Sequence[str]) 
         varies,
         coordinate_of=number[member],
         fixed=np.where(is_held, theta, varies.fixed),
-        has_prior=varies.has_prior[kept],
+        is_tolerance=varies.is_tolerance[kept],
+        precision=varies.precision[kept],
         lower=varies.lower[kept],
         upper=varies.upper[kept],
     )

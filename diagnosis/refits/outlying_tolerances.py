@@ -62,7 +62,7 @@ def _find_outliers(refit: Refit, settings: DiagnosisSettings) -> Mask:
 
 def _is_chance(refit: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether tolerances shift beyond their bounds by chance."""
-    x: Real = refit.fit.x[refit.session.parametrisation.has_prior]
+    x: Real = refit.fit.x[refit.session.parametrisation.is_tolerance]
     shifts = -np.sort(-np.abs(x))
     beyond = shifts[shifts >= TOLERANCE_BOUND_SIGMA]
     by_chance = binom.sf(np.arange(len(beyond)), len(shifts), 2 * norm.sf(beyond))

@@ -71,9 +71,9 @@ class Refit(FitSummary):
 
     @property
     def prior(self) -> float:  # type: ignore[override]
-        """Cost of the tolerances, half the sum of their squared shifts [nats]."""
-        shifts = self.fit.x[self.fit.parametrisation.has_prior]
-        return float(shifts @ shifts / 2)
+        """Cost of the priors of tolerances, stiffness and damping, -ln of their density [nats]."""
+        x = self.fit.x
+        return float(x @ (self.fit.parametrisation.precision * x) / 2)
 
     @property
     def cost(self) -> float:  # type: ignore[override]

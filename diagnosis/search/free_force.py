@@ -105,7 +105,7 @@ class _LinearisedFit:
             fit.x,
             tuple(build_misfit(campaign) for campaign in _split_by_reference(thin)),
             gradient,
-            normal.dense() + np.diag(varies.has_prior.astype(float)),
+            normal.dense() + np.diag(varies.precision),
             np.flatnonzero(~varies.coordinates_at_bound(fit.x)),
             max(value - whole.prior(fit.x), np.finfo(float).tiny),
         )

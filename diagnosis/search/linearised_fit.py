@@ -49,7 +49,7 @@ class ScoredFit:
     def _factor(self) -> "Factor":
         """Factor L of A of all free coordinates."""
         free = self._free
-        precision = np.diag(self.varies.has_prior[free].astype(float))
+        precision = np.diag(self.varies.precision[free])
         return Factor.factorise(self._normal[np.ix_(free, free)] + precision)
 
     @cached_property
@@ -72,7 +72,7 @@ class ScoredFit:
         count, probed, normal = len(self.x), self.probed, self._normal
         old, new = chosen[chosen < count], chosen[chosen >= count] - count
         # The gradient of the cost contains that of the priors, which a released coordinate loses.
-        pulled = np.where(self.varies.has_prior, self.x, 0.0)[old]
+        pulled = (self.varies.precision * self.x)[old]
         slope = np.concatenate([probed.gradient[old] - pulled, probed.slope[new]])
         square = np.zeros((len(chosen), len(chosen)))
         square[: len(old), : len(old)] = normal[np.ix_(old, old)]

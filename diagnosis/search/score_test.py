@@ -193,7 +193,7 @@ def compute_cosines(
     tuned = np.flatnonzero(
         ~released & ~whole.coordinates_at_bound(x) & (np.arange(whole.size) < count)
     )
-    precision = np.diag(whole.has_prior[tuned].astype(float))
+    precision = np.diag(whole.precision[tuned])
     factor = Factor.factorise(normal[np.ix_(tuned, tuned)] + precision)
     cross = normal[tuned] @ steps
     inner = steps.T @ normal @ steps - cross.T @ factor.solve(cross)

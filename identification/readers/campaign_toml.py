@@ -125,6 +125,8 @@ class ToleranceSettings(TomlTable):
     hammer_position: float = Field(default=0.003, ge=0)
     hammer_gain: float = Field(default=Tolerance.hammer_gain, ge=0)
     hammer_delay: float = Field(default=Tolerance.hammer_delay, ge=0)
+    stiffness: float = Field(default=Tolerance.stiffness, ge=1)
+    damping: float = Field(default=Tolerance.damping, ge=1)
 
 
 class TuningSettings(TomlTable):

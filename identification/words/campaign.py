@@ -118,6 +118,7 @@ class Tolerance:
             channel's [s].
         sensor_cross: standard deviation of the symmetric part of the transverse sensitivity; the
             antisymmetric part is a rotation, which ``sensor_angle`` holds.
+        stiffness, damping: factors, one standard deviation of a log-normal distribution.
 
     Raises:
         ValueError: a value is negative or not finite.
@@ -136,12 +137,17 @@ class Tolerance:
     sensor_cross: float = 0.014
     hammer_gain: float = 0.02
     hammer_delay: float = 2e-5
+    stiffness: float = 3.0
+    damping: float = 4.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"tolerance {name} is {value}, expected 0 or more")
+        for name in ("stiffness", "damping"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"tolerance {name} is a factor of {getattr(self, name)}, below 1")
 
 
 @dataclass(frozen=True, eq=False)

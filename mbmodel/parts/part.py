@@ -42,6 +42,8 @@ ToleranceKind = Literal[
     "free",
     "exactly",
     "unknown_gain",
+    "stiffness",
+    "damping",
     "mass",
     "inertia",
     "com",

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
+from typing import Literal
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class SpringPart:
         drawing.
         """
         return tuple(
-            Parameter(f"{spring.name}.{what}", value, unit)
+            Parameter(f"{spring.name}.{what}", value, unit, known=what)
             for spring in self.springs
             for what, value, unit in _coefficients(spring)
             if value != 0
@@ -147,7 +148,9 @@ class SpringPart:
         return theta
 
 
-def _coefficients(spring: Spring) -> tuple[tuple[str, float, str], tuple[str, float, str]]:
+def _coefficients(
+    spring: Spring,
+) -> tuple[tuple[Literal["stiffness"], float, str], tuple[Literal["damping"], float, str]]:
     """Return name, value and unit of stiffness and damping."""
     units = ("N m/rad", "N m s/rad") if spring.angular else ("N/m", "N s/m")
     return ("stiffness", spring.stiffness, units[0]), ("damping", spring.damping, units[1])

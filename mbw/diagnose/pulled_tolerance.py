@@ -25,7 +25,7 @@ def pull_sentence(verdict: Verdict, diagnosis: Diagnosis) -> str | None:
     if verdict.verdict != "none":
         return None
     fit, outlier = diagnosis.null.fit, diagnosis.settings.outlier_sigma
-    sizes = np.where(fit.parametrisation.has_prior, np.abs(fit.x), 0.0)
+    sizes = np.where(fit.parametrisation.is_tolerance, np.abs(fit.x), 0.0)
     names = fit.parametrisation.names
     pulls = [
         f"a pull of {sizes[k]:.1f} for {names[k]}"
@@ -53,7 +53,7 @@ def bound_sentence(diagnosis: Diagnosis) -> str | None:
     """
     fit = (diagnosis.after or diagnosis.retuned).refit.fit
     varies = fit.parametrisation
-    is_at_bound = varies.has_prior & varies.coordinates_at_bound(fit.x)
+    is_at_bound = varies.is_tolerance & varies.coordinates_at_bound(fit.x)
     names = [f"{varies.names[k]} {fit.x[k]:+.1f}" for k in np.flatnonzero(is_at_bound)]
     if not names:
         return None

@@ -196,7 +196,7 @@ def _write(tuned: CampaignTuning, output: OutputFolder, outputs: ResultOptions) 
 
 
 def _parameter_counts(parametrisation: Parametrisation) -> str:
-    tolerances = int(parametrisation.has_prior.sum())
+    tolerances = int(parametrisation.is_tolerance.sum())
     return f"{parametrisation.size - tolerances} parameters, {tolerances} tolerances"
 
 

@@ -90,7 +90,7 @@ def _compute_frfs(machine: Machine, repeats: int) -> tuple[float, dict[str, obje
 def _take_step(machine: Machine, repeats: int) -> tuple[float, dict[str, object]]:
     """One Gauss-Newton step: normal equations with all tolerances, and their solution."""
     misfit, x = large_misfit(machine, LINES)
-    prior = np.where(misfit.parametrisation.has_prior, 1.0, 1e-6)
+    prior = np.where(misfit.parametrisation.is_tolerance, 1.0, 1e-6)
 
     def step() -> None:
         _, gradient, normal = misfit.quadratic_model(x)

@@ -50,7 +50,7 @@ def _tune(session: Session) -> dict[str, object]:
     """Excess is the root mean square over channels of error / noise: 1 is a perfect model."""
     model, campaign, varies = session.model, session.campaign, session.parametrisation
     nothing = varies.coordinates(model.drawn)
-    alone = fit(model, campaign, parametrisation=varies.restrict(~varies.has_prior, nothing))
+    alone = fit(model, campaign, parametrisation=varies.restrict(~varies.is_tolerance, nothing))
     start = time.process_time()
     found = fit(model, campaign, parametrisation=varies)
     seconds = time.process_time() - start

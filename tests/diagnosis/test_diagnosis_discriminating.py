@@ -25,7 +25,7 @@ from mbmodel import Evaluator, FrfRequest, hammer_parts, transport
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import early_scene, refit_null, refit_with
 from tuning import mean_channel_variance, predict_tests, thin_lines
-from tuning.assessment.parameter_confidence import FREE_PRIOR_SD
+from tuning.assessment.parameter_confidence import posterior_precision
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +112,7 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
     off = weighted(estimate.frf.values) - foreseen(x)
     steps = 1e-5 * np.eye(len(x))
     slopes = np.array([(foreseen(x + one) - foreseen(x - one)) / 2e-5 for one in steps]).T
-    stiff = np.diag(np.where(varies.has_prior, 1.0, FREE_PRIOR_SD**-2))
+    stiff = np.diag(posterior_precision(varies, x))
     stiff[: len(before), : len(before)] += before
     sizes, vectors = np.linalg.eigh(stiff / 2)
     rows = np.vstack([slopes, np.sqrt(np.maximum(sizes, 0.0))[:, None] * vectors.T])

@@ -294,7 +294,7 @@ def test_levers_of_supports_are_believed_to_be_what_the_hinges_say(scene):
     names = [parameter.name for parameter in parametrisation.parameters]
     for name in one.believed:
         k, place = parametrisation.names.index(name), names.index(name)
-        assert parametrisation.has_prior[k]
+        assert parametrisation.is_tolerance[k]
         assert parametrisation.lower[k] == 0
         x = np.where(np.arange(parametrisation.size) == k, parametrisation.upper[k], 0.0)
         assert parametrisation.theta(x)[place] == pytest.approx(0.5)

@@ -56,8 +56,8 @@ def dense(scene, found, force, power, model_error):
     middle = np.median(np.concatenate([(np.abs(u) ** 2).sum(axis=1) for _, _, u in parts]))
 
     def cost(p):
-        value, gradient = 0.5 * (x[varies.has_prior] ** 2).sum(), varies.has_prior * x
-        normal, chance = np.diag(varies.has_prior.astype(float)), 0.0
+        value, gradient = 0.5 * (varies.precision * x**2).sum(), varies.precision * x
+        normal, chance = np.diag(varies.precision), 0.0
         for off, columns, answers in parts:
             for r, d, u in zip(off, columns, answers, strict=True):
                 covariance = np.eye(len(r)) + p * np.outer(u, u.conj())

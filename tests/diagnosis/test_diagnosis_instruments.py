@@ -74,7 +74,7 @@ def test_the_effect_is_scored_first_and_recovers_its_parameter(tmp_path, effect)
     assert best.key == (effect, place, None)
     ended = refit_with(scene, null, best)
     free = dict(
-        zip(ended.fit.parametrisation.names, ended.fit.parametrisation.has_prior, strict=True)
+        zip(ended.fit.parametrisation.names, ended.fit.parametrisation.is_tolerance, strict=True)
     )
     assert not any(free[name] for name in best.release)
     (ends,) = fit_parameters(ended).estimate_intervals(best).values()

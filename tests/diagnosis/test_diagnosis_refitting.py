@@ -130,7 +130,7 @@ def test_what_was_found_does_not_depend_on_the_bounds_of_tolerances(case):
     (cause,) = refit.causes
     free = fit_parameters(refit)
     varies = refit.fit.parametrisation
-    narrow = np.where(varies.has_prior, 0.5, np.inf)
+    narrow = np.where(varies.is_tolerance, 0.5, np.inf)
     half = replace(
         varies, lower=np.maximum(varies.lower, -narrow), upper=np.minimum(varies.upper, narrow)
     )
@@ -180,7 +180,7 @@ def test_the_score_is_the_gain_of_the_quadratic_model_where_all_else_is_tuned(ca
     thin = thin_lines(session.campaign, stride)
     problem = Misfit(session.model, thin, varies, model_error_floor=floor)
     _, gradient, normal = problem.quadratic_model(x)
-    matrix = normal.dense() + np.diag(varies.has_prior.astype(float))
+    matrix = normal.dense() + np.diag(varies.precision)
     bound = varies.coordinates_at_bound(x)
     added = np.arange(varies.size) >= null.fit.x.size
 
@@ -243,7 +243,7 @@ def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tm
     assert null.gap > 0.5
     (admitted,) = admit_outliers(scene, [null], SETTINGS)
     assert admitted.gap < 0.1
-    shifts = np.abs(admitted.fit.x[admitted.session.parametrisation.has_prior])
+    shifts = np.abs(admitted.fit.x[admitted.session.parametrisation.is_tolerance])
     assert 3 < shifts.max() < 4
     # What was no outlier keeps its bound, and a shift beyond the largest outlier is a fault.
     widened = admitted.session.parametrisation.upper > null.session.parametrisation.upper
@@ -252,7 +252,7 @@ def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tm
     assert admit_outliers(scene, [admitted], SETTINGS) == [admitted]
     # Others that were driven to their bounds, more than by chance, come back.
     x = null.fit.x.copy()
-    driven = np.flatnonzero(null.session.parametrisation.has_prior)[::4]
+    driven = np.flatnonzero(null.session.parametrisation.is_tolerance)[::4]
     x[driven] = null.session.parametrisation.upper[driven]
     (from_bounds,) = admit_outliers(scene, [replace(null, fit=replace(null.fit, x=x))], SETTINGS)
     assert from_bounds.gap < 0.1

@@ -26,7 +26,7 @@ def probed(tmp_path_factory):
     random = np.random.default_rng(3)
     x = varies.coordinates(model.drawn) + 0.3 * random.standard_normal(varies.size)
     x = np.clip(x, varies.lower, varies.upper)
-    released = np.flatnonzero(varies.has_prior)[::7]
+    released = np.flatnonzero(varies.is_tolerance)[::7]
     x[released] = varies.upper[released]
     scene = replace(scene, theta=varies.theta(x))
     hypotheses = [
@@ -103,10 +103,10 @@ def slow_score(varies, x, equations, hypothesis, chosen):
     whole[count:, :count] = equations.cross.T
     whole[count:, count:] = equations.blocks
     slope = np.append(equations.gradient, equations.slope)
-    slope[:count] -= np.where(varies.has_prior & np.isin(np.arange(count), chosen), x, 0.0)
+    slope[:count] -= np.where(np.isin(np.arange(count), chosen), varies.precision * x, 0.0)
     tuned = np.flatnonzero(~varies.coordinates_at_bound(x))
     tuned = tuned[~np.isin(tuned, chosen)]
-    matrix = whole[np.ix_(tuned, tuned)] + np.diag(varies.has_prior[tuned].astype(float))
+    matrix = whole[np.ix_(tuned, tuned)] + np.diag(varies.precision[tuned])
     scale = 1 / np.sqrt(np.diag(matrix))
     matrix = matrix * np.outer(scale, scale) + np.sqrt(np.finfo(float).eps) * np.eye(len(tuned))
     cross = whole[np.ix_(tuned, chosen)]

@@ -64,7 +64,7 @@ def test_a_joint_that_may_turn_has_a_place_and_all_that_a_user_wished_stays(tmp_
     places = [f"stage3.joint_position_{axis}" for axis in "xyz"]
     assert [p.name for p in after.parameters] == [p.name for p in wider.model.parameters]
     assert after.names == (*before.names, *places)
-    for what in ("lower", "upper", "has_prior", "scales", "is_logarithmic"):
+    for what in ("lower", "upper", "is_tolerance", "precision", "scales", "is_logarithmic"):
         np.testing.assert_array_equal(getattr(after, what)[:-3], getattr(before, what))
     x = np.random.default_rng(4).uniform(-1, 1, after.size)
     theirs = dict(zip((p.name for p in after.parameters), after.theta(x), strict=True))
@@ -76,7 +76,7 @@ def test_a_joint_that_may_turn_has_a_place_and_all_that_a_user_wished_stays(tmp_
 
 def test_where_nothing_is_missing_slides_are_tuned_to_the_noise(session):
     random = np.random.default_rng(7)
-    spread = np.where(session.parametrisation.has_prior, 0.7, 0.2)
+    spread = np.where(session.parametrisation.is_tolerance, 0.7, 0.2)
     theta = session.parametrisation.theta(random.normal(0.0, spread))
     session = replace(session, campaign=measured(session, theta, random))
     found = diagnose(session)

@@ -103,6 +103,8 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         hammer_position = 0.0
         hammer_gain = 0.022
         hammer_delay = 3e-5
+        stiffness = 1.5
+        damping = 2.5
         [tuning]
         free = ["acc7.gain_x", "head_*.damping"]
         fix = ["base.mass"]
@@ -169,6 +171,8 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         0.0,
         0.022,
         3e-5,
+        1.5,
+        2.5,
     ]
     assert settings.tuning.model_dump() == {
         "free": ["acc7.gain_x", "head_*.damping"],

@@ -17,7 +17,7 @@ def case(x, *, word="none"):
     """Verdict and fit without any effect, which ended at x; a stiffness has no prior."""
     parametrisation = SimpleNamespace(
         names=NAMES,
-        has_prior=np.array([False, True, True]),
+        is_tolerance=np.array([False, True, True]),
         coordinates_at_bound=lambda x: np.abs(x) >= 2.5,
     )
     refit = SimpleNamespace(fit=SimpleNamespace(parametrisation=parametrisation, x=np.array(x)))

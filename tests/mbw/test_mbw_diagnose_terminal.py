@@ -22,7 +22,7 @@ from tests.helpers.judged import evidence, fitted
 
 NAME = "a [/b] :x: [red]"
 
-_VARIES = SimpleNamespace(has_prior=np.zeros(0, bool), coordinates_at_bound=lambda x: x > 0)
+_VARIES = SimpleNamespace(is_tolerance=np.zeros(0, bool), coordinates_at_bound=lambda x: x > 0)
 REFIT = SimpleNamespace(fit=SimpleNamespace(parametrisation=_VARIES, x=np.zeros(0)))
 
 

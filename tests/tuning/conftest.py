@@ -99,7 +99,7 @@ def parametrisation(whole):
 def off(parametrisation):
     """Return an x off zero everywhere: by one tolerance, or by a factor exp(N(0, 0.3))."""
     random = np.random.default_rng(11)
-    x = random.normal(0.0, np.where(parametrisation.has_prior, 1.0, 0.3))
+    x = random.normal(0.0, np.where(parametrisation.is_tolerance, 1.0, 0.3))
     return np.clip(x, -2.0, 2.0)
 
 

@@ -74,5 +74,4 @@ def test_a_hinge_whose_damping_is_out_of_reach_is_tuned_to_an_end(tmp_path) -> N
         algorithm=TUNING_ALGORITHM,
     )
     assert tuned.outcome == "converged"
-    assert tuned.evaluations < 500
-    assert tuned.cost < 1.05 * 3.98e6  # after 120 steps that ignore the dispersion
+    assert tuned.evaluations < 700  # 798 where the dispersion is ignored

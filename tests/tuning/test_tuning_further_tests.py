@@ -44,7 +44,7 @@ def test_no_further_measurement_makes_anything_worse(gained):
     for gain in gains:
         assert gain.after <= gain.before * (1 + 1e-9)
         assert gain.shrink <= 1 + 1e-9
-    worst = max(confidence.deviation[~confidence.parametrisation.has_prior])
+    worst = max(confidence.deviation[~confidence.parametrisation.is_tolerance])
     assert gains[0].before == pytest.approx(worst)
 
 
@@ -74,7 +74,7 @@ def test_the_foreseen_interval_is_that_of_all_tests_together(one_direction, gain
     whole = (
         Misfit(wider, both, parametrisation, model_error_floor=0.0).quadratic_model(x)[2].dense()
     )
-    whole += np.diag(np.where(parametrisation.has_prior, 1.0, np.log(100) ** -2))
+    whole += np.diag(np.where(parametrisation.is_tolerance, 1.0, np.log(100) ** -2))
     place = parametrisation.names.index(gain.parameter)
     expected = np.sqrt(np.linalg.inv(whole)[place, place] * confidence.variance_inflation)
     assert gain.after == pytest.approx(expected, rel=0.1)

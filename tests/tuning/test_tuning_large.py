@@ -59,7 +59,7 @@ def test_normal_equations_are_those_of_differences(tmp_path):
     exact = direction @ normal.multiply(direction)
     step = 1e-5
     sides = [misfit(x + sign * step * direction)[1] @ direction for sign in (1, -1)]
-    prior = (direction[misfit.parametrisation.has_prior] ** 2).sum()
+    prior = (direction[misfit.parametrisation.is_tolerance] ** 2).sum()
     slope = (sides[0] - sides[1]) / (2 * step) - prior
     assert slope == pytest.approx(exact, rel=0.02)  # the residual is the noise of 1 %
 

@@ -34,7 +34,7 @@ def wished(request, whole, mixed):
 
 def somewhere(parametrisation, seed=21):
     """An x at which every parameter is off, not where the data come from."""
-    x = np.random.default_rng(seed).normal(0.0, np.where(parametrisation.has_prior, 0.8, 0.2))
+    x = np.random.default_rng(seed).normal(0.0, np.where(parametrisation.is_tolerance, 0.8, 0.2))
     return np.clip(x, -2, 2)
 
 
@@ -72,8 +72,8 @@ def twin(model, campaign, parametrisation, x, model_error_floor, logarithmic):
     rates[parametrisation.free, parametrisation.coordinate_of[parametrisation.free]] = (
         parametrisation.rates(x)[parametrisation.free]
     )
-    total = 0.5 * (x[parametrisation.has_prior] ** 2).sum()
-    gradient = np.where(parametrisation.has_prior, x, 0.0)
+    total = 0.5 * (parametrisation.precision * x**2).sum()
+    gradient = parametrisation.precision * x
     normal = np.zeros((parametrisation.size, parametrisation.size))
     for test in campaign.tests:
         lines, measured = answer(model, theta, test), test.estimate.frf.values
@@ -267,7 +267,7 @@ def test_a_prior_counts_half_its_square_and_stays_out_of_the_normal_equations(wh
         for parametrisation in (priors, none)
     )
     lost = 0.5 * (x[places] ** 2).sum()
-    assert with_prior.prior(x) == pytest.approx(0.5 * (x[priors.has_prior] ** 2).sum())
+    assert with_prior.prior(x) == pytest.approx(0.5 * (priors.precision * x**2).sum())
     assert with_prior.value(x) - without.value(free_x) == pytest.approx(lost, rel=1e-6)
     first, second = with_prior.quadratic_model(x), without.quadratic_model(free_x)
     expected = first[1][places] - second[1][places] * scale
@@ -292,9 +292,10 @@ def test_the_misfit_vanishes_at_the_truth_of_noiseless_data(model, true_theta, l
     exact = virtual_campaign(model, true_theta, noise=0.0)
     parametrisation = parametrise(model, exact.tolerance)
     cost = Misfit(model, exact, parametrisation, model_error_floor=0.1, logarithmic=logarithmic)
-    value, gradient = cost(parametrisation.coordinates(true_theta))
-    assert value < 1e-15
-    assert np.abs(gradient).max() < 1e-6
+    x = parametrisation.coordinates(true_theta)
+    value, gradient = cost(x)
+    assert value - cost.prior(x) < 1e-15
+    assert np.abs(gradient - parametrisation.precision * x).max() < 1e-6
 
 
 def test_of_small_errors_the_logarithm_is_the_difference(model, true_theta):

@@ -11,7 +11,7 @@ from tuning import Misfit, parametrise, predict
 
 def somewhere(parametrisation, seed=21):
     """An x at which every parameter is off, not where the data come from."""
-    x = np.random.default_rng(seed).normal(0.0, np.where(parametrisation.has_prior, 0.8, 0.2))
+    x = np.random.default_rng(seed).normal(0.0, np.where(parametrisation.is_tolerance, 0.8, 0.2))
     return np.clip(x, -2, 2)
 
 

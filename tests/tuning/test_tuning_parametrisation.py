@@ -62,7 +62,7 @@ def test_pulls_count_the_standard_deviations_of_their_own_tolerance(whole, toler
         drawn = whole.drawn[place(name)]
         pull = np.log(moved / drawn) if drawn else moved
         assert pull == pytest.approx(tolerance, rel=1e-12), name
-        assert toleranced.has_prior[toleranced.coordinate_of[place(name)]], name
+        assert toleranced.is_tolerance[toleranced.coordinate_of[place(name)]], name
 
 
 def test_a_product_of_inertia_is_known_relative_to_its_own_size(whole, toleranced, place):
@@ -92,18 +92,18 @@ def test_rates_are_the_differences_of_theta(toleranced):
 
 def test_tolerances_are_kept_within_2_5_of_them_and_the_rest_within_a_factor_of_100(toleranced):
     assert TOLERANCE_BOUND_SIGMA == 2.5
-    widest = np.where(toleranced.has_prior, 2.5, np.log(100))
+    widest = np.where(toleranced.is_tolerance, 2.5, np.log(100))
     np.testing.assert_allclose(toleranced.upper, widest, rtol=1e-15)
     np.testing.assert_allclose(toleranced.lower, -widest, rtol=1e-15)
     springs = [name.endswith((".stiffness", ".damping")) for name in toleranced.names]
-    assert np.array_equal(toleranced.has_prior, ~np.array(springs))
+    assert np.array_equal(toleranced.is_tolerance, ~np.array(springs))
 
 
 def test_without_bounds_tolerances_are_free_and_the_rest_is_kept(toleranced):
     loose = toleranced.lift_bounds()
-    assert np.isinf(loose.upper[loose.has_prior]).all()
-    assert np.isinf(loose.lower[loose.has_prior]).all()
-    known = ~toleranced.has_prior
+    assert np.isinf(loose.upper[loose.is_tolerance]).all()
+    assert np.isinf(loose.lower[loose.is_tolerance]).all()
+    known = ~toleranced.is_tolerance
     assert np.array_equal(loose.upper[known], toleranced.upper[known])
     assert np.array_equal(loose.lower[known], toleranced.lower[known])
 
@@ -120,7 +120,7 @@ def test_some_coordinates_only_leave_the_others_where_x_has_them(toleranced):
         part.coordinates(toleranced.theta(moved)), second, rtol=1e-9, atol=1e-9
     )
     assert part.names == tuple(np.array(toleranced.names)[chosen])
-    for name in ("has_prior", "lower", "upper"):
+    for name in ("is_tolerance", "lower", "upper"):
         assert np.array_equal(getattr(part, name), getattr(toleranced, name)[chosen])
 
 
@@ -161,7 +161,7 @@ def test_released_tolerances_have_no_prior_and_no_bound(model, campaign):
     free = parametrisation.release_priors(names)
     for k, name in enumerate(parametrisation.names):
         released = name in names
-        assert free.has_prior[k] == (parametrisation.has_prior[k] and not released)
+        assert free.is_tolerance[k] == (parametrisation.is_tolerance[k] and not released)
         assert np.isinf(free.upper[k]) == released
     assert np.array_equal(free.scale, parametrisation.scale)
 
@@ -174,7 +174,7 @@ def test_a_released_gain_takes_steps_of_a_size_and_not_of_its_tolerance(toleranc
     x = np.zeros(free.size)
     x[own_rows] = LARGEST_STEP / free.scales[own_rows]
     assert free.theta(x)[place(name)] == pytest.approx(np.exp(LARGEST_STEP))
-    assert (free.scales[~free.has_prior & (np.arange(free.size) != own_rows)] == 1).all()
+    assert (free.scales[~free.is_tolerance & (np.arange(free.size) != own_rows)] == 1).all()
 
 
 def test_sizes_that_vary_by_themselves_move_along_a_line_as_far_as_before(whole, specify, place):

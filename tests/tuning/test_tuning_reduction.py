@@ -18,8 +18,8 @@ def reduced_twin(model, campaign, parametrisation, x, model_error_floor):
     rates[parametrisation.free, parametrisation.coordinate_of[parametrisation.free]] = (
         parametrisation.rates(x)[parametrisation.free]
     )
-    total = 0.5 * (x[parametrisation.has_prior] ** 2).sum()
-    gradient = np.where(parametrisation.has_prior, x, 0.0)
+    total = 0.5 * (parametrisation.precision * x**2).sum()
+    gradient = parametrisation.precision * x
     normal = np.zeros((parametrisation.size, parametrisation.size))
     for test in campaign.tests:
         lines, frf = answer(model, theta, test), test.estimate.frf

@@ -84,7 +84,7 @@ def test_held_out_fits_end_at_the_minima_of_their_lines(model, fine):
         x = result.parametrisation.coordinates(theta)
         _, gradient, normal = kept.quadratic_model(x)
         free = ~result.parametrisation.coordinates_at_bound(x)
-        whole = normal.dense() + np.diag(result.parametrisation.has_prior.astype(float))
+        whole = normal.dense() + np.diag(result.parametrisation.is_tolerance.astype(float))
         step = np.linalg.solve(whole[np.ix_(free, free)], gradient[free])
         assert 0.5 * gradient[free] @ step < 1.0  # nats, of which a campaign has thousands
 
@@ -100,7 +100,7 @@ def test_normal_equations_of_few_lines_do_not_end_a_search_beside_a_narrow_mode(
     box = Box(
         parametrisation.lower,
         parametrisation.upper,
-        parametrisation.has_prior.astype(float),
+        parametrisation.is_tolerance.astype(float),
         np.full(parametrisation.size, np.inf),
     )
     whole = gauss_newton(few.whole, start, box, tolerance=1e-8, exact_curvature=True)

@@ -12,7 +12,7 @@ def test_freed_parameters_have_neither_prior_nor_narrow_bounds(toleranced, speci
     freed = specify(free=["acc?.gain_x", "head.com_z", "base.joint_rotation_y"])
     for number in range(1, 7):
         coordinate = freed.coordinate_of[place(f"acc{number}.gain_x")]
-        assert not freed.has_prior[coordinate]
+        assert not freed.is_tolerance[coordinate]
         assert freed.upper[coordinate] == pytest.approx(np.log(100))
         assert freed.lower[coordinate] == pytest.approx(-np.log(100))
     # What is no size has no factor: one in SI, unbounded.
@@ -21,7 +21,7 @@ def test_freed_parameters_have_neither_prior_nor_narrow_bounds(toleranced, speci
         assert moved == pytest.approx(0.02, rel=1e-14)
         assert freed.upper[freed.coordinate_of[place(name)]] == np.inf
     assert freed.size == toleranced.size + 1
-    assert freed.has_prior.sum() == toleranced.has_prior.sum() - 7
+    assert freed.is_tolerance.sum() == toleranced.is_tolerance.sum() - 7
 
 
 def test_fixed_parameters_stay_as_drawn(whole, toleranced, specify, place):
@@ -41,9 +41,9 @@ def test_a_prior_is_one_standard_deviation_about_the_drawing(specify, place):
         assert priors.theta(unit_coordinate(priors, place, name, 1.0))[
             place(name)
         ] == pytest.approx(moved)
-        assert priors.has_prior[coordinate]
+        assert priors.is_tolerance[coordinate]
         assert (priors.lower[coordinate], priors.upper[coordinate]) == (-2.5, 2.5)
-    assert not priors.has_prior[priors.coordinate_of[place("base_tx.stiffness")]]
+    assert not priors.is_tolerance[priors.coordinate_of[place("base_tx.stiffness")]]
 
 
 def test_bounds_are_given_in_si(specify, place):
@@ -59,7 +59,7 @@ def test_bounds_are_given_in_si(specify, place):
         for name in names:
             wanted = bounds.get(name, bounds["acc?.rotation_z"])[side]
             assert theta[place(name)] == pytest.approx(wanted, rel=1e-12), name
-    assert (bounded.upper == 2.5).sum() == bounded.has_prior.sum() - 7
+    assert (bounded.upper == 2.5).sum() == bounded.is_tolerance.sum() - 7
 
 
 def test_tied_parameters_share_one_factor_on_what_is_drawn(whole, toleranced, specify, place):
@@ -193,5 +193,7 @@ def test_starts_vary_what_a_user_frees(model, campaign):
     assert "head.mass" in moved[1] - moved[0]
     assert "base_tx.stiffness" in moved[0] - moved[1]
     assert moved[0] == {
-        parameter.name for parameter in whole.parameters if parameter.known == "free"
+        parameter.name
+        for parameter in whole.parameters
+        if parameter.known in ("stiffness", "damping")
     }

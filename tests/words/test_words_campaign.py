@@ -92,8 +92,15 @@ def test_a_tolerance_that_is_no_spread_is_refused_by_name(name, value):
 
 
 @pytest.mark.parametrize("name", [field.name for field in fields(Tolerance)])
-def test_a_tolerance_of_zero_is_allowed(name):
-    assert getattr(Tolerance(**{name: 0.0}), name) == 0.0
+def test_a_number_may_be_known_exactly(name):
+    exact = 1.0 if name in ("stiffness", "damping") else 0.0  # a factor of 1
+    assert getattr(Tolerance(**{name: exact}), name) == exact
+
+
+@pytest.mark.parametrize("name", ["stiffness", "damping"])
+def test_a_factor_below_one_is_refused(name):
+    with pytest.raises(ValueError, match=f"tolerance {name} is a factor of 0.5, below 1"):
+        Tolerance(**{name: 0.5})
 
 
 def test_default_tolerances_are_those_of_the_format():
@@ -111,6 +118,8 @@ def test_default_tolerances_are_those_of_the_format():
         "sensor_cross": 0.014,
         "hammer_gain": 0.02,
         "hammer_delay": 2e-5,
+        "stiffness": 3.0,
+        "damping": 4.0,
     }
 
 

@@ -25,7 +25,7 @@ from identification.words import (
 )
 from mbmodel import Model, Part, SensorPart, hammer_parts, sensor_parts
 from tuning.assessment.findings import GainRow
-from tuning.assessment.parameter_confidence import FREE_PRIOR_SD, ParameterConfidence
+from tuning.assessment.parameter_confidence import ParameterConfidence, posterior_precision
 from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
 from tuning.fitting.stages import thin_lines
 from tuning.misfit.misfit import Misfit
@@ -44,7 +44,7 @@ def rank_further_tests(session: Session, confidence: ParameterConfidence) -> tup
         session: campaign and model.
         confidence: confidence in the parameters so far.
     """
-    free = np.flatnonzero(~confidence.parametrisation.has_prior)
+    free = np.flatnonzero(~confidence.parametrisation.is_tolerance)
     if not free.size:
         return ()
     before = confidence.deviation[free]
@@ -79,7 +79,7 @@ def _covariance_with(
     count = confidence.parametrisation.size
     information[:count, :count] += confidence.normal.dense()
     information /= confidence.variance_inflation
-    information += np.diag(np.where(parametrisation.has_prior, 1.0, FREE_PRIOR_SD**-2))
+    information += np.diag(posterior_precision(parametrisation, x))
     scale = 1 / np.sqrt(np.diag(information))
     covariance: Real = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
     return covariance

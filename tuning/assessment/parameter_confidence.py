@@ -9,7 +9,8 @@ N are the normal equations of the data, D is the precision of the priors. s^2 lo
 the data if the model does not fit them to their noise, since missing dynamics bias parameters too.
 Parameters without a prior have one here, so that C exists even for a parameter without influence on
 the data. Its standard deviation is log 100 for a logarithm; otherwise log 100 units of x, or of the
-parameter's own size if that is larger.
+parameter's own size if that is larger. The data do not determine a parameter or a combination whose
+posterior deviation is above 0.7 of the prior's.
 
 Neighbouring lines share the errors of a model, so that they determine less than as many independent
 ones. Without the b-th of B bands of lines, whose data have the slope g_b and the normal equations
@@ -18,13 +19,10 @@ of bands (Efron and Stein 1981) has the covariance
 
     V = (B - 1) / B sum d_b d_b'.
 
-Where more than noise remains, the covariance is that of C + V within the bounds of the fit,
-
-    ((C + V)^-1 + D_0)^-1,
-
-with D_0 the part of D of parameters without a prior: steps without a band are linear, and without
-bounds they would move what the data hardly determine by any number of decades. What the data
-determine in combination, such as a sum of stiffnesses, stays as certain as the bands agree on it.
+Where more than noise remains, the covariance is C + V, but in no direction wider than the prior:
+steps without a band are linear, and would move what the data hardly determine by any number of
+decades. What the data determine in combination, such as a sum of stiffnesses, stays as certain as
+the bands agree on it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -49,7 +47,8 @@ NORMAL_QUANTILE_95 = 1.959964  # two-sided 95 % quantile of the normal distribut
 # 300 tolerances exceeds it by chance.
 PLAUSIBLE_PULL_SIGMA = 4.5
 FREE_PRIOR_SD = float(np.log(100.0))  # of a logarithm without a prior, for intervals alone
-UNIDENTIFIABLE_SD = 1.0  # of a logarithm: the data do not determine what is beyond
+# Posterior over prior deviation: above it the data halve the prior's variance at best.
+MAX_DETERMINED_SHARE = 0.7
 _N_BANDS = 16  # of lines: wider than a resonance, and enough for a deviation to 20 %
 _MIN_CORRELATION = 0.9  # of two parameters, to be reported
 _MIN_DIRECTION_SHARE = 0.25  # of a direction's largest entry, for a parameter to be named
@@ -88,22 +87,18 @@ class ParameterConfidence:
             return covariance
         bands = len(self.band_shifts)
         shared = (bands - 1) / bands * self.band_shifts.T @ self.band_shifts
-        limits = np.where(self.parametrisation.has_prior, np.inf, 1 / self.prior_precision)
-        return bound_covariance(covariance + shared, limits)
-
-    @cached_property
-    def _data_covariance(self) -> Real:
-        """Covariance for a model that fits the data to their noise (s = 1); (n_x, n_x)."""
-        return self._posterior_covariance(1.0)
+        return bound_covariance(covariance + shared, 1 / self.prior_precision)
 
     @cached_property
     def prior_precision(self) -> Real:
         """Diagonal of D; (n_x,)."""
-        units = np.where(self.parametrisation.is_logarithmic, 1.0, np.maximum(np.abs(self.x), 1.0))
-        precision: Real = np.where(
-            self.parametrisation.has_prior, 1.0, (FREE_PRIOR_SD * units) ** -2
-        )
-        return precision
+        return posterior_precision(self.parametrisation, self.x)
+
+    @cached_property
+    def _undetermined_deviation(self) -> Real:
+        """Posterior deviation from which the data do not determine a coordinate; (n_x,)."""
+        deviation: Real = MAX_DETERMINED_SHARE / np.sqrt(self.prior_precision)
+        return np.where(self.parametrisation.is_logarithmic, np.minimum(deviation, 1.0), deviation)
 
     def _posterior_covariance(self, variance_inflation: float) -> Real:
         """Return C for a given s^2; (n_x, n_x)."""
@@ -139,13 +134,16 @@ class ParameterConfidence:
         return deviation
 
     @cached_property
+    def is_undetermined(self) -> Mask:
+        """Whether the data do not determine each stiffness or damping; (n_x,)."""
+        is_vague = self.deviation > self._undetermined_deviation
+        return ~self.parametrisation.is_tolerance & is_vague
+
+    @cached_property
     def unidentifiable(self) -> Mask:
-        """Whether the data do not determine each parameter to a factor of 7; (n_parameter,)."""
+        """Whether the data do not determine each stiffness or damping; (n_parameter,)."""
         parametrisation = self.parametrisation
-        unidentifiable = ~parametrisation.has_prior & (
-            np.diag(self._data_covariance) > UNIDENTIFIABLE_SD**2
-        )
-        return np.append(unidentifiable, False)[parametrisation.coordinate_of]
+        return np.append(self.is_undetermined, False)[parametrisation.coordinate_of]
 
     def correlations(self) -> tuple[CorrelationRow, ...]:
         """Return pairs with a correlation above 0.9, strongest first."""
@@ -160,7 +158,7 @@ class ParameterConfidence:
 
     def unidentifiable_directions(self) -> tuple[UnseenRow, ...]:
         """Return directions that the data do not determine, the most uncertain first."""
-        free = np.flatnonzero(~self.parametrisation.has_prior)
+        free = np.flatnonzero(~self.parametrisation.is_tolerance)
         return tuple(sorted(self._directions(free), key=lambda row: -row.deviation))
 
     def _directions(self, coordinates: Integers) -> Iterator[UnseenRow]:
@@ -172,30 +170,34 @@ class ParameterConfidence:
         """
         if not coordinates.size:
             return
-        values, vectors = np.linalg.eigh(self._data_covariance[np.ix_(coordinates, coordinates)])
-        order = np.argsort(-values, kind="stable")[: int((values > UNIDENTIFIABLE_SD**2).sum())]
+        unit = self._undetermined_deviation[coordinates]
+        values, vectors = np.linalg.eigh(
+            self.covariance[np.ix_(coordinates, coordinates)] / np.outer(unit, unit)
+        )
+        order = np.argsort(-values, kind="stable")[: int((values > 1).sum())]
         values, vectors = values[order], vectors[:, order]
         is_member = np.abs(vectors) > _MIN_DIRECTION_SHARE * np.abs(vectors).max(axis=0)
         for together in _join_overlapping(is_member):
             members = np.flatnonzero(is_member[:, together].any(axis=1))
             if len(together) == 1:
-                yield self._row(
-                    coordinates[members], values[together[0]], vectors[members, together[0]]
-                )
+                yield self._row(coordinates[members], vectors[members, together[0]])
                 continue
             inside = (vectors[members][:, together] ** 2).sum(axis=1)
             alone = members[inside > _MIN_SUM_COSINE**2]
             for k in coordinates[alone]:
-                yield self._row(np.array([k]), self._data_covariance[k, k], np.ones(1))
+                yield self._row(np.array([k]), np.ones(1))
             rest = np.setdiff1d(members, alone)
             if alone.size:
                 yield from self._directions(coordinates[rest])
             else:  # several combinations of at least three parameters
-                yield self._row(coordinates[rest], values[together[0]], inside)
+                yield self._row(coordinates[rest], inside)
 
-    def _row(self, coordinates: Integers, variance: float, vector: Real) -> UnseenRow:
+    def _row(self, coordinates: Integers, vector: Real) -> UnseenRow:
         """Return the row of one direction, its largest entry first."""
         parametrisation = self.parametrisation
+        vector = self._undetermined_deviation[coordinates] * vector
+        vector = vector / np.linalg.norm(vector)
+        variance = float(vector @ self.covariance[np.ix_(coordinates, coordinates)] @ vector)
         order = np.argsort(-np.abs(vector), kind="stable")
         names = tuple(parametrisation.names[k] for k in coordinates[order])
         theta = parametrisation.theta(self.x)
@@ -206,22 +208,32 @@ class ParameterConfidence:
         )
 
 
-def bound_covariance(covariance: Real, limits: Real) -> Real:
-    """Return (S^-1 + diag(1 / v))^-1 of a covariance S, by Woodbury's identity; (n, n).
+def posterior_precision(varies: Parametrisation, x: Real) -> Real:
+    """Return the precision of each coordinate's prior, with a wide one for those without; (n_x,).
 
-    It is computed of the correlations: deviations may differ by ten decades.
+    Args:
+        varies: coordinates.
+        x: their values; (n_x,).
+    """
+    units = np.where(varies.is_logarithmic, 1.0, np.maximum(np.abs(x), 1.0))
+    precision: Real = np.where(
+        varies.precision > 0, varies.precision, (FREE_PRIOR_SD * units) ** -2
+    )
+    return precision
+
+
+def bound_covariance(covariance: Real, limits: Real) -> Real:
+    """Return a covariance that is in no direction wider than a prior; (n, n).
+
+    With D = diag(1 / v), the eigenvalues of D^1/2 S D^1/2 are limited to 1.
 
     Args:
         covariance: S; (n, n).
-        limits: v, variance that bounds leave to each coordinate, infinite for none; (n,).
+        limits: v, variance of the prior of each coordinate; (n,).
     """
-    bounded = np.isfinite(limits)
-    deviation = np.sqrt(np.diag(covariance))
-    units = np.outer(deviation, deviation)
-    correlation = covariance / units
-    columns = correlation[:, bounded]
-    inner = columns[bounded] + np.diag(limits[bounded] / deviation[bounded] ** 2)
-    result: Real = (correlation - columns @ np.linalg.solve(inner, columns.T)) * units
+    unit = np.sqrt(np.outer(limits, limits))
+    values, vectors = np.linalg.eigh(covariance / unit)
+    result: Real = (vectors * np.clip(values, 0.0, 1.0)) @ vectors.T * unit
     return (result + result.T) / 2
 
 
@@ -261,7 +273,7 @@ def _list_band_shifts(
         slope: dJ/dx of all lines, with the prior; (n_x,).
         misfits: misfit of each band; one at a time is in memory.
     """
-    of_prior = np.where(confidence.parametrisation.has_prior, confidence.x, 0.0)
+    of_prior = confidence.parametrisation.precision * confidence.x
     precision, mean = np.diag(confidence.prior_precision), (slope - of_prior) / _N_BANDS
     shifts = []
     for misfit in misfits:
@@ -289,8 +301,10 @@ def _join_overlapping(is_member: Mask) -> list[list[int]]:
 
 def rank_pulls(parametrisation: Parametrisation, x: Real) -> list[tuple[str, float]]:
     """Return each tolerance with its pull [standard deviations], largest first."""
-    order = np.argsort(-np.abs(np.where(parametrisation.has_prior, x, 0.0)), kind="stable")
-    return [(parametrisation.names[k], float(x[k])) for k in order if parametrisation.has_prior[k]]
+    order = np.argsort(-np.abs(np.where(parametrisation.is_tolerance, x, 0.0)), kind="stable")
+    return [
+        (parametrisation.names[k], float(x[k])) for k in order if parametrisation.is_tolerance[k]
+    ]
 
 
 def _describe_direction(names: tuple[str, ...], vector: Real, sizes: Real) -> str:

@@ -19,9 +19,7 @@ weights w of the noise. Its error has the covariance (White 1982, Econometrica 5
     C = A^-1 (B + D) A^-1,    A = N + D,    B = 2 Re sum w^2 T conj(dH) dH / k,
 
 with N the normal equations and D the precision of the priors. For T = 1 / w and k = 1 it is A^-1.
-To first order it knows no bounds. A tolerance is fitted within b = 2.5 standard deviations, and its
-true value has one, so that C^-1 + D_tolerance / (1 + b^2) is the precision that is used. Of a
-parameter without a prior both lie within the deviation that D states, which adds D_0 / 2.
+To first order it knows no bounds, so that it is limited to the prior in every direction.
 """
 
 from dataclasses import dataclass
@@ -49,7 +47,6 @@ class DiscrepancySettings:
         log_step: to which the logarithm of the error is found.
         min_gain_nats: gain in log likelihood, of the independent values, from which an error is
             taken as seen: 95 % of models without any gain less.
-        tolerance_bound: b, pull up to which a fit lets a tolerance go.
         max_absorbed_factor: of the variance, for what a fit has followed. The number of
             independent values is known to such a factor only.
     """
@@ -58,7 +55,6 @@ class DiscrepancySettings:
     largest: float = 1.0
     log_step: float = 1e-3
     min_gain_nats: float = 2.0
-    tolerance_bound: float = 2.5
     max_absorbed_factor: float = 4.0
 
 
@@ -135,9 +131,7 @@ def estimate_plant_confidence(
     prior = np.diag(confidence.prior_precision)
     inverse = _invert(normal.dense() + prior)
     free = inverse @ (spread_normal.dense() / share + prior) @ inverse
-    tolerated = 1 + SETTINGS.tolerance_bound**2
-    limits = np.where(fit.parametrisation.has_prior, tolerated, 2 / confidence.prior_precision)
-    covariance = bound_covariance(free, limits)
+    covariance = bound_covariance(free, 1 / confidence.prior_precision)
     return PlantConfidence(covariance, float(np.sqrt(variance)))
 
 

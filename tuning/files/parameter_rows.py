@@ -9,7 +9,6 @@ from identification.words import NominalGain, Real
 from tuning.assessment.gap import Gap, is_gap_visible
 from tuning.assessment.parameter_confidence import (
     PLAUSIBLE_PULL_SIGMA,
-    UNIDENTIFIABLE_SD,
     rank_pulls,
 )
 from tuning.campaign_tuning import CampaignTuning
@@ -42,7 +41,7 @@ def parameter_rows(tuned: CampaignTuning) -> list[ParameterRow]:
     for k, (parameter, location) in enumerate(zip(model.parameters, model.locations, strict=True)):
         if not parametrisation.free[k]:
             continue
-        has_prior = bool(parametrisation.has_prior[parametrisation.coordinate_of[k]])
+        is_tolerance = bool(parametrisation.is_tolerance[parametrisation.coordinate_of[k]])
         rows.append(
             ParameterRow(
                 name=parameter.name,
@@ -54,9 +53,9 @@ def parameter_rows(tuned: CampaignTuning) -> list[ParameterRow]:
                 low=None if ends is None else _finite(ends[0][k]),
                 high=None if ends is None else _finite(ends[1][k]),
                 deviation=None if ends is None else float(ends[2][k]),
-                prior=float(parametrisation.scale[k]) if has_prior else None,
+                prior=float(parametrisation.scale[k]) if is_tolerance else None,
                 pull=float(unbounded.x[unbounded.parametrisation.coordinate_of[k]])
-                if has_prior and has_pulls
+                if is_tolerance and has_pulls
                 else None,
                 seen=ends is None or not ends[3][k],
             )
@@ -116,7 +115,7 @@ def _doubts(tuned: CampaignTuning, gap: LevelGap) -> list[str]:
     if (
         tuned.confidence is not None
     ):  # unidentifiable parameters may lie anywhere; they are reported elsewhere
-        is_at_bound &= tuned.confidence.deviation <= UNIDENTIFIABLE_SD
+        is_at_bound &= ~tuned.confidence.is_undetermined
     if is_at_bound.any():
         names = [fit.parametrisation.names[k] for k in np.flatnonzero(is_at_bound)]
         doubts.append(f"at a bound: {', '.join(names[:_MAX_NAMES_IN_SENTENCE])}")
@@ -166,7 +165,7 @@ def _starts(fit: Fit) -> list[StartRow]:
     free_sizes = (
         sizes
         & parametrisation.free
-        & ~np.append(parametrisation.has_prior, True)[parametrisation.coordinate_of]
+        & ~np.append(parametrisation.is_tolerance, True)[parametrisation.coordinate_of]
     )
     rows = []
     for cost, theta in zip(fit.start_costs, fit.start_thetas, strict=True):

@@ -162,15 +162,15 @@ class _Search:
         whole = self.parametrisation
         varied = np.ones(whole.size, bool)
         tolerances_vary = isinstance(stage, Stage) and stage.tolerances_vary
-        if not tolerances_vary and not whole.has_prior.all():
-            varied = ~whole.has_prior
+        if not tolerances_vary and not whole.is_tolerance.all():
+            varied = ~whole.is_tolerance
         chosen = whole.restrict(varied, x)
         if isinstance(stage, ModalStage):
             end = self._fit_modes(stage, chosen, x[varied], report)
         else:
             thin = thin_lines(self.campaign, stage.stride)
             problem = stage.build_problem(self.model, thin, chosen, threads=self.threads)
-            is_joint = tolerances_vary and bool(chosen.has_prior.any())
+            is_joint = tolerances_vary and bool(chosen.is_tolerance.any())
             algorithm = GAUSS_NEWTON if is_joint else self.algorithm
             end = minimise_stage(
                 problem, chosen, x[varied], stage, algorithm=algorithm, report=report
@@ -381,10 +381,10 @@ def random_starts(
     """
     random = np.random.default_rng(seed)
     free = np.array(
-        [parameter.positive and parameter.known == "free" for parameter in model.parameters], bool
+        [p.positive and p.known in ("free", "stiffness", "damping") for p in model.parameters], bool
     )
     if parametrisation is not None:
-        sizes = np.append(parametrisation.is_logarithmic & ~parametrisation.has_prior, False)
+        sizes = np.append(parametrisation.is_logarithmic & ~parametrisation.is_tolerance, False)
         free = sizes[parametrisation.coordinate_of]
     normal = random.normal(0.0, spread, (max(count - 1, 0), int(free.sum())))
     factors = np.ones((len(normal), len(free)))

@@ -112,9 +112,9 @@ def _stage_box(parametrisation: Parametrisation) -> Box:
     return Box(
         parametrisation.lower,
         parametrisation.upper,
-        parametrisation.has_prior.astype(float),
+        parametrisation.precision,
         np.where(
-            parametrisation.is_logarithmic & ~parametrisation.has_prior,
+            parametrisation.is_logarithmic & ~parametrisation.is_tolerance,
             LARGEST_STEP / parametrisation.scales,
             np.inf,
         ),

@@ -120,8 +120,8 @@ class Misfit:
         return misfit
 
     def prior(self, x: Real) -> float:
-        """Return 1/2 sum x_prior^2 [nats]."""
-        return 0.5 * float((x[self.parametrisation.has_prior] ** 2).sum())
+        """Return 1/2 sum d x^2, d being the precision of the prior [nats]."""
+        return 0.5 * float(x @ (self.parametrisation.precision * x))
 
     def __call__(self, x: Real) -> tuple[float, Real]:
         """Return J [nats] and dJ/dx, by the adjoint method; (n_x,)."""
@@ -334,8 +334,7 @@ class Misfit:
 
     def _prior_gradient(self, x: Real) -> Real:
         """Return the gradient of the prior; (n_x,)."""
-        gradient: Real = np.where(self.parametrisation.has_prior, x, 0.0)
-        return gradient
+        return self.parametrisation.precision * x
 
     def _sum_batch(self, term: WeightedBatch, lines: Linearised) -> BatchSums:
         """Sum residuals and weights of a batch."""

@@ -1,4 +1,4 @@
-"""Coordinates x in which the parameters theta vary, and their bounds (tolerances: 2.5 sigma).
+"""Coordinates x in which the parameters theta vary, their priors and bounds.
 
 A size (stiffness, mass, gain) varies by its logarithm, any other parameter linearly:
 
@@ -7,8 +7,12 @@ A size (stiffness, mass, gain) varies by its logarithm, any other parameter line
 A parameter with a tolerance has the tolerance's standard deviation as its scale. Its coordinate x
 then counts standard deviations, its prior is the normal density exp(-x^2 / 2), and x is called its
 pull. It is bounded to 2.5 standard deviations, because unbounded tolerances absorb a fault: those
-of a sensor that is turned by 20 degrees would leave no gap at all. A parameter that the nominal
-model does not know has scale 1, no prior, and bounds a factor of 100 away.
+of a sensor that is turned by 20 degrees would leave no gap at all.
+
+Stiffness and damping are known to a factor q only (3 and 4, unless a campaign states it). Their
+scale is 1, so that x is the logarithm of k / k_drawn, with the prior exp(-d x^2 / 2) of the
+precision d = (ln q)^-2 and bounds a factor of 100 away. What the data do not determine stays at the
+drawing. A parameter that the nominal model does not know at all has no prior (d = 0).
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +39,9 @@ class Parametrisation:
         scale: change of each parameter (of its logarithm, for a size) per unit of x;
             (n_parameter,).
         fixed: value of each parameter at x = 0 [SI]; fixed parameters keep it; (n_parameter,).
-        has_prior: whether each coordinate has a standard normal prior; (n_x,).
+        is_tolerance: whether each coordinate counts standard deviations of a tolerance, with
+            d = 1 and bounds; (n_x,).
+        precision: d, precision of the normal prior of each coordinate; 0 without one; (n_x,).
         lower: lower bounds of x; (n_x,).
         upper: upper bounds of x; (n_x,).
     """
@@ -44,7 +50,8 @@ class Parametrisation:
     coordinate_of: Integers
     scale: Real
     fixed: Real
-    has_prior: Mask
+    is_tolerance: Mask
+    precision: Real
     lower: Real
     upper: Real
 
@@ -135,7 +142,8 @@ class Parametrisation:
             self,
             coordinate_of=np.append(number, -1)[self.coordinate_of],
             fixed=self.theta(np.where(kept, 0.0, x)),
-            has_prior=self.has_prior[kept],
+            is_tolerance=self.is_tolerance[kept],
+            precision=self.precision[kept],
             lower=self.lower[kept],
             upper=self.upper[kept],
         )
@@ -148,10 +156,10 @@ class Parametrisation:
         return replace(
             self,
             lower=np.where(
-                self.has_prior & (self.lower == -TOLERANCE_BOUND_SIGMA), -np.inf, self.lower
+                self.is_tolerance & (self.lower == -TOLERANCE_BOUND_SIGMA), -np.inf, self.lower
             ),
             upper=np.where(
-                self.has_prior & (self.upper == TOLERANCE_BOUND_SIGMA), np.inf, self.upper
+                self.is_tolerance & (self.upper == TOLERANCE_BOUND_SIGMA), np.inf, self.upper
             ),
         )
 
@@ -164,7 +172,7 @@ class Parametrisation:
             chosen: whether each coordinate's bounds are widened; (n_x,).
             bound: new bound [standard deviations].
         """
-        widened = chosen & self.has_prior
+        widened = chosen & self.is_tolerance
         return replace(
             self,
             lower=np.where(widened & (self.lower == -TOLERANCE_BOUND_SIGMA), -bound, self.lower),
@@ -182,7 +190,8 @@ class Parametrisation:
         chosen = np.isin(np.array(self.names), list(names))
         return replace(
             self,
-            has_prior=self.has_prior & ~chosen,
+            is_tolerance=self.is_tolerance & ~chosen,
+            precision=np.where(chosen, 0.0, self.precision),
             lower=np.where(chosen, -np.inf, self.lower),
             upper=np.where(chosen, np.inf, self.upper),
         )
@@ -237,7 +246,8 @@ class Parametrisation:
             ),
             scale=np.where(is_new, whole.scale, np.append(self.scale, 1.0)[old]),
             fixed=np.where(is_new, whole.fixed, np.append(self.fixed, 0.0)[old]),
-            has_prior=np.append(self.has_prior, whole.has_prior[coordinates]),
+            is_tolerance=np.append(self.is_tolerance, whole.is_tolerance[coordinates]),
+            precision=np.append(self.precision, whole.precision[coordinates]),
             lower=np.append(self.lower, whole.lower[coordinates]),
             upper=np.append(self.upper, whole.upper[coordinates]),
         )
@@ -268,7 +278,8 @@ class Parametrisation:
             coordinate_of=number[member],
             scale=scale,
             fixed=fixed,
-            has_prior=self.has_prior[kept],
+            is_tolerance=self.is_tolerance[kept],
+            precision=self.precision[kept],
             lower=self.lower[kept],
             upper=self.upper[kept],
         )
@@ -291,5 +302,5 @@ class Parametrisation:
     def has_user_bounds(self) -> Mask:
         """Whether the bounds of each coordinate differ from the default of tolerances; (n_x,)."""
         is_default = (self.lower == -TOLERANCE_BOUND_SIGMA) & (self.upper == TOLERANCE_BOUND_SIGMA)
-        has_user_bounds: Mask = ~(self.has_prior & is_default)
+        has_user_bounds: Mask = ~(self.is_tolerance & is_default)
         return has_user_bounds

@@ -17,10 +17,11 @@ _RELATIVE_TOLERANCES = (
     "sensor_gain",
     "hammer_gain",
 )  # fractions of the nominal value
+_FACTORS = ("stiffness", "damping")  # whose standard deviation is a factor on the nominal value
 # Standard deviation of ln of an unknown gain about its nominal value, which a nominal model with
 # stiffness and masses off by a factor of 2 still gives: wide enough to add no information.
 UNKNOWN_GAIN_SD = 1.0
-_FREE_RANGE_LOG = float(np.log(100.0))  # bound of a size without a prior: a factor of 100
+_FREE_RANGE_LOG = float(np.log(100.0))  # bound of a size without a tolerance: a factor of 100
 
 
 @dataclass(frozen=True)
@@ -78,15 +79,18 @@ def parametrise(
     prior_sd[free] = np.inf
     prior_sd[fixed] = 0.0
     varied = prior_sd > 0
-    has_prior = np.isfinite(prior_sd)
+    is_tolerance = np.isfinite(prior_sd)
+    width = np.array([_prior_width(parameter, tolerance) for parameter in model.parameters])
+    precision = np.where(is_tolerance, 1.0, np.where(free, 0.0, width**-2))
     member = np.where(varied, np.cumsum(varied) - 1, -1)
     lower, upper = _bounds(model, prior_sd, specification, names)
     parametrisation = Parametrisation(
         model.parameters,
         coordinate_of=member,
-        scale=np.where(varied & has_prior, prior_sd, 1.0),
+        scale=np.where(varied & is_tolerance, prior_sd, 1.0),
         fixed=model.drawn,
-        has_prior=has_prior[varied],
+        is_tolerance=is_tolerance[varied],
+        precision=precision[varied],
         lower=lower[varied],
         upper=upper[varied],
     )
@@ -95,15 +99,33 @@ def parametrise(
 
 def _prior_sd(parameter: Parameter, tolerance: Tolerance) -> float:
     """Return the standard deviation of a tolerance: infinite if free, zero if known exactly."""
-    if parameter.known == "free":
+    if parameter.known == "free" or _has_default_width(parameter, tolerance):
         return np.inf
     if parameter.known == "exactly":
         return 0.0
     if parameter.known == "unknown_gain":
         return UNKNOWN_GAIN_SD
     spread = float(getattr(tolerance, parameter.known))
+    if parameter.known in _FACTORS:
+        return float(np.log(spread))
     relative = parameter.known in _RELATIVE_TOLERANCES and not parameter.positive
     return spread * abs(parameter.drawn) if relative else spread
+
+
+def _has_default_width(parameter: Parameter, tolerance: Tolerance) -> bool:
+    """Return whether a stiffness or damping is known to the default factor only."""
+    kind = parameter.known
+    return kind in _FACTORS and getattr(tolerance, kind) == getattr(Tolerance, kind)
+
+
+def _prior_width(parameter: Parameter, tolerance: Tolerance) -> float:
+    """Return the standard deviation of the logarithm of a stiffness or damping of default width.
+
+    It is infinite for any other parameter.
+    """
+    if not _has_default_width(parameter, tolerance):
+        return np.inf
+    return float(np.log(getattr(tolerance, parameter.known)))
 
 
 def _bounds(
@@ -146,7 +168,7 @@ def _tie(
                 parametrisation.parameters[k].positive,
                 parametrisation.parameters[k].unit,
                 float(parametrisation.scale[k]),
-                bool(np.append(parametrisation.has_prior, False)[coordinate_of[k]]),
+                bool(np.append(parametrisation.is_tolerance, False)[coordinate_of[k]]),
             )
             for k in places
         }
@@ -166,7 +188,8 @@ def _tie(
     return replace(
         parametrisation,
         coordinate_of=number[coordinate_of],
-        has_prior=parametrisation.has_prior[kept],
+        is_tolerance=parametrisation.is_tolerance[kept],
+        precision=parametrisation.precision[kept],
         lower=lower.reshape(-1),
         upper=upper.reshape(-1),
     )

@@ -9,7 +9,8 @@ damping falls tenfold after a step that decreases J as predicted and rises tenfo
 does not (Nocedal and Wright 2006, ch. 10.3).
 
 A small damping of large N holds back a step along which the data do not change and the prior alone
-does. So the search ends only where a step without damping is predicted to gain too little as well.
+does. So the search ends only where a step without damping is predicted to gain too little as well:
+N predicts that at the previous point, without another evaluation.
 
 N is kept as long as steps decrease J as N predicts, to within 3 %. Only the gradient is then
 computed anew, at a tenth of the cost. The minimum is as accurate, since the gradient alone
@@ -154,7 +155,7 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
                 else (*problem(state.x), kept_normal)
             )
             state.evaluations += 1
-            previous, gradient, normal = here
+            x, (previous, gradient, normal) = state.x, here
             if report is not None:
                 report(state.evaluations, previous)
             if not (np.isfinite(previous) and np.isfinite(gradient).all()):
@@ -171,7 +172,8 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
             if predicted * rate < min_decrease and not (
                 state.is_stalled and previous - value > min_decrease
             ):
-                if is_last:
+                undamped = _model_step(x, box, here, LEAST_DAMPING).decrease
+                if is_last or undamped - predicted < min_decrease:
                     return _minimum(state, value, "converged", "")
                 # Damping hides what is left where a prior alone tells parameters apart.
                 state.damping, is_last = LEAST_DAMPING, True
@@ -215,18 +217,10 @@ def _advance(
     Returns:
         The predicted decrease [nats], zero if no step decreases J, and the new J.
     """
-    value, gradient, normal = here
-    diagonal = normal.diagonal() + box.precision
-    min_diagonal = MIN_DIAGONAL * float(diagonal.max(initial=1.0))
-    limit = box.step_limit
+    value, gradient, _ = here
     while state.damping < MAX_DAMPING:
-        added = box.precision + state.damping * diagonal + min_diagonal
-        lower = np.maximum(box.lower - state.x, -limit)
-        upper = np.minimum(box.upper - state.x, limit)
-        step = bounded_step(normal, gradient, added, (lower, upper))
-        weighted_step = normal.multiply(step) + box.precision * step
-        slope = float(gradient @ step)
-        predicted = -slope - 0.5 * float(step @ weighted_step)
+        model = _model_step(state.x, box, here, state.damping)
+        step, predicted = model.step, model.decrease
         # The accepted point itself, whose model the derivatives need next.
         trial_value = problem.value(np.clip(state.x + step, box.lower, box.upper))
         state.evaluations += 1
@@ -238,16 +232,13 @@ def _advance(
                 and state.is_stalled
                 and predicted > _MIN_CURVATURE_GAIN * min_decrease
             ):
-                newton_step = step, lower, upper
-                trial_step, new_value = _curvature_step(
-                    problem, state, here, added, newton_step, trial_value
-                )
+                trial_step, new_value = _curvature_step(problem, state, here, model, trial_value)
                 if new_value < trial_value:
                     state.x = np.clip(state.x + trial_step, box.lower, box.upper)
                     return predicted, new_value
-            length = _best_length(slope, trial_value - value)
+            length = _best_length(float(gradient @ step), trial_value - value)
             if abs(length - 1) > _MIN_LENGTH_CHANGE and predicted > min_decrease:
-                trial_step = np.clip(length * step, lower, upper)
+                trial_step = np.clip(length * step, model.lower, model.upper)
                 new_value = problem.value(np.clip(state.x + trial_step, box.lower, box.upper))
                 state.evaluations += 1
                 if new_value < trial_value:
@@ -263,12 +254,43 @@ def _advance(
     return 0.0, value
 
 
+@dataclass(frozen=True, eq=False)
+class _ModelStep:
+    """Step to the minimum of the quadratic model within bounds.
+
+    Args:
+        step: d; (n,).
+        decrease: of J without damping, as predicted [nats].
+        added: added to N's diagonal; (n,).
+        lower: lower bounds of d; (n,).
+        upper: upper bounds of d; (n,).
+    """
+
+    step: Real
+    decrease: float
+    added: Real
+    lower: Real
+    upper: Real
+
+
+def _model_step(x: Real, box: Box, here: QuadraticModel, damping: float) -> _ModelStep:
+    """Return the step from x that the quadratic model gives under a damping."""
+    _, gradient, normal = here
+    diagonal = normal.diagonal() + box.precision
+    least = MIN_DIAGONAL * float(diagonal.max(initial=1.0))
+    added = box.precision + damping * diagonal + least
+    lower = np.maximum(box.lower - x, -box.step_limit)
+    upper = np.minimum(box.upper - x, box.step_limit)
+    step = bounded_step(normal, gradient, added, (lower, upper))
+    curvature = float(step @ (normal.multiply(step) + box.precision * step))
+    return _ModelStep(step, -float(gradient @ step) - 0.5 * curvature, added, lower, upper)
+
+
 def _curvature_step(
     problem: Problem,
     state: _State,
     here: QuadraticModel,
-    added: Real,
-    newton_step: tuple[Real, Real, Real],
+    model: _ModelStep,
     newton_value: float,
 ) -> tuple[Real, float]:
     """Return a step with the exact curvature of J and the J it leads to.
@@ -279,15 +301,14 @@ def _curvature_step(
         problem: function to minimise.
         state: state of the search.
         here: J, its gradient and N.
-        added: added to N's diagonal; (n,).
-        newton_step: Gauss-Newton step and its bounds; (n,) each.
+        model: Gauss-Newton step.
         newton_value: J after that step.
     """
-    step, lower, upper = newton_step
-    correction = _solve_by_cg(problem, state, here, added, newton_step)
+    step = model.step
+    correction = _solve_by_cg(problem, state, here, model)
     state.radius *= _RADIUS_FACTOR
     for _ in range(_MAX_RADIUS_TRIES):
-        trial_step = np.clip(step + correction, lower, upper)
+        trial_step = np.clip(step + correction, model.lower, model.upper)
         new_value = problem.value(state.x + trial_step)
         state.evaluations += 1
         if new_value < newton_value:
@@ -299,20 +320,14 @@ def _curvature_step(
     return step, newton_value
 
 
-def _solve_by_cg(
-    problem: Problem,
-    state: _State,
-    here: QuadraticModel,
-    added: Real,
-    newton_step: tuple[Real, Real, Real],
-) -> Real:
+def _solve_by_cg(problem: Problem, state: _State, here: QuadraticModel, model: _ModelStep) -> Real:
     """Return the correction of the Gauss-Newton step by preconditioned conjugate gradients.
 
     Coordinates that the Gauss-Newton step has put on bounds stay there.
     """
     _, slope, normal = here
-    step, lower, upper = newton_step
-    free = (step > lower) & (step < upper)
+    step, added = model.step, model.added
+    free = (step > model.lower) & (step < model.upper)
 
     def metric(first: Real, second: Real) -> float:
         return float(first @ (normal.multiply(second) + added * second))
