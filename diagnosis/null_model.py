@@ -6,17 +6,21 @@ from diagnosis.data_checks.candidates import build_gross_hypotheses
 from diagnosis.data_checks.check_data import CheckedData
 from diagnosis.data_checks.sensors import SensorChecks
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.refit_record import RefitRecord
-from diagnosis.refits.measured import count_measured_frfs
-from diagnosis.refits.outlying_tolerances import admit_outliers
-from diagnosis.refits.refit import Refit
-from diagnosis.refits.refitting import RefitTask, find_start, run_refits
+from diagnosis.refit_record import RefitRecord, restore_fit
+from diagnosis.refits.refit import Refit, describe_fit
+from diagnosis.refits.refitting import (
+    RefitTask,
+    complete_refit,
+    find_lags,
+    find_start,
+    run_refits,
+)
 from diagnosis.settings import DiagnosisSettings
 from identification import lines_are_independent
 from mbmodel import RigidDirection
-from tuning import STAGES, Session, fit, random_starts
-
-_START_FLOOR = STAGES[2].model_error_floor  # of the nominal model
+from tuning import Checkpoint, Session
+from tuning.fitting.machine_fit import count_starts, fit_first_stages, settle_floor
+from tuning.fitting.outlying_tolerances import widen_outliers
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +53,7 @@ def fit_baseline(
     """
     scene = set_scene(data.session, data.checks, data.directions, jobs, settings)
     scene = replace(scene, record=record)
-    (null,) = admit_outliers(scene, [fit_null_model(scene, settings)], settings)
+    null = fit_null_model(scene, settings)
     proven = build_gross_hypotheses(data.checks, data.session)
     scene = replace(scene, session=null.session, theta=null.fit.theta)
     return Baseline(scene, null, data.checks, proven)
@@ -72,12 +76,11 @@ def set_scene(
         settings: sizes of the search.
     """
     campaign = checks.campaign
-    values = count_measured_frfs(campaign) * len(campaign.freq_hz)
     return Scene(
         replace(session, campaign=campaign),
         session.model.drawn,
         directions,
-        stride_factor=max(1, round(values / settings.enough_values)),
+        stride_factor=settings.schedule.find_stride_factor(campaign),
         jobs=jobs,
         settings=settings,
         has_independent_lines=lines_are_independent(session.campaign),
@@ -85,31 +88,38 @@ def set_scene(
 
 
 def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
-    """Fit the null model from the nominal model and, if there are few FRFs, from further starts.
-
-    Few FRFs may be fitted by several machines.
+    """Fit the null model as a tuning does (``tuning.fitting.machine_fit``).
 
     Args:
         scene: campaign and nominal model.
-        settings: schedule and number of starts.
+        settings: schedule.
     """
     session = scene.session
-    tasks = [RefitTask(None, session, None, _START_FLOOR)]
-    count = round(settings.few_frfs / max(1, count_measured_frfs(session.campaign)))
-    if count > 1:
-        best = fit(
-            session.model,
-            session.campaign,
-            parametrisation=session.parametrisation,
-            starts=random_starts(session.model, count, 0, parametrisation=session.parametrisation),
-            stages=STAGES[:3],
+    model, campaign = session.model, session.campaign
+    schedule = settings.schedule.thin(len(campaign.freq_hz), scene.stride_factor)
+    record = scene.record or RefitRecord(Checkpoint())
+    name = record.next_name("no cause")
+    kept = record.recall(name)
+    if kept is None:
+        first = fit_first_stages(
+            model,
+            campaign,
+            session.parametrisation,
+            schedule,
+            starts=count_starts(campaign),
             jobs=scene.jobs,
         )
-        if best.outcome == "interrupted":
+        if first.outcome == "interrupted":
             raise KeyboardInterrupt
-        tasks.append(RefitTask(None, session, best.theta, _START_FLOOR))
-    refits = run_refits(scene, tasks, settings.schedule)
-    return min(refits, key=lambda refit: refit.objective)
+        null, _ = settle_floor(model, campaign, first, schedule, jobs=scene.jobs)
+        record.keep(name, null)
+    else:
+        narrow, x = session.parametrisation, kept.x[:-1]
+        null = restore_fit(kept, widen_outliers(narrow, x) or narrow, schedule)
+    session = replace(session, parametrisation=null.parametrisation)
+    return complete_refit(
+        describe_fit(session, null, schedule.stride, find_lags(scene)), None, session
+    )
 
 
 def refit_from(

@@ -16,10 +16,6 @@ class DiagnosisSettings:
 
     Args:
         schedule: fits in turn with their floor, of the null model and of each refit.
-        enough_values: FRF values that a fit needs: 3 directions, 69 channels and 850 lines. A
-            campaign with more is fitted to every second or third of the usual lines.
-        few_frfs: below this number of FRFs several machines fit, and the null model starts
-            ``few_frfs`` / (number of FRFs) times.
         score_stride: frequency lines of score tests and free forces: every ``score_stride``-th.
         max_refits: hypotheses of each round that are refitted, one for each effect and place.
         max_variants: refits of the best hypothesis of a round from distant starts, where a strong
@@ -44,8 +40,6 @@ class DiagnosisSettings:
         min_row_probability: probability of a cause or place that the verdict lists (FORMATS).
         appendage_ends: ends of the frequencies of appendages that are scanned, relative to the
             highest line. Below, an appendage acts as a free mass; above, as a part of the body.
-        min_fitted_lines: lines that a fit counts at least, of a campaign that has them: 800 lines
-            at a stride of 8.
         serial_lags: distances of neighbouring lines that show a gap by their product [lines]: a
             variance from third differences is correlated over three lines, a mode spans several.
         max_added_mass_share: mass that an effect adds at most, as a share of that of its body: a
@@ -62,9 +56,7 @@ class DiagnosisSettings:
         slope_tolerance: relative difference of the slopes of a plug-in from central differences.
     """
 
-    schedule: FloorSchedule = field(default_factory=lambda: FloorSchedule(max_turns=4))
-    enough_values: int = 180_000
-    few_frfs: int = 48
+    schedule: FloorSchedule = field(default_factory=FloorSchedule)
     score_stride: int = 12
     max_refits: int = 8
     max_variants: int = 2
@@ -80,7 +72,6 @@ class DiagnosisSettings:
     min_twin_cosine: float = 0.9
     twin_nats: float = 3.0
     min_row_probability: float = 0.01
-    min_fitted_lines: int = 96
     serial_lags: tuple[int, ...] = (3, 4, 5, 6)
     appendage_ends: tuple[float, float] = (1 / 40, 1.2)
     max_added_mass_share: float = 3.0

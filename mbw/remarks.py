@@ -7,8 +7,8 @@ from identification.words import TOLERANCE_BOUND_SIGMA, percent_text
 from mbw.gain_text import gain_sentence
 from mbw.page.numbers import format_percent
 from tuning import TunedFile
-from tuning.assessment.parameter_confidence import PLAUSIBLE_PULL_SIGMA
 from tuning.files.result import TUNED_JSON
+from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 
 # What instruments have and an MJCF has not: how a sentence calls it, parts of parameters' names
 # that mark it, and the instrument.

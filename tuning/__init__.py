@@ -10,7 +10,7 @@ from tuning.assessment.gap import (
     is_gap_visible,
     summarise_gaps,
 )
-from tuning.assessment.held_out import HeldOutFits, block_width, fit_held_out
+from tuning.assessment.held_out import HeldOutFits, block_width, fit_held_out, hold_out_lines
 from tuning.assessment.parameter_confidence import (
     NORMAL_QUANTILE_95,
     ParameterConfidence,
@@ -95,6 +95,7 @@ __all__ = [
     "fit_at_error_floor",
     "fit_held_out",
     "gap_at_bodies",
+    "hold_out_lines",
     "is_gap_visible",
     "mean_channel_variance",
     "modes_in_band",

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from identification import find_overstated_noise, remove_overstated_noise
 from identification.words import Campaign, Complex, ModalModel, Real
 from mbmodel import Model
 from tuning.assessment.findings import GainRow
@@ -22,16 +23,21 @@ from tuning.assessment.gap import (
     reduce_campaign_to_bodies,
     summarise_gaps,
 )
-from tuning.assessment.held_out import HeldOutFits, fit_held_out
-from tuning.assessment.parameter_confidence import (
-    PLAUSIBLE_PULL_SIGMA,
-    ParameterConfidence,
-    estimate_confidence,
-)
+from tuning.assessment.held_out import HeldOutFits, hold_out_lines
+from tuning.assessment.parameter_confidence import ParameterConfidence, estimate_confidence
 from tuning.assessment.plant_confidence import PlantConfidence, estimate_plant_confidence
 from tuning.fitting.checkpoint import Checkpoint
-from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
-from tuning.fitting.stages import LAST_STAGE, STAGES, Stage
+from tuning.fitting.error_floor_fit import FloorSchedule
+from tuning.fitting.fitter import Fit, FitProgress, fit
+from tuning.fitting.machine_fit import (
+    FIRST_STAGES,
+    count_starts,
+    fit_all_lines,
+    fit_first_stages,
+    settle_floor,
+)
+from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
+from tuning.fitting.stages import LAST_STAGE, Stage
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalStage
 from tuning.session import Session
@@ -146,23 +152,17 @@ class ProgressCallbacks:
     on_fold: Callable[[int], None] | None = None
 
 
-def select_stages(
-    residuals: tuple[ResidualKind, ...], at: FrfPlace = "sensors"
-) -> tuple[Stage | ModalStage, ...]:
-    """Return the stages of some residuals, in their order.
+def select_stages(residuals: tuple[ResidualKind, ...]) -> tuple[Stage | ModalStage, ...]:
+    """Return the first stages of some residuals, in their order.
 
     After modes, the first FRF stage is left out.
 
     Args:
         residuals: residuals to minimise.
-        at: where FRFs count; logarithms in the first stages always count at the channels.
     """
-    stages = tuple(
-        replace(stage, at_bodies=at == "bodies" and not stage.logarithmic) for stage in STAGES
-    )
     if residuals == ("log",):
-        return stages
-    return (*MODAL_STAGES, *stages[1:]) if "log" in residuals else MODAL_STAGES
+        return FIRST_STAGES
+    return (*MODAL_STAGES, *FIRST_STAGES[1:]) if "log" in residuals else MODAL_STAGES
 
 
 def tune(  # noqa: PLR0913  # one for each option
@@ -204,33 +204,62 @@ def tune(  # noqa: PLR0913  # one for each option
         UsageError: ``modal`` without a measured mode.
     """
     callbacks = callbacks or ProgressCallbacks()
-    model, campaign = session.model, session.campaign
-    bounded = fit(
+    model, given = session.model, session.campaign
+    campaign = remove_overstated_noise(given, find_overstated_noise(given))
+    session = replace(session, campaign=campaign)
+    usual = FloorSchedule(at_bodies=at == "bodies")
+    schedule = usual.thin(len(campaign.freq_hz), usual.find_stride_factor(campaign))
+    has_frfs = residuals[-1] == "log"
+    bounded = settled = fit_first_stages(
         model,
         campaign,
-        parametrisation=session.parametrisation,
-        starts=random_starts(model, starts, seed, parametrisation=session.parametrisation),
-        stages=select_stages(residuals, at),
+        session.parametrisation,
+        schedule,
+        stages=select_stages(residuals),
+        starts=count_starts(campaign, starts) if has_frfs else starts,
+        seed=seed,
         measured=measured,
         algorithm=algorithm,
         jobs=jobs,
         report=callbacks.on_evaluation,
         checkpoint=checkpoint,
     )
-    unbounded, confidence, plant, held_out = bounded, None, None, None
-    interrupted = bounded.outcome == "interrupted"
-    if not interrupted and residuals[-1] == "log":
+    confidence, plant, held_out = None, None, None
+    unbounded, interrupted = bounded, bounded.outcome == "interrupted"
+    if not interrupted and has_frfs:
         try:
-            unbounded = refit_without_bounds(model, campaign, bounded, jobs, checkpoint)
-            chosen = choose_fit(bounded, unbounded)
-            confidence = estimate_confidence(model, campaign, chosen, jobs)
-            plant = estimate_plant_confidence(model, campaign, chosen, confidence, jobs)
+            settled, error = settle_floor(
+                model, campaign, bounded, schedule, jobs=jobs, checkpoint=checkpoint
+            )
+            bounded = unbounded = fit_all_lines(
+                model,
+                campaign,
+                settled,
+                error,
+                schedule,
+                jobs=jobs,
+                report=callbacks.on_evaluation,
+                checkpoint=checkpoint,
+            )
+            interrupted = bounded.outcome == "interrupted"
         except KeyboardInterrupt:
             interrupted = True
-    if not interrupted and residuals[-1] == "log":
+    if not interrupted and has_frfs:
         try:
-            held_out = fit_held_out(
-                model, bounded, campaign, jobs=jobs, report=callbacks.on_fold, checkpoint=checkpoint
+            unbounded = refit_without_bounds(model, campaign, bounded, jobs, checkpoint)
+            chosen, has_error = choose_fit(bounded, unbounded), not error.is_at_force_error
+            confidence = estimate_confidence(
+                model, campaign, chosen, jobs, has_model_error=has_error
+            )
+            plant = estimate_plant_confidence(model, campaign, chosen, confidence, jobs)
+            held_out = hold_out_lines(
+                model,
+                campaign,
+                settled,
+                schedule,
+                jobs=jobs,
+                report=callbacks.on_fold,
+                checkpoint=checkpoint,
             )
         except KeyboardInterrupt:
             interrupted = True

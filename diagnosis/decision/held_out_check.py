@@ -22,7 +22,12 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.decision.established import find_present
-from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps
+from diagnosis.estimates.held_out_gap import (
+    GapEstimates,
+    HeldOutGap,
+    estimate_gaps,
+    fit_whole_null,
+)
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import Posterior, compute_posterior
@@ -45,17 +50,18 @@ def admit_predictive_causes(
         settings: thresholds and schedules.
     """
     corrected: HeldOutGap | None = None
+    null = fit_whole_null(base, whole, search.null)
     while True:
         posterior = compute_posterior(evidence, settings=settings)
         best = find_present(search, evidence, posterior, settings)
-        gaps = estimate_gaps(base, whole, search.null, best, settings)
+        gaps = estimate_gaps(base, whole, null, best, settings)
         after = gaps.after
         if not best.causes or after is None:
             return evidence, posterior, gaps
         before: HeldOutGap | None = gaps.retuned
         if base.proven:  # corrected in every set: they are no merit of the further causes
             if corrected is None:
-                corrected = estimate_gaps(base, whole, search.null, search.null, settings).after
+                corrected = estimate_gaps(base, whole, null, search.null, settings).after
             before = corrected
             gaps = replace(gaps, corrected=corrected)
         price = evidence.price_causes(best.keys)

@@ -7,8 +7,7 @@ from diagnosis.estimates.intervals import FittedParameters, fit_parameters
 from diagnosis.estimates.jackknife import estimate_size_jackknife
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
-from diagnosis.null_model import Baseline
-from diagnosis.refits.measured import choose_stride
+from diagnosis.null_model import Baseline, fit_null_model
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import RefitTask, add_hypothesis, find_start, run_refits
 from diagnosis.settings import DiagnosisSettings
@@ -20,7 +19,7 @@ from tuning import (
     Session,
     block_width,
     channel_gaps,
-    fit_held_out,
+    hold_out_lines,
     predict,
     summarise_gaps,
 )
@@ -106,6 +105,24 @@ class GapEstimates:
     corrected: HeldOutGap | None = None
 
 
+def fit_whole_null(base: Baseline, whole: Session, null: Refit) -> Refit:
+    """Return the null model of all channels: the given one, unless some were left out of it.
+
+    Args:
+        base: scene of the fits, and proven faults.
+        whole: session with all channels.
+        null: null model without the channels of gross faults.
+    """
+    if _has_all_channels(base, whole):
+        return null
+    return fit_null_model(replace(base.scene, session=whole), base.scene.settings)
+
+
+def _has_all_channels(base: Baseline, whole: Session) -> bool:
+    """Return whether the fits count all channels as they were measured."""
+    return not base.proven and whole.campaign is base.scene.session.campaign
+
+
 def estimate_gaps(
     base: Baseline, whole: Session, null: Refit, best: Refit, settings: DiagnosisSettings
 ) -> GapEstimates:
@@ -114,26 +131,25 @@ def estimate_gaps(
     Args:
         base: scene of the fits, and proven faults.
         whole: session with all channels.
-        null: null model.
+        null: null model of all channels (``fit_whole_null``).
         best: most probable set of causes.
         settings: schedule of the refits.
     """
-    scene, first, last = base.scene, null, best
-    if base.proven or whole.campaign is not scene.session.campaign:
-        whole = replace(whole, parametrisation=null.session.parametrisation)
-        first, last = _refit_whole(scene, whole, (null, best), base.proven, settings)
-    width = block_width(first.session.model, first.fit.theta, whole.campaign.freq_hz)
+    scene, last = base.scene, best
+    if not _has_all_channels(base, whole):
+        last = _refit_whole(scene, whole, best, base.proven, settings) or null
+    width = block_width(null.session.model, null.fit.theta, whole.campaign.freq_hz)
     if not last.causes:
-        return GapEstimates(hold_out(scene, first, width), None, None)
+        return GapEstimates(hold_out(scene, null, width), None, None)
     factor, settings = scene.stride_factor, scene.settings
-    first_alone, last_alone = (replace(refit, hypothesis=None) for refit in (first, last))
+    first_alone, last_alone = (replace(refit, hypothesis=None) for refit in (null, last))
     calls: list[Call] = [
         (_fit_folds, (last_alone, factor, width, settings)),
         (fit_parameters, (last_alone, factor, settings)),
         (_fit_folds, (first_alone, factor, width, settings)),
     ]
     after, parameters, retuned = run_in_parallel(calls, scene.jobs)
-    return GapEstimates(_describe_gap(first, retuned), _describe_gap(last, after), parameters)
+    return GapEstimates(_describe_gap(null, retuned), _describe_gap(last, after), parameters)
 
 
 def hold_out(scene: Scene, refit: Refit, width: int | None) -> HeldOutGap:
@@ -150,29 +166,30 @@ def hold_out(scene: Scene, refit: Refit, width: int | None) -> HeldOutGap:
 def _refit_whole(
     scene: Scene,
     whole: Session,
-    fits: tuple[Refit, Refit],
+    best: Refit,
     proven: tuple[Hypothesis, ...],
     settings: DiagnosisSettings,
-) -> tuple[Refit, Refit]:
-    """Refit null model and causes to all channels, from the fits without the useless ones."""
-    null, best = fits
+) -> Refit | None:
+    """Refit causes and proven faults to all channels, from the fit without the useless ones.
+
+    There is nothing to refit without a cause that the model can have.
+    """
     causes = (*(cause for cause in proven if cause.is_modelled), *best.causes)
-    tasks = [RefitTask(None, whole, find_start(null, whole, None), null.floor)]
-    if causes:
-        joined = join_hypotheses(causes)
-        session = add_hypothesis(whole, joined)
-        new = join_hypotheses(proven) if proven else None
-        tasks.append(RefitTask(joined, session, find_start(best, session, new), best.floor))
-    refits = run_refits(scene, tasks, settings.schedule)
-    return refits[0], refits[-1]
+    if not causes:
+        return None
+    whole = replace(whole, parametrisation=scene.session.parametrisation)
+    joined = join_hypotheses(causes)
+    session = add_hypothesis(whole, joined)
+    new = join_hypotheses(proven) if proven else None
+    task = RefitTask(joined, session, find_start(best, session, new), best.floor)
+    (refit,) = run_refits(scene, [task], settings.schedule)
+    return refit
 
 
 def _fit_folds(
     refit: Refit, stride_factor: int, width: int | None, settings: DiagnosisSettings
 ) -> HeldOutFits | None:
-    """Fit all folds of the lines but one, for each fold, at the model-error floor of the refit.
-
-    The fits count twice as many lines as the refit.
+    """Fit all folds of the lines but one, for each fold, at the model error of the refit.
 
     Args:
         refit: fit to all folds.
@@ -180,18 +197,9 @@ def _fit_folds(
         width: number of lines in a block; by the modes of the model if None.
         settings: schedule of the refits.
     """
-    session, schedule = refit.session, settings.schedule
-    lines = len(session.campaign.freq_hz)
-    stride = choose_stride(lines, schedule.stride * stride_factor, settings) // 2
-    stage = replace(schedule.stage(refit.floor), stride=stride)
-    full_fit = replace(refit.fit, last_stage=stage)
-    return fit_held_out(
-        session.model,
-        full_fit,
-        session.campaign,
-        width=width,
-        min_gain_nats=settings.negligible_nats,
-    )
+    model, campaign = refit.session.model, refit.session.campaign
+    schedule = settings.schedule.thin(len(campaign.freq_hz), stride_factor)
+    return hold_out_lines(model, campaign, refit.fit, schedule, width=width)
 
 
 def _describe_gap(refit: Refit, held: HeldOutFits | None) -> HeldOutGap:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.refits.measured import count_measured_frfs
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
@@ -22,7 +21,8 @@ from tuning import (
     is_gap_visible,
     thin_lines,
 )
-from tuning.assessment.parameter_confidence import PLAUSIBLE_PULL_SIGMA
+from tuning.fitting.error_floor_fit import count_measured_frfs
+from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 
 
 @dataclass(frozen=True, eq=False)

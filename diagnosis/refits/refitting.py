@@ -16,7 +16,7 @@ from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.refit_record import RefitRecord, restore_fit
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
-from diagnosis.refits.measured import choose_stride, find_variance_source
+from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import Refit, describe_fit
 from identification.words import Real
 from mbmodel import Model
@@ -125,11 +125,8 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
         schedule: fits that alternate with estimates of the floor.
     """
     threads = scene.jobs if len(tasks) == 1 else 1
-    lines, settings = len(scene.session.campaign.freq_hz), scene.settings
-    stride = choose_stride(lines, schedule.stride * scene.stride_factor, settings)
-    thinning = max(1, stride // schedule.stride)
-    schedule = replace(schedule, stride=stride, first_stride_factor=thinning)
-    lags = settings.serial_lags if scene.has_independent_lines else ()
+    schedule = schedule.thin(len(scene.session.campaign.freq_hz), scene.stride_factor)
+    lags = find_lags(scene)
     record = scene.record or RefitRecord(Checkpoint())
     names = [record.next_name(_name_causes(task)) for task in tasks]
     finished = [record.recall(name) for name in names]
@@ -146,15 +143,25 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
             record.keep(name, refit.fit)
         results.append(refit)
     return [
-        replace(
-            refit,
-            hypothesis=task.hypothesis,
-            session=task.session,
-            fit=replace(refit.fit, parametrisation=task.session.parametrisation),
-            doubt=load_calibration().hidden[find_variance_source(task.session.campaign)],
-        )
+        complete_refit(refit, task.hypothesis, task.session)
         for task, refit in zip(tasks, results, strict=True)
     ]
+
+
+def find_lags(scene: Scene) -> tuple[int, ...]:
+    """Return the distances of neighbouring lines that show a gap; none if lines share noise."""
+    return scene.settings.serial_lags if scene.has_independent_lines else ()
+
+
+def complete_refit(refit: Refit, hypothesis: Hypothesis | None, session: Session) -> Refit:
+    """Return a refit with its hypothesis, its session, and the doubt about the noise's variance."""
+    return replace(
+        refit,
+        hypothesis=hypothesis,
+        session=session,
+        fit=replace(refit.fit, parametrisation=session.parametrisation),
+        doubt=load_calibration().hidden[find_variance_source(session.campaign)],
+    )
 
 
 def _name_causes(task: RefitTask) -> str:

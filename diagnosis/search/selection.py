@@ -17,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from diagnosis.data_checks.bending_bodies import key_of
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Key
 from diagnosis.null_model import Baseline, refit_from
 from diagnosis.refits.outlying_tolerances import admit_outliers
@@ -88,13 +89,18 @@ def _is_promising(search: Search, refit: Refit, path: Refit, settings: Diagnosis
 
 
 def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:
-    """Refit the null model from the best set of causes, so that both have equal starts."""
+    """Refit the null model from the best set of causes, so that both have equal starts.
+
+    The null model stays if the refit does not make its residual more probable.
+    """
     best = min(search.refits, key=lambda refit: refit.objective, default=None)
     if best is None:
         return search
     null = refit_from(base.scene, search.null, best, settings)
-    if null is not search.null:
-        (null,) = admit_outliers(base.scene, [null], settings)
+    gain = search.null.objective - null.objective
+    if gain * null.count_independent(load_calibration()) < settings.twin_nats:
+        return search
+    (null,) = admit_outliers(base.scene, [null], settings)
     return replace(search, null=null, selected=search.selected if search.selected.causes else null)
 
 

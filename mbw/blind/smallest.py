@@ -13,7 +13,6 @@ import numpy as np
 
 from diagnosis.effects.proven_by_data import PROVEN
 from diagnosis.inference.calibration import load_calibration
-from diagnosis.refits.measured import choose_stride
 from diagnosis.settings import SETTINGS
 from identification.readers.result_files import FORMAT
 from identification.words import InputError
@@ -83,8 +82,9 @@ def predict(test: UserTest, choice: Choice, max_values: int = MAX_VALUES) -> lis
         linear = linearise_test(
             test.station, test.repeated.protocol, test.repeated.tolerance, max_values
         )
-        schedule, factor = SETTINGS.schedule, max(1, round(linear.values / SETTINGS.enough_values))
-        stride = choose_stride(linear.lines, factor * schedule.stride, SETTINGS)
+        schedule = SETTINGS.schedule
+        factor = max(1, round(linear.values / schedule.enough_values))
+        stride = schedule.thin(linear.lines, factor).stride
         effects = {name: draw for name, draw in known_effects().items() if name not in _UNPREDICTED}
         signatures, information = find_signatures(linear.thin(stride), effects, [])
     except TruthError as error:

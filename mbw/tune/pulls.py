@@ -8,8 +8,8 @@ from html import escape
 from identification.words import TOLERANCE_BOUND_SIGMA
 from mbw.page.numbers import format_shift, format_tolerance
 from tuning import TunedFile
-from tuning.assessment.parameter_confidence import PLAUSIBLE_PULL_SIGMA
 from tuning.files.schema import ParameterRow
+from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 
 _TOLERANCE_KINDS = {
     ("body", "mass"): "mass",

@@ -6,7 +6,7 @@ these predictions is computed by ``tuning.assessment.gap``.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -15,17 +15,19 @@ from threadpoolctl import threadpool_limits
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Model, model_modes
 from tuning.fitting.checkpoint import Checkpoint
+from tuning.fitting.error_floor_fit import FloorSchedule
 from tuning.fitting.fitter import Fit
 from tuning.fitting.stage_search import minimise_stage
 from tuning.fitting.stages import LAST_STAGE, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.normal_equations import ArrowMatrix
+from tuning.misfit.residual_statistics import residual_statistics
 from tuning.solvers.nlopt_solver import Minimum, Outcome
 
 N_FOLDS = 5
 MIN_BLOCK_LINES = 8  # any shape along frequency fits fewer
-# A campaign has 1e5 nats: a decrease of 1 changes no gap in its fifth digit.
-_MIN_FOLD_GAIN_NATS = 1.0
+# Predicted gain of a step that ends the fit of a fold: a third of a standard deviation.
+_MIN_FOLD_GAIN_NATS = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +166,54 @@ def fit_held_out(
     finished = [end for end in ends.values() if end is not None]
     thetas = np.array([parametrisation.theta(end.x) for end in finished])
     return HeldOutFits(thetas, tuple(end.outcome for end in finished), folds, width)
+
+
+def hold_out_lines(
+    model: Model,
+    campaign: Campaign,
+    settled: Fit,
+    schedule: FloorSchedule,
+    *,
+    width: int | None = None,
+    jobs: int = 1,
+    report: Callable[[int], None] | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> HeldOutFits | None:
+    """Fit all folds of the lines but one, for each fold, at the model error of a fit's residuals.
+
+    These fits count twice as many lines as that fit.
+
+    Args:
+        model: machine and Parts.
+        campaign: tests on the lines of the band.
+        settled: fit to all folds at its own floor.
+        schedule: schedule of that fit.
+        width: number of lines in a block; by the fitted model's modes if None.
+        jobs: threads; the result does not depend on it.
+        report: called with the number of each finished fold.
+        checkpoint: finished folds, which are not repeated.
+
+    Returns:
+        The fits; None if the band consists of a single block.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+        ValueError: no channel moves.
+    """
+    counted = thin_lines(campaign, schedule.stride // 2)
+    statistics = residual_statistics(predict(model, settled.theta, counted), counted)
+    if statistics is None:
+        raise ValueError("no channel moves, so that no model error shows")
+    stage = replace(schedule.stage(statistics.floor), stride=schedule.stride // 2)
+    return fit_held_out(
+        model,
+        replace(settled, last_stage=stage),
+        campaign,
+        jobs=jobs,
+        width=width,
+        report=report,
+        checkpoint=checkpoint,
+    )
 
 
 def _fit_without(

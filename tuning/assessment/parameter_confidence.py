@@ -43,9 +43,6 @@ from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.parametrisation.parametrisation import Parametrisation
 
 NORMAL_QUANTILE_95 = 1.959964  # two-sided 95 % quantile of the normal distribution
-# Largest plausible pull of a tolerance [standard deviations]: in one campaign of 500 the largest of
-# 300 tolerances exceeds it by chance.
-PLAUSIBLE_PULL_SIGMA = 4.5
 FREE_PRIOR_SD = float(np.log(100.0))  # of a logarithm without a prior, for intervals alone
 # Posterior over prior deviation: above it the data halve the prior's variance at best.
 MAX_DETERMINED_SHARE = 0.7

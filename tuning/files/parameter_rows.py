@@ -7,15 +7,13 @@ import numpy as np
 
 from identification.words import NominalGain, Real
 from tuning.assessment.gap import Gap, is_gap_visible
-from tuning.assessment.parameter_confidence import (
-    PLAUSIBLE_PULL_SIGMA,
-    rank_pulls,
-)
+from tuning.assessment.parameter_confidence import rank_pulls
 from tuning.campaign_tuning import CampaignTuning
 from tuning.checks.exchanged_channels import name_exchanged_channels
 from tuning.control_loops.stability import tuned_loop_remarks
 from tuning.files.schema import ChannelGainRow, FitRow, LevelGap, ParameterRow, StartRow
 from tuning.fitting.fitter import Fit
+from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 from tuning.misfit.batch import predict
 from tuning.parametrisation.parametrisation import Parametrisation
 

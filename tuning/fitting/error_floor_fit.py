@@ -24,7 +24,7 @@ class FloorSchedule:
     """Constants of the fits in turn.
 
     Args:
-        stride: every so manyth line counts.
+        stride: every n-th frequency line counts.
         max_steps: Gauss-Newton steps of each fit.
         max_turns: fits at most.
         max_rise: factor by which the floor may rise in a turn. A fit that began too low is led back
@@ -32,20 +32,51 @@ class FloorSchedule:
         min_change: relative change of the floor at which the turns end.
         first_stride_factor: factor on the strides of the stages before the first fit at a floor,
             above 1 for large campaigns, whose later fits count fewer lines too.
+        enough_values: FRF values that a fit needs: 3 directions, 69 channels and 850 lines. A
+            campaign with more is fitted to every second or third of the usual lines.
+        min_fitted_lines: lines that a fit counts at least, of a campaign that has them: 800 lines
+            at a stride of 8.
+        at_bodies: whether differences count at the centres of mass instead of the channels.
     """
 
     stride: int = 8
     max_steps: int = 6
-    max_turns: int = 6
+    max_turns: int = 4
     max_rise: float = 1.5
     min_change: float = 0.05
     first_stride_factor: int = 1
+    enough_values: int = 180_000
+    min_fitted_lines: int = 96
+    at_bodies: bool = False
 
     def stage(self, floor: float) -> Stage:
         """Return the stage of a fit at a floor."""
         return replace(
-            STAGES[3], model_error_floor=floor, stride=self.stride, max_steps=self.max_steps
+            STAGES[3],
+            model_error_floor=floor,
+            stride=self.stride,
+            max_steps=self.max_steps,
+            at_bodies=self.at_bodies,
         )
+
+    def find_stride_factor(self, campaign: Campaign) -> int:
+        """Return the factor on the strides of a campaign's lines, above 1 for large ones."""
+        values = count_measured_frfs(campaign) * len(campaign.freq_hz)
+        return max(1, round(values / self.enough_values))
+
+    def thin(self, lines: int, stride_factor: int) -> "FloorSchedule":
+        """Return the schedule for a number of lines.
+
+        Enough lines count to show sharp modes. At least every second line is left out, by which
+        neighbouring lines show a gap.
+
+        Args:
+            lines: number of frequency lines.
+            stride_factor: factor on the strides (``find_stride_factor``).
+        """
+        stride = max(2, min(self.stride * stride_factor, lines // self.min_fitted_lines))
+        first = self.first_stride_factor * max(1, stride // self.stride)
+        return replace(self, stride=stride, first_stride_factor=first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +92,11 @@ class FloorFit:
     fit: Fit
     error: ModelError
     is_settled: bool
+
+
+def count_measured_frfs(campaign: Campaign) -> int:
+    """Return the number of FRFs."""
+    return sum(int(test.estimate.measured.sum()) for test in campaign.tests)
 
 
 def fit_at_error_floor(

@@ -1,0 +1,224 @@
+"""Fit of a machine to a campaign at its own model-error floor: what tuning and diagnosis share.
+
+1. The first stages fit the logarithm of FRFs (or modes), from all starts.
+2. Parameters and floor are fitted in turn (``error_floor_fit``), and tolerances that lie beyond
+   their bounds by chance are admitted (``outlying_tolerances``).
+3. Each fold of lines is predicted by a fit without it, at that floor (``assessment.held_out``).
+
+A diagnosis begins at the end of 2, so that the gap of a tuning is that of its null model.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from identification.words import Campaign, ModalModel
+from mbmodel import Model
+from tuning.fitting.checkpoint import Checkpoint
+from tuning.fitting.error_floor_fit import (
+    FloorFit,
+    FloorSchedule,
+    count_measured_frfs,
+    fit_at_error_floor,
+)
+from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
+from tuning.fitting.outlying_tolerances import are_by_chance, widen_outliers
+from tuning.fitting.stages import LAST_STAGE, STAGES, Stage, thin_lines
+from tuning.misfit.batch import predict
+from tuning.misfit.modal_misfit import ModalStage
+from tuning.misfit.model_error import ModelError, estimate_model_error
+from tuning.parametrisation.parametrisation import Parametrisation
+from tuning.solvers.nlopt_solver import TUNING_ALGORITHM, Minimum
+
+FIRST_STAGES = STAGES[:3]
+_FLOOR_STEP = "model-error floor"  # name of a step of the checkpoint
+# FRFs below which several machines fit: a campaign of n starts 48 / n times.
+_FEW_FRFS = 48
+
+
+def count_starts(campaign: Campaign, starts: int = 1) -> int:
+    """Return the number of starts: as many as are wanted, and more where few FRFs were measured."""
+    return max(starts, round(_FEW_FRFS / max(1, count_measured_frfs(campaign))))
+
+
+def fit_first_stages(  # noqa: PLR0913  # one for each option
+    model: Model,
+    campaign: Campaign,
+    parametrisation: Parametrisation,
+    schedule: FloorSchedule,
+    *,
+    stages: "tuple[Stage | ModalStage, ...]" = FIRST_STAGES,
+    starts: int = 1,
+    seed: int = 0,
+    measured: ModalModel | None = None,
+    algorithm: str = TUNING_ALGORITHM,
+    jobs: int = 1,
+    report: Callable[[FitProgress], None] | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Fit:
+    """Fit the stages before the first fit at a floor, from all starts.
+
+    Args:
+        model: machine and Parts.
+        campaign: tests on the lines that count.
+        parametrisation: coordinates that vary.
+        schedule: schedule for the lines of the campaign (``FloorSchedule.thin``).
+        stages: stages in order.
+        starts: number of starts: the nominal model, then random ones.
+        seed: seed of the random starts.
+        measured: modes inside the band, for stages of modes.
+        algorithm: algorithm of the stages in which stiffness and damping alone vary.
+        jobs: processes for several starts, threads for one; the result does not depend on it.
+        report: called at every evaluation.
+        checkpoint: finished steps, which are not repeated.
+    """
+    return fit(
+        model,
+        campaign,
+        parametrisation=parametrisation,
+        starts=random_starts(model, starts, seed, parametrisation=parametrisation),
+        stages=tuple(
+            replace(stage, stride=stage.stride * schedule.first_stride_factor)
+            if isinstance(stage, Stage)
+            else stage
+            for stage in stages
+        ),
+        measured=measured,
+        algorithm=algorithm,
+        jobs=jobs,
+        report=report,
+        checkpoint=checkpoint,
+    )
+
+
+def settle_floor(
+    model: Model,
+    campaign: Campaign,
+    first: Fit,
+    schedule: FloorSchedule,
+    *,
+    jobs: int = 1,
+    checkpoint: Checkpoint | None = None,
+) -> tuple[Fit, ModelError]:
+    """Fit parameters and floor in turn, and admit tolerances beyond their bounds by chance.
+
+    Args:
+        model: machine and Parts.
+        campaign: tests on the lines that count.
+        first: fit of the first stages.
+        schedule: schedule for the lines of the campaign.
+        jobs: threads; the result does not depend on it.
+        checkpoint: finished steps, which are not repeated.
+
+    Returns:
+        The fit, in whose coordinates admitted tolerances have wider bounds, and the model error
+        that its residuals show.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+        ValueError: no channel moves.
+    """
+    checkpoint = Checkpoint() if checkpoint is None else checkpoint
+    narrow = first.parametrisation
+
+    def search() -> Minimum:
+        settled = _admit_outliers(model, campaign, first, schedule, jobs).fit
+        last = settled.last_stage or schedule.stage(0.0)
+        kept = np.append(settled.x, last.model_error_floor)
+        return Minimum(kept, settled.cost, settled.evaluations, settled.outcome, settled.advice)
+
+    end = checkpoint.run_step(_FLOOR_STEP, search)
+    x = end.x[:-1]
+    varies = widen_outliers(narrow, x) or narrow
+    counted = thin_lines(campaign, schedule.stride // 2)
+    error = estimate_model_error(predict(model, varies.theta(x), counted), counted)
+    if error is None:
+        raise ValueError("no channel moves, so that no model error shows")
+    settled = replace(
+        first,
+        parametrisation=varies,
+        x=x,
+        cost=end.value,
+        evaluations=first.evaluations + end.evaluations,
+        outcome=end.outcome,
+        advice=end.advice,
+        last_stage=schedule.stage(float(end.x[-1])),
+    )
+    return settled, error
+
+
+def _admit_outliers(
+    model: Model, campaign: Campaign, first: Fit, schedule: FloorSchedule, jobs: int
+) -> FloorFit:
+    """Return the fit at its own floor, with outlying tolerances where they lower the cost."""
+    narrow = first.parametrisation
+    settled = fit_at_error_floor(
+        model, campaign, narrow, start=first.theta, schedule=schedule, jobs=jobs
+    )
+    wide = widen_outliers(narrow, settled.fit.x)
+    if wide is None:
+        return settled
+    wider = fit_at_error_floor(
+        model,
+        campaign,
+        wide,
+        start=settled.fit.theta,
+        floor=settled.error.floor,
+        schedule=schedule,
+        jobs=jobs,
+    )
+    is_better = _objective(wider) < _objective(settled)
+    return wider if is_better and are_by_chance(narrow, wide, wider.fit.x) else settled
+
+
+def _objective(settled: FloorFit) -> float:
+    """Return -ln L at the floor and the cost of the priors [nats], both of the counted lines."""
+    x, varies = settled.fit.x, settled.fit.parametrisation
+    return settled.error.cost + float(x @ (varies.precision * x)) / 2
+
+
+def fit_all_lines(
+    model: Model,
+    campaign: Campaign,
+    settled: Fit,
+    error: ModelError,
+    schedule: FloorSchedule,
+    *,
+    jobs: int = 1,
+    report: Callable[[FitProgress], None] | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Fit:
+    """Fit all lines at the model-error floor, from the fit to some of them.
+
+    Args:
+        model: machine and Parts.
+        campaign: tests on the lines that count.
+        settled: fit at its own floor.
+        error: model error that its residuals show.
+        schedule: schedule of that fit.
+        jobs: threads; the result does not depend on it.
+        report: called at every evaluation.
+        checkpoint: finished steps, which are not repeated.
+    """
+    stage = replace(LAST_STAGE, model_error_floor=error.floor, at_bodies=schedule.at_bodies)
+    whole = fit(
+        model,
+        campaign,
+        parametrisation=settled.parametrisation,
+        starts=(settled.theta,),
+        stages=(stage,),
+        jobs=jobs,
+        report=report,
+        checkpoint=checkpoint,
+        name="all lines",
+    )
+    return replace(
+        settled,
+        x=whole.x,
+        cost=whole.cost,
+        evaluations=settled.evaluations + whole.evaluations,
+        outcome=whole.outcome,
+        advice=whole.advice,
+        last_stage=stage,
+    )
