@@ -41,7 +41,7 @@ from tuning.fitting.stages import LAST_STAGE, Stage
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalStage
 from tuning.session import Session
-from tuning.solvers.nlopt_solver import TUNING_ALGORITHM
+from tuning.solvers.nlopt_solver import INTERRUPTED_ADVICE, TUNING_ALGORITHM
 
 ResidualKind = Literal["modal", "log"]
 FrfPlace = Literal["sensors", "bodies"]
@@ -209,14 +209,20 @@ def tune(  # noqa: PLR0913  # one for each option
     session = replace(session, campaign=campaign)
     usual = FloorSchedule(at_bodies=at == "bodies")
     schedule = usual.thin(len(campaign.freq_hz), usual.find_stride_factor(campaign))
-    has_frfs = residuals[-1] == "log"
+    has_frfs, stages = residuals[-1] == "log", select_stages(residuals)
+    starts = count_starts(campaign, starts) if has_frfs else starts
+
+    def report_last(step: FitProgress) -> None:
+        if callbacks.on_evaluation is not None:
+            callbacks.on_evaluation(replace(step, start=starts - 1, stage=len(stages)))
+
     bounded = settled = fit_first_stages(
         model,
         campaign,
         session.parametrisation,
         schedule,
-        stages=select_stages(residuals),
-        starts=count_starts(campaign, starts) if has_frfs else starts,
+        stages=stages,
+        starts=starts,
         seed=seed,
         measured=measured,
         algorithm=algorithm,
@@ -238,12 +244,12 @@ def tune(  # noqa: PLR0913  # one for each option
                 error,
                 schedule,
                 jobs=jobs,
-                report=callbacks.on_evaluation,
+                report=report_last,
                 checkpoint=checkpoint,
             )
-            interrupted = bounded.outcome == "interrupted"
         except KeyboardInterrupt:
-            interrupted = True
+            bounded = replace(bounded, outcome="interrupted", advice=INTERRUPTED_ADVICE)
+        interrupted = bounded.outcome == "interrupted"
     if not interrupted and has_frfs:
         try:
             unbounded = refit_without_bounds(model, campaign, bounded, jobs, checkpoint)

@@ -9,7 +9,7 @@ import typer
 from rich.progress import Progress, TaskID
 
 from diagnosis import compute_residual_shares
-from identification.words import UsageError, percent_text
+from identification.words import Campaign, UsageError, percent_text
 from mbmodel import refuse_difference
 from mbw.band import check_band
 from mbw.files import write_json
@@ -43,6 +43,7 @@ from tuning.assessment.held_out import N_FOLDS
 from tuning.control_loops.loops_file import LOOPS_JSON
 from tuning.files.result import FRF_NPZ, TUNED_JSON, TUNED_MJCF
 from tuning.files.schema import ShareRow
+from tuning.fitting.machine_fit import count_starts
 
 NAMES = (TUNED_JSON, TUNED_MJCF, FRF_NPZ, POSTERIOR_NPZ, LOOPS_JSON, PAGE)
 _MAX_FURTHER_POINTS = 5  # further hammer points and sensors that the terminal lists
@@ -155,7 +156,7 @@ def run(  # noqa: PLR0913  # one for each option
         for text in session.campaign.remarks:
             SCREEN.say(text)
         with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
-            bar = _ProgressBar(progress, starts, len(select_stages(search.residuals)))
+            bar = _ProgressBar(progress, session.campaign, search.residuals, starts)
             tuned = tune(
                 session,
                 residuals=search.residuals,
@@ -213,9 +214,17 @@ def _remaining_gap(tuned: CampaignTuning) -> list[ShareRow]:
 class _ProgressBar:
     """Progress bar whose steps are the stages of every start and the folds."""
 
-    def __init__(self, progress: Progress, starts: int, stages: int) -> None:
-        self._progress, self._starts, self._stages = progress, starts, stages
-        total = starts * stages + N_FOLDS
+    def __init__(
+        self,
+        progress: Progress,
+        campaign: Campaign,
+        residuals: tuple[ResidualKind, ...],
+        starts: int,
+    ) -> None:
+        has_frfs = residuals[-1] == "log"
+        self._progress, self._stages = progress, len(select_stages(residuals)) + has_frfs
+        self._starts = count_starts(campaign, starts) if has_frfs else starts
+        total = self._starts * self._stages + N_FOLDS
         self._task: TaskID = progress.add_task("reading", total=total)
 
     def show_evaluation(self, step: FitProgress) -> None:

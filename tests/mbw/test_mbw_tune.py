@@ -16,7 +16,8 @@ from identification.words import Dof
 from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine
 from mbw.command import app
 from mbw.tune import verb
-from tuning import FitProgress, campaign_tuning, read_result
+from tuning import FitProgress, read_result
+from tuning.fitting import machine_fit
 
 RUNNER = CliRunner()
 
@@ -152,7 +153,7 @@ def test_without_pictures_no_page_is_written_and_an_old_one_goes(tuned, folder):
 
 
 def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, monkeypatch):
-    whole = campaign_tuning.fit
+    whole = machine_fit.fit
 
     def interrupted(*args, report=None, **kwargs):
         def tell(step: FitProgress):
@@ -162,7 +163,7 @@ def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, mon
 
         return whole(*args, report=tell, **kwargs)
 
-    monkeypatch.setattr(campaign_tuning, "fit", interrupted)
+    monkeypatch.setattr(machine_fit, "fit", interrupted)
     result = mbw("tune", folder, "--out", tmp_path / "out")
     assert result.exit_code == 130
     assert "best parameters" in result.stderr
@@ -178,12 +179,12 @@ def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, mon
 
 
 def test_a_search_that_does_not_converge_exits_4_with_its_result(folder, tmp_path, monkeypatch):
-    whole = campaign_tuning.fit
+    whole = machine_fit.fit
 
     def tired(*args, **kwargs):
         return replace(whole(*args, **kwargs), outcome="out of evaluations", advice="allow more")
 
-    monkeypatch.setattr(campaign_tuning, "fit", tired)
+    monkeypatch.setattr(machine_fit, "fit", tired)
     result = mbw("tune", folder, "--out", tmp_path / "out", "--quiet")
     assert result.exit_code == 4
     assert "allow more" in result.stderr
