@@ -20,7 +20,7 @@ from identification import lines_are_independent
 from mbmodel import RigidDirection
 from tuning import Checkpoint, Session
 from tuning.fitting.machine_fit import count_starts, fit_first_stages, settle_floor
-from tuning.fitting.outlying_tolerances import widen_outliers
+from tuning.fitting.outlying_tolerances import admit_shifts
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +114,8 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
         null, _ = settle_floor(model, campaign, first, schedule, jobs=scene.jobs)
         record.keep(name, null)
     else:
-        narrow, x = session.parametrisation, kept.x[:-1]
-        null = restore_fit(kept, widen_outliers(narrow, x) or narrow, schedule)
+        varies = admit_shifts(session.parametrisation, kept.x[:-1])
+        null = restore_fit(kept, varies, schedule)
     session = replace(session, parametrisation=null.parametrisation)
     return complete_refit(
         describe_fit(session, null, schedule.stride, find_lags(scene)), None, session

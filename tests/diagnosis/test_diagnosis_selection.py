@@ -74,7 +74,7 @@ def test_causes_that_predict_held_out_lines_no_better_are_not_admitted(two_effec
         return replace(gaps, after=useless if chosen.causes else None)
 
     monkeypatch.setattr(held_out_check, "estimate_gaps", estimate)
-    base = SimpleNamespace(proven=())
+    base = SimpleNamespace(proven=(), scene=replace(found.scene, session=found.session))
     arguments = base, found.session, found.search, found.evidence, SETTINGS
     evidence, posterior, left = admit_predictive_causes(*arguments)
     assert found.search.selected.keys in evidence.rejected

@@ -88,6 +88,13 @@ def test_the_demo_finds_what_is_hidden_and_grades_it_by_the_answer(demo):
     assert verdict["gap"]["closed"] > 0.95
 
 
+def test_tuning_and_diagnosis_show_one_held_out_gap(demo):
+    folder, _ = demo
+    tuned = json.loads((folder / "tuned" / "tuned.json").read_text(encoding="utf-8"))
+    verdict = json.loads((folder / "diagnosis" / "verdict.json").read_text(encoding="utf-8"))
+    assert tuned["gap"]["sensors"]["held_out"] == verdict["gap"]["retuned"]
+
+
 def test_readmes_excerpt_is_what_the_demo_writes(demo):
     folder, _ = demo
     verdict = json.loads((folder / "diagnosis" / "verdict.json").read_text(encoding="utf-8"))

@@ -23,7 +23,7 @@ from tuning.fitting.error_floor_fit import (
     fit_at_error_floor,
 )
 from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
-from tuning.fitting.outlying_tolerances import are_by_chance, widen_outliers
+from tuning.fitting.outlying_tolerances import admit_shifts, are_by_chance, widen_outliers
 from tuning.fitting.stages import LAST_STAGE, STAGES, Stage, thin_lines
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import ModalStage
@@ -130,7 +130,7 @@ def settle_floor(
 
     end = checkpoint.run_step(_FLOOR_STEP, search)
     x = end.x[:-1]
-    varies = widen_outliers(narrow, x) or narrow
+    varies = admit_shifts(narrow, x)
     counted = thin_lines(campaign, schedule.stride // 2)
     error = estimate_model_error(predict(model, varies.theta(x), counted), counted)
     if error is None:

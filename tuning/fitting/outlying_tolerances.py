@@ -35,6 +35,16 @@ def widen_outliers(
     return wide if has_wider.any() else None
 
 
+def admit_shifts(narrow: Parametrisation, x: Real) -> Parametrisation:
+    """Return coordinates in which tolerances that lie beyond their bounds have wider ones.
+
+    Args:
+        narrow: coordinates with the usual bounds.
+        x: their values at the end of a fit that admitted outliers; (n_x,).
+    """
+    return narrow.widen_bounds(~narrow.coordinates_within_bounds(x), PLAUSIBLE_PULL_SIGMA)
+
+
 def are_by_chance(
     narrow: Parametrisation,
     wide: Parametrisation,

@@ -115,6 +115,11 @@ class Parametrisation:
         at_bound: Mask = (x <= self.lower + _BOUND_MARGIN) | (x >= self.upper - _BOUND_MARGIN)
         return at_bound
 
+    def coordinates_within_bounds(self, x: Real) -> Mask:
+        """Return whether each coordinate is within its bounds, or at one; (n_x,)."""
+        within: Mask = (x >= self.lower - _BOUND_MARGIN) & (x <= self.upper + _BOUND_MARGIN)
+        return within
+
     def gradient_by_coordinates(self, gradient: Real, x: Real) -> Real:
         """Return a gradient by x from one by theta (chain rule).
 
