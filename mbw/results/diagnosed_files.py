@@ -14,16 +14,23 @@ from identification.readers.result_files import (
 from identification.words import InputError
 from mbw.results.diagnosed_schema import ShownFile
 from mbw.results.machine_rows import restore_machine
+from tuning import POSTERIOR_NPZ
 from tuning.control_loops.loops_file import LOOPS_JSON
-from tuning.files.result import TUNED_JSON, TUNED_MJCF
+from tuning.files.plant_folder import ARRAYS, AUGMENTED, SHOWN, VERDICT
 
-VERDICT, EVIDENCE = "verdict.json", "evidence.json"
-SHOWN, ARRAYS, PAGE = "diagnosis.json", "diagnosis.npz", "report.html"
-AUGMENTED = "augmented.xml"
+EVIDENCE, PAGE = "evidence.json", "report.html"
 CHECKPOINT = "diagnose.checkpoint.json"
-NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, LOOPS_JSON, PAGE)
+_MOST_ALTERNATIVES = 19  # of a probability of 5 % or more, beside the plant itself
+ALTERNATIVES = tuple(  # MJCF and posterior of each plant that may be there in place of AUGMENTED
+    f"alternative{number}.{suffix}"
+    for number in range(1, _MOST_ALTERNATIVES + 1)
+    for suffix in ("xml", "npz")
+)
+NAMES = (
+    *(VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, POSTERIOR_NPZ, LOOPS_JSON, PAGE),
+    *ALTERNATIVES,
+)
 _VERB = "mbw diagnose"
-_RESULT_OF = {TUNED_MJCF: TUNED_JSON, AUGMENTED: VERDICT}  # MJCF of a result, and its JSON file
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +57,6 @@ class StoredDiagnosis:
     def has_after(self) -> bool:
         """Whether there are FRFs with the effect."""
         return bool(self.arrays["after"].size)
-
-
-def result_file(path: Path) -> Path | None:
-    """Return the JSON file of the tuning or diagnosis that wrote an MJCF; None of any other."""
-    name = _RESULT_OF.get(path.name)
-    return path.parent / name if name is not None and (path.parent / name).is_file() else None
 
 
 def write_files(result: StoredDiagnosis, folder: Path) -> None:
