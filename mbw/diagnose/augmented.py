@@ -19,7 +19,6 @@ from tuning.files.posterior_file import POSTERIOR_NPZ, write_posterior
 from tuning.files.result import final_folder, not_held_error
 
 _MIN_ALTERNATIVE_PROBABILITY = 0.05  # a 95 % interval may leave out what is less probable
-_NO_CAUSE = "no cause"
 
 
 @dataclass(frozen=True)
@@ -63,11 +62,11 @@ def write_augmented(
     shares = find_alternatives(diagnosis, frozenset(refit.keys))
     rows = []
     for name, (keys, share) in zip(ALTERNATIVES[::2], shares[1:], strict=False):
-        other = diagnosis.search.refit_of(tuple(keys)) if keys else diagnosis.null
-        if other is not None:
+        rival = diagnosis.search.refit_of(tuple(keys)) if keys else diagnosis.null
+        if rival is not None:
             file = target.with_name(name)
-            parameters = _describe_parameters(diagnosis, other)
-            _write_plant(other, parameters, None, file, file.with_suffix(".npz"))
+            parameters = _describe_parameters(diagnosis, rival)
+            _write_plant(rival, parameters, None, file, file.with_suffix(".npz"))
             rows.append(AlternativeRow(name=_name_causes(keys), probability=share, file=name))
     held_out = None if gap is None or gap.held_out is None else "after" if is_after else "retuned"
     plant = PlantRow(
@@ -146,7 +145,7 @@ def _write_plant(
 def _name_causes(keys: frozenset[Key]) -> str:
     """Return the causes of a plant in words."""
     names = sorted(f"{effect}@{location}" for effect, location, _ in keys)
-    return "+".join(names) or _NO_CAUSE
+    return "+".join(names) or "no cause"
 
 
 def _list_doubts(fitted: FittedParameters) -> list[str]:

@@ -16,7 +16,7 @@ from mbw.results.diagnosed_schema import ShownFile
 from mbw.results.machine_rows import restore_machine
 from tuning import POSTERIOR_NPZ
 from tuning.control_loops.loops_file import LOOPS_JSON
-from tuning.files.plant_folder import ARRAYS, AUGMENTED, SHOWN, VERDICT
+from tuning.files.plant_folder import ARRAYS, AUGMENTED, DIAGNOSE_VERB, SHOWN, VERDICT
 
 EVIDENCE, PAGE = "evidence.json", "report.html"
 CHECKPOINT = "diagnose.checkpoint.json"
@@ -30,7 +30,6 @@ NAMES = (
     *(VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, POSTERIOR_NPZ, LOOPS_JSON, PAGE),
     *ALTERNATIVES,
 )
-_VERB = "mbw diagnose"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +76,12 @@ def read_result(path: Path) -> StoredDiagnosis:
         InputError: a file is missing, broken or of another version.
     """
     folder = path if path.is_dir() else path.parent
-    verdict = read_result_json(folder / VERDICT, Verdict, _VERB)
-    evidence = read_result_json(folder / EVIDENCE, Evidence, _VERB)
-    shown = read_result_json(folder / SHOWN, ShownFile, _VERB)
-    result = StoredDiagnosis(verdict, evidence, shown, read_result_arrays(folder / ARRAYS, _VERB))
+    verdict = read_result_json(folder / VERDICT, Verdict, DIAGNOSE_VERB)
+    evidence = read_result_json(folder / EVIDENCE, Evidence, DIAGNOSE_VERB)
+    shown = read_result_json(folder / SHOWN, ShownFile, DIAGNOSE_VERB)
+    result = StoredDiagnosis(
+        verdict, evidence, shown, read_result_arrays(folder / ARRAYS, DIAGNOSE_VERB)
+    )
     try:
         _check(result)
     except (ValueError, KeyError, AttributeError, TypeError, OverflowError) as error:

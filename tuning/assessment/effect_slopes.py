@@ -1,9 +1,9 @@
 r"""Parameters of added effects, as first-order changes of the machine that an MJCF describes.
 
-An effect has parameters of its own, such as the point and the axes of a link, and its MJCF has
-others: a tendon with its sites. What a parameter p changes of the equation of motion is the same in
-both. So the MJCF is written at p and at p + h, both are read back, and with the joint coordinates
-and the centres of mass of the first
+An effect has its parameters, such as the point and the axes of a link, and its MJCF has others: a
+tendon with its sites. What a parameter p changes of the equation of motion is the same in both. So
+the MJCF is written at p and at p + h, both are read back, and with the joint coordinates and the
+centres of mass of the first
 
     dMb = (X' Mb(p + h) X - Mb(p)) / h,       dZ = (Z(p + h) - Z(p)) / h - what dMb adds to Z.
 
@@ -106,33 +106,35 @@ def find_effect_slopes(
     names = [parameter.name for parameter in model.parameters]
     size, count = len(written.coordinates), len(written.layout.bodies)
     inertia, joint = np.zeros((len(steps), count, 6, 6)), np.zeros((len(steps), 3, size, size))
-    own, before = _inertia_about(written, written), _coefficients(nominal)
+    nominal_inertia, before = _inertia_about(written, written), _coefficients(nominal)
     for row, (name, step) in enumerate(steps.items()):
         moved = theta.copy()
         moved[names.index(name)] += step
         machine = read_as_written(model, moved)
         if machine.coordinates == written.coordinates:  # else the effect itself comes or goes
-            inertia[row] = (_inertia_about(machine, written) - own) / step
+            inertia[row] = (_inertia_about(machine, written) - nominal_inertia) / step
             joint[row] = (_coefficients(as_drawn(machine)) - before) / step
     whole = EffectSlopes(tuple(steps), written.coordinates, written.layout.bodies, inertia, joint)
     whole.joint[:] -= _list_body_terms(nominal, whole)
-    return whole.select(_find_visible(whole, np.abs(list(steps.values())), before, own))
+    return whole.select(_find_visible(whole, np.abs(list(steps.values())), before, nominal_inertia))
 
 
-def _find_visible(slopes: EffectSlopes, steps: Real, before: Real, own: Real) -> list[int]:
+def _find_visible(
+    slopes: EffectSlopes, steps: Real, before: Real, nominal_inertia: Real
+) -> list[int]:
     """Return the numbers of the parameters whose steps change the machine beyond rounding.
 
     Args:
         slopes: of all parameters.
         steps: sizes of their steps; (n,).
         before: K, C and M of the machine; (3, nv, nv).
-        own: inertia of its bodies; (n_body, 6, 6).
+        nominal_inertia: inertia of its bodies; (n_body, 6, 6).
     """
     tiny = np.finfo(float).tiny
     of_joints = np.abs(slopes.joint).max(axis=(2, 3), initial=0.0)
     shares = of_joints / np.maximum(np.abs(before).max(axis=(1, 2), initial=0.0), tiny)
     of_bodies = np.abs(slopes.inertia).max(axis=(1, 2, 3), initial=0.0)
-    of_bodies /= max(float(np.abs(own).max(initial=0.0)), tiny)
+    of_bodies /= max(float(np.abs(nominal_inertia).max(initial=0.0)), tiny)
     largest = np.maximum(shares.max(axis=1, initial=0.0), of_bodies)
     return np.flatnonzero(steps * largest > _MIN_SLOPE_SHARE).tolist()
 

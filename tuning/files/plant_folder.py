@@ -20,7 +20,7 @@ from tuning.files.result import FRF_NPZ, TUNED_JSON, TUNED_MJCF, LevelFrfs, read
 AUGMENTED = "augmented.xml"
 VERDICT, SHOWN, ARRAYS = "verdict.json", "diagnosis.json", "diagnosis.npz"
 _RESULT_OF = {TUNED_MJCF: TUNED_JSON, AUGMENTED: VERDICT}  # MJCF of a result, and its JSON file
-_VERB = "mbw diagnose"
+DIAGNOSE_VERB = "mbw diagnose"
 
 HeldOutFit = Literal["retuned", "after"]  # array of diagnosis.npz with FRFs on held-out lines
 
@@ -164,7 +164,7 @@ def read_plant_row(path: Path) -> PlantRow | None:
     file = path.parent / SHOWN
     if path.name != AUGMENTED or not file.is_file():
         return None
-    return read_result_json(file, _Shown, _VERB).plant
+    return read_result_json(file, _Shown, DIAGNOSE_VERB).plant
 
 
 def read_held_out(path: Path) -> HeldOutResult:
@@ -179,8 +179,8 @@ def read_held_out(path: Path) -> HeldOutResult:
     folder = path.parent
     if path.name != AUGMENTED:
         return read_result(folder)
-    shown = read_result_json(folder / SHOWN, _Shown, _VERB)
-    arrays = read_result_arrays(folder / ARRAYS, _VERB)
+    shown = read_result_json(folder / SHOWN, _Shown, DIAGNOSE_VERB)
+    arrays = read_result_arrays(folder / ARRAYS, DIAGNOSE_VERB)
     source = None if shown.plant is None or shown.block is None else shown.plant.held_out
     try:
         measured = np.array(arrays["measured"], complex)
@@ -201,7 +201,7 @@ def read_held_out(path: Path) -> HeldOutResult:
         return _DiagnosedFrfs(arrays["freq_hz"], frfs, -(-shown.lines // (shown.block or 1)))
     except (KeyError, IndexError, ValueError) as error:
         raise InputError(
-            f"{folder}: {SHOWN} and {ARRAYS} do not belong together: run {_VERB} again"
+            f"{folder}: {SHOWN} and {ARRAYS} do not belong together: run {DIAGNOSE_VERB} again"
         ) from error
 
 
@@ -258,7 +258,7 @@ def undetermined_doubts(names: Sequence[str]) -> list[str]:
 
 def _verdict_doubts(file: Path) -> list[str]:
     """Return a sentence on what a diagnosis did not explain; none if it explained all."""
-    verdict = read_result_json(file, _Verdict, _VERB)
+    verdict = read_result_json(file, _Verdict, DIAGNOSE_VERB)
     if verdict.verdict not in ("partly", "unexplained"):
         return []
     what = (
