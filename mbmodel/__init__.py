@@ -85,7 +85,7 @@ from mbmodel.variants.variant_parts import with_variants
 from mbmodel.virtual_test.hammer_test import VirtualTest, strike
 from mbmodel.virtual_test.plan import HammerTestPlan, HitScatter, Noise, RecordedFile
 from mbmodel.writing.model_edits import held_parameters, model_edits
-from mbmodel.writing.written_model import write_model
+from mbmodel.writing.written_model import read_as_written, write_model
 
 silence_mujoco_log()
 
@@ -178,6 +178,7 @@ __all__ = [
     "parent_bodies",
     "parse_input",
     "parse_output",
+    "read_as_written",
     "read_nonlinear_joints",
     "refuse_difference",
     "release_rigid_directions",

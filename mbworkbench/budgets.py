@@ -9,14 +9,11 @@ from mbworkbench.labels import AnyPath, as_path
 from mbworkbench.model import MachineModel, read_model
 from mbworkbench.tables import html_table
 from tuning.control_loops.loops_file import choose_loops, known_loops
+from tuning.files.plant_folder import held_out_beside, plant_doubts, plant_file
 from tuning.files.result import TUNED_JSON
 from tuning.plant.error_budget.budget_remarks import budget_sentences
 from tuning.plant.error_budget.loop_margins import PlantMargins
-from tuning.plant.error_budget.machine_files import (
-    model_with_posterior,
-    tuned_file,
-    tuning_beside,
-)
+from tuning.plant.error_budget.machine_files import model_with_posterior
 from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.sampling_images import image_sentences
@@ -30,9 +27,11 @@ class ErrorBudgetResult:
 
     Attributes:
         plant: spectra, shares, poles and gradients.
+        doubts: about the fit of the machine, one sentence each.
     """
 
     plant: PlantBudget
+    doubts: tuple[str, ...] = ()
 
     @property
     def rms(self) -> dict[str, float]:
@@ -89,12 +88,12 @@ class ErrorBudgetResult:
         return rows
 
     def __repr__(self) -> str:
-        """Return each error with its interval and its largest source in a line, and remarks."""
+        """Return doubts, each error with its interval and its largest source, and remarks."""
         lines = [
             f"{name}: {value} rms{f' (95 %: {ends})' if ends else ''}, largest source {source}"
             for name, value, ends, source in self._rows()
         ]
-        return "\n".join([*lines, *self.remarks])
+        return "\n".join([*self.doubts, *lines, *self.remarks])
 
     @property
     def remarks(self) -> list[str]:
@@ -109,7 +108,8 @@ class ErrorBudgetResult:
     def _repr_html_(self) -> str:
         """Return a table of the errors for a notebook."""
         header = ("error", "rms", "95 % interval", "largest source")
-        return html_table("Error budget", header, self._rows())
+        title = "; ".join(("Error budget", *self.doubts))
+        return html_table(title, header, self._rows())
 
 
 def error_budget(
@@ -124,8 +124,8 @@ def error_budget(
     """Compute the error budget of a machine.
 
     Args:
-        model: from ``read_model``, or the path of an MJCF or of a tuning's folder. A ``tuned.xml``
-            with ``posterior.npz`` beside it has intervals.
+        model: from ``read_model``, or the path of an MJCF, or of the folder of a tuning or
+            diagnosis. Their MJCF with ``posterior.npz`` beside it has intervals.
         budget: path of budget.toml.
         controllers: systems of python-control that replace controllers of the file, by the name of
             their loop.
@@ -139,16 +139,17 @@ def error_budget(
         UsageError: a controller of no loop, or one that is no linear controller.
     """
     if not isinstance(model, MachineModel):
-        model = read_model(tuned_file(as_path(model)))
+        model = read_model(plant_file(as_path(model)))
     source, patterns = model.machine.source, (closed,) if isinstance(closed, str) else closed
     loops = choose_loops(known_loops(source, model.machine), patterns)
     definition = read_definition(as_path(budget), with_loops(model.machine, loops), controllers)
     fitted, posterior = model_with_posterior(model.machine, source)
     reference = None if before is None else as_drawn(before.machine)
-    tuning = None if posterior is None else tuning_beside(source)
+    tuning = None if posterior is None else held_out_beside(source)
     plant = plant_budget(fitted, definition, reference, posterior)
     variants = None
     if campaign is not None:
         folder = source.parent if (source.parent / TUNED_JSON).is_file() else None
         variants = read_variant_model(as_path(campaign), folder)
-    return ErrorBudgetResult(replace(plant, tuning=tuning, variants=variants))
+    plant = replace(plant, tuning=tuning, variants=variants)
+    return ErrorBudgetResult(plant, tuple(plant_doubts(source)))

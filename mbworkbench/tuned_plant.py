@@ -1,4 +1,4 @@
-"""The plant of a tuned machine for control design, with its uncertainty."""
+"""The plant of a tuned or diagnosed machine for control design, with its uncertainty."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from tuning.files.found_lags import (
     moved_sensor_remark,
     untested_band_remark,
 )
-from tuning.files.result import TUNED_JSON
+from tuning.files.plant_folder import plant_doubts, plant_file, result_file
 from tuning.plant import (
     ControlPlant,
     FrfBands,
@@ -32,7 +32,6 @@ from tuning.plant import (
     frf_bands,
     make_control_plant,
 )
-from tuning.plant.error_budget.machine_files import tuned_file
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +44,14 @@ class TunedPlant:
         loops: names of the control loops that were closed during the test.
         remarks: on gains and lags of drives and encoders that the plant does not hold, and on
             lines outside the band of the test.
+        doubts: about the fit, such as that something is missing; one sentence each.
     """
 
     posterior: PosteriorOfModel
     request: FrfRequest
     loops: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @property
     def closed(self) -> tuple[str, ...]:
@@ -79,10 +80,11 @@ class TunedPlant:
         return assemble_uncertain_plant(self.posterior, self.request)
 
     def __repr__(self) -> str:
-        """Return machine, ports and posterior in a few lines."""
+        """Return doubts, machine, ports and posterior in a few lines."""
         request = self.request
         return "\n".join(
             (
+                *self.doubts,
                 f"plant of {self.posterior.model.machine.name}: {request.quantity}, "
                 f"{len(request.freq_hz)} lines",
                 f"  inputs: {', '.join(map(str, request.inputs))}",
@@ -105,13 +107,13 @@ def read_plant(
     quantity: Quantity = "accelerance",
     closed: Iterable[str] = (),
 ) -> TunedPlant:
-    """Read the plant between some ports from the folder of a tuning.
+    """Read the plant between some ports from the folder of a tuning or diagnosis.
 
     Control loops that were closed during the test are open, but for those that are named: a
     controller that is designed on the plant does not count them twice.
 
     Args:
-        folder: that ``mbw tune`` or ``TunedModel.write`` wrote, or its ``tuned.xml``.
+        folder: that ``mbw tune``, ``mbw diagnose`` or ``TunedModel.write`` wrote, or its MJCF.
         outputs: labels of motions; none need have been measured.
         inputs: labels of forces or motors.
         freq_hz: frequencies [Hz], increasing; (n_freq,).
@@ -119,10 +121,10 @@ def read_plant(
         closed: names of the loops of the test that stay closed; ``"*"`` for all.
 
     Raises:
-        InputError: the folder holds no tuning, or its model was changed after the fit.
+        InputError: the folder holds no such result, or its model was changed after the fit.
         UsageError: a label that the machine does not have.
     """
-    source = tuned_file(as_path(folder))
+    source = plant_file(as_path(folder))
     machine = load_machine(source)
     loops = known_loops(source, machine)
     patterns = (closed,) if isinstance(closed, str) else closed
@@ -134,9 +136,10 @@ def read_plant(
         parse_inputs(machine, inputs),
         check_quantity(quantity),
     )
-    file = source.parent / TUNED_JSON
+    file = result_file(source)
     lags = found_lag_remarks(file, machine.motors)
     ends = float(request.freq_hz[0]), float(request.freq_hz[-1])
     moved = moved_sensor_remark(file, [p.point for p in (*request.outputs, *request.inputs)])
     remarks = tuple(filter(None, (*lags, untested_band_remark(file, ends), moved)))
-    return TunedPlant(posterior, request, tuple(loop.name for loop in loops), remarks)
+    names, doubts = tuple(loop.name for loop in loops), tuple(plant_doubts(source))
+    return TunedPlant(posterior, request, names, remarks, doubts)

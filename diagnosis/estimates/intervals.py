@@ -14,6 +14,7 @@ from identification.words import Campaign, Real
 from tuning import (
     NORMAL_QUANTILE_95,
     STAGES,
+    Fit,
     ParameterConfidence,
     Parametrisation,
     estimate_confidence,
@@ -35,6 +36,8 @@ class FittedParameters:
         confidence: confidence of the parameters.
         converged: whether the fit converged.
         settings: number of points of an interval.
+        fit: the fit itself; None where parameters alone are known.
+        stride: every ``stride``-th line counts for the confidence.
     """
 
     parametrisation: Parametrisation
@@ -42,6 +45,8 @@ class FittedParameters:
     confidence: ParameterConfidence
     converged: bool = True
     settings: DiagnosisSettings = SETTINGS
+    fit: Fit | None = None
+    stride: int = 1
 
     def state_parameters(self, hypothesis: Hypothesis) -> dict[str, Value]:
         """Return the parameters of a hypothesis as the verdict states them."""
@@ -184,7 +189,11 @@ class _ReadRecord(dict[str, float]):
 
 
 def fit_parameters(
-    refit: Refit, stride_factor: int = 1, settings: DiagnosisSettings = SETTINGS
+    refit: Refit,
+    stride_factor: int = 1,
+    settings: DiagnosisSettings = SETTINGS,
+    *,
+    is_final: bool = True,
 ) -> FittedParameters:
     """Return the parameters of a refit with their confidence.
 
@@ -197,10 +206,12 @@ def fit_parameters(
         refit: the refit.
         stride_factor: factor on the stride of the lines.
         settings: gain that ends the final stage.
+        is_final: whether the final fit is made; else the parameters are those of the refit.
     """
     session, fitted = refit.session, refit.fit
     model, campaign, parametrisation = session.model, session.campaign, fitted.parametrisation
-    if not is_gap_visible(refit.gap):
+    stride, is_visible = stride_factor, is_gap_visible(refit.gap)
+    if is_final and not is_visible:
         stage = replace(
             STAGES[-1],
             model_error_floor=refit.floor,
@@ -221,14 +232,21 @@ def fit_parameters(
             shifts = np.abs(fitted.x[coordinates.is_tolerance])
             if shifts.max(initial=0.0) <= PLAUSIBLE_PULL_SIGMA:
                 break
-        confidence = estimate_confidence(model, thin_lines(campaign, stride_factor), fitted)
+        confidence = estimate_confidence(model, thin_lines(campaign, stride), fitted)
     else:
-        thin = thin_lines(campaign, settings.schedule.stride // 2 * stride_factor)
-        confidence = estimate_confidence(model, thin, fitted, has_model_error=True)
+        stride = settings.schedule.stride // 2 * stride_factor
+        thin = thin_lines(campaign, stride)
+        confidence = estimate_confidence(model, thin, fitted, has_model_error=is_visible)
         shared = refit.statistics.values / refit.statistics.effective_values
         confidence = replace(confidence, chi_square=max(confidence.chi_square, shared))
     return FittedParameters(
-        fitted.parametrisation, fitted.theta, confidence, fitted.converged, settings
+        fitted.parametrisation,
+        fitted.theta,
+        confidence,
+        fitted.converged,
+        settings,
+        fitted,
+        stride,
     )
 
 

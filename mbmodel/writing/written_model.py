@@ -4,9 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from identification.words import Real
+from identification.words.file_access import temporary_folder
+from mbmodel.machine import Machine
 from mbmodel.machine_loading import load_machine
 from mbmodel.mjcf.difference import Difference
-from mbmodel.mjcf.edit import NotInMjcf
+from mbmodel.mjcf.edit import NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.mjcf.written_file import WrittenModel, compare_with, in_place, write_and_compare
 from mbmodel.model import Model
@@ -48,6 +50,24 @@ def write_model(
             source, target, [*changes, *laws], folder, compare_with(linear, laws)
         )
     return WrittenModel(target.name, not_held, "" if difference is None else str(difference))
+
+
+def read_as_written(model: Model, theta: Real) -> Machine:
+    """Return the machine that an MJCF of a model at theta describes, by way of a temporary file.
+
+    The file is in expanded form, so that two machines differ by their parameters alone.
+
+    Args:
+        model: machine and Parts; laws that act in tests alone are left out.
+        theta: parameters in SI; (n_parameter,).
+
+    Raises:
+        InputError: the source cannot be read any more.
+    """
+    changes, _ = split_edits(model, theta)
+    with temporary_folder() as folder:
+        write_mjcf(model.machine.source, folder / "machine.xml", changes, expanded=True)
+        return load_machine(folder / "machine.xml", key=model.machine.keyframe)
 
 
 def _following(model: Model) -> Model:

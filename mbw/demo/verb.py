@@ -18,9 +18,10 @@ from mbw.identify import verb as identify
 from mbw.identify.files import PAGE as MODES_PAGE
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
-from mbw.results.diagnosed_files import PAGE, VERDICT
+from mbw.results.diagnosed_files import PAGE
 from mbw.tune import verb as tune
 from mbw.tune.page import PAGE as TUNED_PAGE
+from tuning.files.plant_folder import VERDICT
 
 
 def run_options(

@@ -33,6 +33,7 @@ from mbw.results.fault_rows import fault_row
 from mbw.results.machine_rows import machine_rows, place_row
 from tuning import gap_at_bodies, predict
 from tuning.files.input_files import input_rows
+from tuning.files.plant_folder import PlantRow
 
 STEPS = ("as drawn", "re-tuned", "with the effect")
 Cell = tuple[int, Dof]  # index of a test in the campaign, and an output of it
@@ -42,6 +43,7 @@ def collect_result(
     diagnosis: Diagnosis,
     written: WrittenModel = NOT_WRITTEN,
     not_held_error: float | None = None,
+    plant: PlantRow | None = None,
 ) -> StoredDiagnosis:
     """Collect the result of a diagnosis.
 
@@ -49,6 +51,7 @@ def collect_result(
         diagnosis: diagnosis with its fits.
         written: what became of the augmented MJCF.
         not_held_error: relative change of the FRFs without what it does not hold.
+        plant: what it is as a plant.
     """
     verdict = build_verdict(diagnosis)
     campaign, machine = diagnosis.retuned.campaign, diagnosis.session.model.machine
@@ -95,6 +98,7 @@ def collect_result(
         not_held_by_mjcf=[str(parameter) for parameter in written.not_held],
         not_held_error=not_held_error,
         mjcf_difference=written.difference,
+        plant=plant,
     )
     arrays = {"freq_hz": freq, **frfs, **machine_arrays}
     return StoredDiagnosis(verdict, diagnosis.evidence, shown, arrays)

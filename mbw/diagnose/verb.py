@@ -34,17 +34,10 @@ from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
 from mbw.page.numbers import format_closed, format_percent
 from mbw.remarks import calibration_sentence, describe_not_in_mjcf
-from mbw.results.diagnosed_files import (
-    AUGMENTED,
-    CHECKPOINT,
-    NAMES,
-    PAGE,
-    SHOWN,
-    VERDICT,
-    write_files,
-)
+from mbw.results.diagnosed_files import CHECKPOINT, NAMES, PAGE, write_files
 from mbw.resume import open_checkpoint
 from tuning import Checkpoint, Session, open_session
+from tuning.files.plant_folder import AUGMENTED, SHOWN, VERDICT
 
 _MAX_LISTED_CAUSES = 8  # causes that the terminal lists
 
@@ -100,7 +93,9 @@ def run(
         diagnosis = _diagnose(session, jobs, checkpoint)
         with output.write() as place:
             augmented = write_augmented(diagnosis, place / AUGMENTED)
-            result = collect_result(diagnosis, augmented.written, augmented.not_held_error)
+            result = collect_result(
+                diagnosis, augmented.written, augmented.not_held_error, augmented.plant
+            )
             write_files(result, place)
             (place / PAGE).write_text(render(result), encoding="utf-8")
         checkpoint.close()
@@ -113,6 +108,10 @@ def run(
     effect = " with the effect" if diagnosis.present.established else ""
     SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
     SCREEN.say(f"  {calibration_sentence(session.known_force_tolerance)}")
+    for row in augmented.plant.alternatives:
+        SCREEN.say(
+            f"  {row.name} may be there instead ({format_percent(row.probability)}): {row.file}"
+        )
     shown = result.shown
     if missing := describe_not_in_mjcf(shown.not_held_by_mjcf, shown.not_held_error, SHOWN):
         SCREEN.say(f"  {missing}")

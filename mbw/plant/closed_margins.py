@@ -10,10 +10,11 @@ from mbw.plant.margin_files import write_margins
 from mbw.plant.margin_rows import margins_row
 from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.margin_sentences import margin_lines
+from tuning.files.plant_folder import held_out_beside
 from tuning.plant.error_budget.definition import sampling_period
 from tuning.plant.error_budget.loop_margins import ClosedLoops, closed_loops
 from tuning.plant.error_budget.loop_plant import LoopPlant, loops_alone
-from tuning.plant.error_budget.machine_files import fitted_model, tuning_beside
+from tuning.plant.error_budget.machine_files import fitted_model
 from tuning.plant.error_budget.plant_budget import MACHINE_SEED, POSTERIOR_MACHINES, open_loops
 from tuning.plant.error_budget.variant_margins import VariantMargins, variant_margins
 from tuning.plant.variant_model import VariantModel
@@ -94,7 +95,7 @@ def study_loops(
     thetas = tuning = None
     if posterior is not None:
         posterior = replace(posterior, model=open_loops(posterior.model))
-        thetas, tuning = posterior.sample(POSTERIOR_MACHINES, MACHINE_SEED), tuning_beside(path)
+        thetas, tuning = posterior.sample(POSTERIOR_MACHINES, MACHINE_SEED), held_out_beside(path)
     plant = LoopPlant.of(fitted, definition)
     closed = closed_loops(plant, fitted.drawn, posterior, thetas, tuning)
     models = read_variants()

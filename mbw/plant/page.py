@@ -68,7 +68,7 @@ def render_plant(
 def _note(plant: PlantBudget) -> str:
     """Return what the intervals mean."""
     if plant.interval is None:
-        return "No interval: the machine is no tuned.xml with its posterior.npz beside."
+        return "No interval: the machine has no posterior.npz of a tuning or diagnosis beside it."
     largest = float(plant.interval.by_model_error.max(initial=0.0))
     return (
         "Intervals: covariance of the fit, to first order in the logarithm of the rms, with the "

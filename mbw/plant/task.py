@@ -18,17 +18,19 @@ from mbw.plant.rows import budget_row
 from mbw.plant.schema import BudgetRow, StrutsRow
 from mbw.plant.sentences import budget_lines_of_text, cause_sentences
 from mbw.plant.struts import StrutsResult, compute_struts
-from mbw.results.diagnosed_files import AUGMENTED, VERDICT, result_file
 from mbw.results.rivals import rival_sentence
 from tuning.files.found_lags import found_lag_remarks, untested_band_remark
+from tuning.files.plant_folder import (
+    AUGMENTED,
+    VERDICT,
+    held_out_beside,
+    plant_doubts,
+    plant_file,
+    result_file,
+)
 from tuning.files.result import TUNED_MJCF
 from tuning.plant.error_budget.budget_remarks import budget_sentences
-from tuning.plant.error_budget.machine_files import (
-    fitted_model,
-    model_with_posterior,
-    tuned_file,
-    tuning_beside,
-)
+from tuning.plant.error_budget.machine_files import fitted_model, model_with_posterior
 from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.sampling_images import image_sentences
@@ -78,7 +80,8 @@ class BudgetResult:
         row: for the JSON file.
         names: of the machine, and of the counterpart.
         causes: sentences on what a diagnosis found.
-        lags: sentences on drives that are late, for the page; the terminal has them already.
+        first: doubts about the fit of the machine, and sentences on drives that are late, for the
+            page; the terminal has them already.
         notes: remarks that only say which frequencies test and spectra cover.
     """
 
@@ -86,7 +89,7 @@ class BudgetResult:
     row: BudgetRow
     names: tuple[str, str]
     causes: tuple[str, ...]
-    lags: tuple[str, ...] = ()
+    first: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
@@ -95,8 +98,7 @@ class BudgetResult:
 
     def page(self, struts: StrutsResult | None) -> str:
         """Return the HTML page, with a section on struts if there is one."""
-        lags = [f"{text[:1].upper()}{text[1:]}." for text in self.lags]
-        row = self.row.model_copy(update={"remarks": [*lags, *self.row.remarks]})
+        row = self.row.model_copy(update={"remarks": [*self.first, *self.row.remarks]})
         return render_plant(self.plant, row, self.names, self.causes, struts, notes=self.notes)
 
     @property
@@ -188,10 +190,10 @@ def _compute_budget(
     before = request.before or _machine_before(path)
     counterpart = None
     if before is not None:
-        before = tuned_file(before)
+        before = plant_file(before)
         counterpart, _ = model_with_posterior(load_machine(before), before)
         read_definition(file, counterpart.machine)  # refuses labels that it lacks
-    tuning = None if posterior is None else tuning_beside(path)
+    tuning = None if posterior is None else held_out_beside(path)
     variants = request.read_variants() if definition.loops else None
     plant = replace(
         plant_budget(fitted, definition, counterpart, posterior), tuning=tuning, variants=variants
@@ -217,12 +219,14 @@ def _compute_budget(
     units = [definition.units[error.name][1] for error in row.errors]
     sentences = [] if verdict is None else _sentences_on_causes(verdict, row, units)
     lags = found_lag_remarks(result_file(path), machine.motors)
-    return BudgetResult(plant, row, names, tuple(sentences), tuple(lags), notes)
+    first = [*plant_doubts(path), *(f"{text[:1].upper()}{text[1:]}." for text in lags)]
+    return BudgetResult(plant, row, names, tuple(sentences), tuple(first), notes)
 
 
 def _name_of(before: Path) -> str:
-    """Return the name of the counterpart: as drawn, or by its file."""
-    return "tuned" if before.name == TUNED_MJCF else f"as drawn ({before.name})"
+    """Return the name of the counterpart: the fit that wrote it, or as drawn."""
+    fits = {TUNED_MJCF: "tuned", AUGMENTED: "diagnosed"}
+    return fits.get(before.name, f"as drawn ({before.name})")
 
 
 def _machine_before(path: Path) -> Path | None:

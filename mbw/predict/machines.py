@@ -13,18 +13,20 @@ from mbmodel import (
     Combined,
     Machine,
     Model,
+    body_parts,
     combine,
+    joint_parts,
     load_machine,
     with_loops,
 )
 from mbw.output_folder import source_of
 from mbw.predict.additions import Additions
 from mbw.predict.spring_laws import SpringLaw, model_with_laws
-from mbw.results.diagnosed_files import result_file
 from mbw.spin_rates import parse_spin_rates
 from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
 from tuning.control_loops.stability import instability_sentence, unstable_variants
 from tuning.files.found_lags import found_lag_remarks
+from tuning.files.plant_folder import result_file
 from tuning.files.result import TUNED_JSON, TUNED_MJCF
 from tuning.plant.variant_model import VariantModel, read_variant_model
 
@@ -133,6 +135,12 @@ class Machines:
     model: Model
     combined: Combined | None
     rates: Mapping[str, float]
+
+    @property
+    def whole(self) -> Model:
+        """Model with everything of the machine that a fit can vary as Parts."""
+        model, machine = self.model, self.model.machine
+        return Model(machine, (*model.parts, *body_parts(machine), *joint_parts(machine)))
 
     def write_combined(self, folder: Path, home: Path) -> None:
         """Write the combined MJCF, if there is one, into a folder that will move to another."""

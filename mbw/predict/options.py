@@ -18,7 +18,10 @@ app = typer.Typer(rich_markup_mode=None, add_completion=False)
 @app.command()
 def predict(  # noqa: PLR0913  # one for each option
     model: Annotated[
-        Path, typer.Argument(help="MJCF of a machine, the folder of mbw tune, or a campaign.")
+        Path,
+        typer.Argument(
+            help="MJCF of a machine, the folder of mbw tune or mbw diagnose, or a campaign."
+        ),
     ],
     *,
     modes: Annotated[
@@ -114,14 +117,15 @@ def predict(  # noqa: PLR0913  # one for each option
     bands: Annotated[
         bool,
         typer.Option(
-            "--bands", help="Write the FRFs with their 95 % intervals to bands.npz; of a tuning."
+            "--bands",
+            help="Write the FRFs with their 95 % intervals to bands.npz; of a tuning or diagnosis.",
         ),
     ] = False,
     diagnosed: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Folder of mbw diagnose: its causes widen the bands as alternatives.",
+            help="Folder of mbw diagnose: its causes widen the bands of a tuning as alternatives.",
         ),
     ] = None,
     samples: Annotated[
@@ -129,7 +133,7 @@ def predict(  # noqa: PLR0913  # one for each option
         typer.Option(
             min=0,
             max=MAX_SAMPLES,
-            help="Samples of the tuning's posterior: parameters, FRFs and state spaces, in "
+            help="Samples of the posterior of the fit: parameters, FRFs and state spaces, in "
             "samples.npz.",
         ),
     ] = 0,
@@ -138,14 +142,14 @@ def predict(  # noqa: PLR0913  # one for each option
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write the uncertain plant F_u(M, Delta) of a tuning as .npz or .mat.",
+            help="Write the uncertain plant F_u(M, Delta) of a fit as .npz or .mat.",
         ),
     ] = None,
     weight: Annotated[
         int | None,
         typer.Option(
             metavar="ORDER",
-            help="Write a filter of this order that bounds the tuning's held-out error at the "
+            help="Write a filter of this order that bounds the held-out error of the fit at the "
             "inputs, to weight.npz and weight.mat.",
         ),
     ] = None,

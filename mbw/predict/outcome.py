@@ -27,6 +27,7 @@ class Outcome:
         combination_remarks: sentences on the combination.
         state_space: FRFs of the state space beside those of the model; None if not asked for.
         plant_rows: rows of the JSON file about the plant, by key.
+        doubts: about the fit of the machine, one sentence each, which stand first.
     """
 
     prediction: Prediction
@@ -35,6 +36,7 @@ class Outcome:
     combination_remarks: tuple[str, ...]
     state_space: StateSpaceComparison | None
     plant_rows: Mapping[str, PlantRow] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
 
     @property
     def machine(self) -> Machine:
@@ -43,9 +45,9 @@ class Outcome:
 
     @property
     def remarks(self) -> list[str]:
-        """Findings on the model and the combination, one sentence each."""
+        """Doubts, then findings on the model and the combination, one sentence each."""
         sentences = [f"{text[:1].upper()}{text[1:]}." for text in self.combination_remarks]
-        return sentences + self.prediction.remarks
+        return [*self.doubts, *sentences, *self.prediction.remarks]
 
     @property
     def state_space_row(self) -> StateSpaceCheckRow | None:
@@ -62,10 +64,12 @@ class Outcome:
         """Return the rows of the JSON file."""
         summary = modes_file(self.prediction)
         if self.comparison is not None and self.curves is not None:
-            summary.remarks = self.remarks
+            summary.remarks = self.remarks[len(self.doubts) :]
             summary.put_on_top = put_on_top_row(self.comparison, self.curves)
         if (row := self.state_space_row) is not None:
             summary.state_space_check = row
+        if self.doubts:
+            summary.doubts = list(self.doubts)
         for key, plant_row in self.plant_rows.items():
             setattr(summary, key, plant_row)
         return summary

@@ -1,4 +1,4 @@
-"""The plant with its uncertainty: bands, samples, uncertain plant and weight, from a tuning."""
+"""The plant with its uncertainty: bands, samples, uncertain plant and weight, from a fit."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -7,10 +7,10 @@ import numpy as np
 
 from identification import read_settings
 from identification.words import InputError, Real, percent_text
-from mbmodel import FrfRequest, Model, body_parts, joint_parts
+from mbmodel import FrfRequest, Model
 from mbw.page.numbers import format_percent
 from mbw.predict.alternative_plants import alternatives_sentence, read_alternatives
-from mbw.predict.machines import Machines
+from mbw.predict.machines import MachineRequest, Machines
 from mbw.predict.plant_files import (
     BANDS_NPZ,
     SAMPLES_NPZ,
@@ -32,7 +32,8 @@ from mbw.predict.schema import BandsRow, PlantRow, UncertainPlantRow, WeightRow
 from mbw.predict.state_space_check import law_rows, law_sentences
 from tuning import POSTERIOR_NPZ, PosteriorOfModel, read_posterior
 from tuning.files.found_lags import moved_sensor_remark, untested_band_remark
-from tuning.files.result import TUNED_JSON, TUNED_MJCF
+from tuning.files.plant_folder import has_posterior, plant_file, result_file
+from tuning.files.result import TUNED_MJCF
 from tuning.plant import AlternativePlants, FrfBands, frf_bands
 
 CAMPAIGN_TOML = "campaign.toml"  # of the folder of a campaign
@@ -47,10 +48,10 @@ class PlantResult:
 
     Args:
         model: at its nominal parameters.
-        source: its MJCF.
+        machine: its MJCF and its state.
         frfs: outputs, inputs and lines; None if no port is requested.
         request: what is asked for.
-        posterior: of a tuning; None if nothing of it is asked for.
+        posterior: of a fit; None if nothing of it is asked for.
         bands: of the FRFs; None without a posterior or ports.
         alternatives: plants with and without the causes of a diagnosis; None without one.
         rows: of the JSON file, by key.
@@ -58,7 +59,7 @@ class PlantResult:
     """
 
     model: Model
-    source: Path
+    machine: MachineRequest
     frfs: FrfRequest | None
     request: PlantRequest
     posterior: PosteriorOfModel | None = None
@@ -87,17 +88,18 @@ class PlantResult:
             return None
         frfs = replace(self.frfs, freq_hz=freq_hz)
         bands = frf_bands(self.posterior, frfs)
-        if self.request.diagnosed is None:
+        if self.alternatives is None:
             return bands.magnitude_interval()
-        return read_alternatives(
-            self.request.diagnosed, self.posterior, frfs, bands
-        ).magnitude_interval()
+        plants = read_alternatives(
+            self.machine, self.request.diagnosed, self.posterior, frfs, bands
+        )
+        return (plants or bands).magnitude_interval()
 
     def write_into(self, place: Path) -> None:
         """Write bands, samples and weight into the folder of the result.
 
         Raises:
-            InputError: a file cannot be written, or the tuning has no held-out predictions.
+            InputError: a file cannot be written, or the fit has no held-out predictions.
         """
         frfs, request, posterior = self.frfs, self.request, self.posterior
         if self.bands is not None and self.interval is not None and request.bands:
@@ -110,7 +112,7 @@ class PlantResult:
                 "FRFs and state spaces"
             )
         if request.weight is not None:
-            row = write_weight(self.source.parent, request.weight, place)
+            row = write_weight(self.machine.path, request.weight, place)
             self.rows["weight"] = row
             self.sentences.append(_weight_sentence(row))
 
@@ -140,10 +142,10 @@ class PlantResult:
 
 
 def find_model(path: Path, key: str | None = None) -> tuple[Path, Path, str | None]:
-    """Return the MJCF of a model, a tuning or a campaign, and the file that states its loops.
+    """Return the MJCF of a model, a fit or a campaign, and the file that states its loops.
 
     Args:
-        path: an MJCF, a folder of ``mbw tune``, or a campaign.
+        path: an MJCF, a folder of ``mbw tune`` or ``mbw diagnose``, or a campaign.
         key: keyframe that the user states; None for that of a campaign.
 
     Returns:
@@ -160,48 +162,52 @@ def find_model(path: Path, key: str | None = None) -> tuple[Path, Path, str | No
         return source.parent / settings.model, source, settings.key if key is None else key
     if not path.is_dir():
         return path, path, key
-    if not (path / TUNED_MJCF).is_file():
+    mjcf = plant_file(path)
+    if not mjcf.is_file():
         raise InputError(
-            f"{path} holds no {TUNED_MJCF}: name an MJCF, a folder of mbw tune or a campaign"
+            f"{path} holds no {TUNED_MJCF}: name an MJCF, a folder of mbw tune or mbw diagnose, or "
+            "a campaign"
         )
-    return path / TUNED_MJCF, path / TUNED_MJCF, key
+    return mjcf, mjcf, key
 
 
 def compute_plant(
-    machines: Machines, source: Path, frfs: FrfRequest | None, request: PlantRequest
+    machines: Machines,
+    machine_request: MachineRequest,
+    frfs: FrfRequest | None,
+    request: PlantRequest,
 ) -> PlantResult:
-    """Read the posterior beside a tuned MJCF, if it is needed, and compute the bands.
+    """Read the posterior beside a fitted MJCF, if it is needed, and compute the bands.
 
     A reduction without an order takes it too where it is there: it says which states matter.
 
     Args:
         machines: the machine, with what is put on it.
-        source: its MJCF.
+        machine_request: its MJCF and its state.
         frfs: outputs, inputs and lines; None if no port is requested.
         request: what is asked for.
 
     Raises:
         InputError: no posterior, or one of another model.
     """
-    model, file = machines.model, source.parent / POSTERIOR_NPZ
-    is_useful = request.method is not None and request.order is None and _is_tuned(source)
+    model, source = machines.model, machine_request.path
+    file = source.parent / POSTERIOR_NPZ
+    is_useful = request.method is not None and request.order is None and has_posterior(source)
     if not (request.needs_fit or is_useful):
-        return PlantResult(model, source, frfs, request)
+        return PlantResult(model, machine_request, frfs, request)
     if not file.is_file():
         raise InputError(
-            f"{file} is missing, which mbw tune writes: name the folder of a tuning, or its "
-            f"{TUNED_MJCF}"
+            f"{file} is missing, which mbw tune and mbw diagnose write: name the folder of a "
+            f"tuning or diagnosis, or its MJCF"
         )
-    machine = model.machine
-    whole = Model(machine, (*model.parts, *body_parts(machine), *joint_parts(machine)))
-    posterior = read_posterior(file).on(whole)
+    posterior = read_posterior(file).on(machines.whole)
     if frfs is None:
-        return PlantResult(model, source, frfs, request, posterior)
+        return PlantResult(model, machine_request, frfs, request, posterior)
     bands = frf_bands(posterior, frfs)
     alternatives = None
-    if request.diagnosed is not None:
-        alternatives = read_alternatives(request.diagnosed, posterior, frfs, bands)
-    plant = PlantResult(model, source, frfs, request, posterior, bands, alternatives)
+    if request.bands:
+        alternatives = read_alternatives(machine_request, request.diagnosed, posterior, frfs, bands)
+    plant = PlantResult(model, machine_request, frfs, request, posterior, bands, alternatives)
     if request.bands:
         row = _bands_row(plant, bands, posterior)
         plant.rows["bands"] = row
@@ -213,14 +219,9 @@ def compute_plant(
         if row.remark:
             plant.sentences.append(f"bands: {row.remark}")
     if alternatives is not None:
-        points = machine.layout.points
+        points = model.machine.layout.points
         plant.sentences.append(alternatives_sentence(alternatives, request.diagnosed, points))
     return plant
-
-
-def _is_tuned(source: Path) -> bool:
-    """Return whether a posterior lies beside a tuned MJCF."""
-    return source.name == TUNED_MJCF and (source.parent / POSTERIOR_NPZ).is_file()
 
 
 def _bands_row(plant: PlantResult, bands: FrfBands, posterior: PosteriorOfModel) -> BandsRow:
@@ -229,7 +230,7 @@ def _bands_row(plant: PlantResult, bands: FrfBands, posterior: PosteriorOfModel)
     moving = size > 0
     low, high = plant.interval or bands.magnitude_interval()
     half = ((high - low) / 2)[moving] / size[moving]
-    file = plant.source.parent / TUNED_JSON
+    file = result_file(plant.machine.path)
     moved = moved_sensor_remark(
         file, [port.point for port in (*bands.request.outputs, *bands.request.inputs)]
     )
@@ -246,7 +247,7 @@ def _bands_row(plant: PlantResult, bands: FrfBands, posterior: PosteriorOfModel)
 def _model_error_phrase(row: BandsRow) -> str:
     """Return what of the bands is no error of the parameters."""
     if not row.discrepancy:
-        return "the tuning showed no model error beside the noise"
+        return "the fit showed no model error beside the noise"
     return f"it holds a model error, {percent_text(row.discrepancy)} of the machine's forces"
 
 

@@ -9,7 +9,8 @@ from mbmodel import FrfRequest, Machine, export_state_space
 from mbw.named_arrays import write_named_arrays
 from mbw.predict.plant_state_space import port_texts
 from mbw.predict.schema import UncertainPlantRow, WeightRow
-from tuning import PosteriorOfModel, read_result
+from tuning import PosteriorOfModel
+from tuning.files.plant_folder import read_held_out
 from tuning.plant import (
     AlternativePlants,
     FrfBands,
@@ -128,19 +129,19 @@ def write_samples(
     write_named_arrays(target, arrays, texts)
 
 
-def write_weight(tuning: Path, order: int, place: Path) -> WeightRow:
+def write_weight(mjcf: Path, order: int, place: Path) -> WeightRow:
     """Write the weight of the input error for Python and MATLAB.
 
     Args:
-        tuning: folder of the tuning.
+        mjcf: of the tuning or diagnosis.
         order: of the filter.
         place: folder of the files.
 
     Raises:
-        InputError: a file cannot be written, or the tuning has no held-out predictions.
+        InputError: a file cannot be written, or the fit has no held-out predictions.
         UsageError: an order that cannot be used.
     """
-    result = read_result(tuning)
+    result = read_held_out(mjcf)
     error = held_out_input_error(result)
     weight = bound_magnitudes(error.freq_hz, error.quantile, order)
     numerator, denominator = weight.polynomials()

@@ -266,6 +266,7 @@ class PredictedModesFile(ResultFile):
     """Content of the JSON file of ``mbw predict --json``.
 
     Args:
+        doubts: about the fit of the machine of a tuning or diagnosis; only with any.
         put_on_top: only with ``--mount`` or ``--add-mass``.
         state_space_check: only with ``--check``.
         bands, uncertain_plant, weight, reduction: only with the options of these names.
@@ -273,6 +274,7 @@ class PredictedModesFile(ResultFile):
         margins: of closed loops, only without a budget, which has its own.
     """
 
+    doubts: list[str] = Field(default_factory=list)
     model: str
     remarks: list[str]
     bodies: list[str]

@@ -24,6 +24,7 @@ from mbw.predict.plant import FOLDER_NAMES, PlantResult, compute_plant, find_mod
 from mbw.predict.plant_request import PlantRequest
 from mbw.predict.requests import DEFAULT_BAND_HZ, PredictRequest, frf_request
 from mbw.predict.spring_laws import parse_laws
+from tuning.files.plant_folder import plant_doubts
 
 _FOLDER_SUFFIX = "predicted"  # end of the default folder's name
 
@@ -154,9 +155,10 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
                 has_page=targets.options.pictures,
                 has_check=targets.check,
             )
+            outcome = replace(outcome, doubts=tuple(plant_doubts(machine_request.path)))
             for remark in outcome.remarks:
                 SCREEN.say(remark)
-            plant = compute_plant(machines, machine_request.path, frfs, targets.plant)
+            plant = compute_plant(machines, machine_request, frfs, targets.plant)
             outcome = _add_interval(outcome, frfs, plant)
             study = study_plant(
                 machines.model.machine,

@@ -23,6 +23,7 @@ from mbw.tune.mode_table_page import MODE_TABLE_PAGE
 from mbw.tune.mode_table_page import render as mode_table_page
 from tuning import read_result
 from tuning.files.mode_table_result import MODE_TABLE_JSON, read_mode_table_result
+from tuning.files.plant_folder import SHOWN, VERDICT
 from tuning.files.result import TUNED_JSON
 
 
@@ -55,7 +56,7 @@ _RESULT_KINDS = (
     _Kind("identify", (MODES_JSON,), MODES_PAGE, modes_page),
     _Kind(
         "diagnose",
-        (diagnosed.VERDICT, diagnosed.SHOWN),
+        (VERDICT, SHOWN),
         diagnosed.PAGE,
         lambda path: diagnosis_page(diagnosed.read_result(path)),
     ),

@@ -14,16 +14,22 @@ from identification.readers.result_files import (
 from identification.words import InputError
 from mbw.results.diagnosed_schema import ShownFile
 from mbw.results.machine_rows import restore_machine
+from tuning import POSTERIOR_NPZ
 from tuning.control_loops.loops_file import LOOPS_JSON
-from tuning.files.result import TUNED_JSON, TUNED_MJCF
+from tuning.files.plant_folder import ARRAYS, AUGMENTED, DIAGNOSE_VERB, SHOWN, VERDICT
 
-VERDICT, EVIDENCE = "verdict.json", "evidence.json"
-SHOWN, ARRAYS, PAGE = "diagnosis.json", "diagnosis.npz", "report.html"
-AUGMENTED = "augmented.xml"
+EVIDENCE, PAGE = "evidence.json", "report.html"
 CHECKPOINT = "diagnose.checkpoint.json"
-NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, LOOPS_JSON, PAGE)
-_VERB = "mbw diagnose"
-_RESULT_OF = {TUNED_MJCF: TUNED_JSON, AUGMENTED: VERDICT}  # MJCF of a result, and its JSON file
+_MOST_ALTERNATIVES = 19  # of a probability of 5 % or more, beside the plant itself
+ALTERNATIVES = tuple(  # MJCF and posterior of each plant that may be there in place of AUGMENTED
+    f"alternative{number}.{suffix}"
+    for number in range(1, _MOST_ALTERNATIVES + 1)
+    for suffix in ("xml", "npz")
+)
+NAMES = (
+    *(VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, POSTERIOR_NPZ, LOOPS_JSON, PAGE),
+    *ALTERNATIVES,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +58,6 @@ class StoredDiagnosis:
         return bool(self.arrays["after"].size)
 
 
-def result_file(path: Path) -> Path | None:
-    """Return the JSON file of the tuning or diagnosis that wrote an MJCF; None of any other."""
-    name = _RESULT_OF.get(path.name)
-    return path.parent / name if name is not None and (path.parent / name).is_file() else None
-
-
 def write_files(result: StoredDiagnosis, folder: Path) -> None:
     """Write JSON files and arrays into an existing folder."""
     rows = {VERDICT: result.verdict, EVIDENCE: result.evidence, SHOWN: result.shown}
@@ -76,10 +76,12 @@ def read_result(path: Path) -> StoredDiagnosis:
         InputError: a file is missing, broken or of another version.
     """
     folder = path if path.is_dir() else path.parent
-    verdict = read_result_json(folder / VERDICT, Verdict, _VERB)
-    evidence = read_result_json(folder / EVIDENCE, Evidence, _VERB)
-    shown = read_result_json(folder / SHOWN, ShownFile, _VERB)
-    result = StoredDiagnosis(verdict, evidence, shown, read_result_arrays(folder / ARRAYS, _VERB))
+    verdict = read_result_json(folder / VERDICT, Verdict, DIAGNOSE_VERB)
+    evidence = read_result_json(folder / EVIDENCE, Evidence, DIAGNOSE_VERB)
+    shown = read_result_json(folder / SHOWN, ShownFile, DIAGNOSE_VERB)
+    result = StoredDiagnosis(
+        verdict, evidence, shown, read_result_arrays(folder / ARRAYS, DIAGNOSE_VERB)
+    )
     try:
         _check(result)
     except (ValueError, KeyError, AttributeError, TypeError, OverflowError) as error:

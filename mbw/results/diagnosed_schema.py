@@ -5,6 +5,7 @@ from pydantic import BaseModel, ConfigDict
 from identification.readers.result_files import ResultFile
 from identification.words import Quantity, VarianceSource
 from mbw.results.fault_rows import FaultRow
+from tuning.files.plant_folder import PlantRow
 from tuning.files.schema import InputRow
 
 Point = tuple[float, float, float]
@@ -160,6 +161,8 @@ class ShownFile(ResultFile, _Row):
         not_held_error: relative change of the FRFs without them, over the channels.
         mjcf_difference: how augmented.xml, read back, differs from the machine in memory in what
             an MJCF can hold; empty if it does not.
+        plant: what augmented.xml is as a plant, with its doubts and alternatives; null in files of
+            earlier versions.
     """
 
     campaign: str
@@ -184,3 +187,4 @@ class ShownFile(ResultFile, _Row):
     not_held_by_mjcf: list[str]
     not_held_error: float | None = None
     mjcf_difference: str = ""
+    plant: PlantRow | None = None

@@ -15,11 +15,13 @@ from mbmodel import (
     as_drawn,
     load_machine,
     model_edits,
+    read_as_written,
     release_rigid_directions,
     write_model,
 )
 from tests.helpers.drawn import drawn, line_by_line
 from tuning import build_toleranced_model
+from tuning.assessment.effect_slopes import find_effect_slopes
 
 FREQ = np.arange(4.0, 160.0, 1.0)
 WRITTEN = (
@@ -184,3 +186,30 @@ def test_what_no_mjcf_holds_is_said_with_its_reason(scene):
         model, theta = sized(scene, one)
         said = [str(edit) for edit in model_edits(model, theta)]
         assert any(reason in text for text in said), (effect, said)
+
+
+@pytest.mark.parametrize("effect", WRITTEN)
+def test_a_parameter_of_an_effect_changes_the_machine_of_the_file_as_in_memory(scene, effect):
+    # FRFs by central differences in memory, against the file with the matrices that were measured
+    hypothesis = next(iter(EFFECTS[effect](scene)))
+    model, theta = sized(scene, hypothesis)
+    names = [parameter.name for parameter in model.parameters]
+    added = [p.name for part in hypothesis.parts for p in part.parameters]
+    steps = {name: 1e-4 * max(1.0, abs(theta[names.index(name)])) for name in added}
+    written = read_as_written(model, theta)
+    slopes = find_effect_slopes(model, theta, steps, written)
+    assert slopes.names
+    drawn_parts = as_drawn(written)
+    plant = Model(written, (*drawn_parts.parts, slopes.part(written)))
+    random = np.random.default_rng(5)
+    change = {name: step * random.uniform(0.5, 1.5) for name, step in steps.items()}
+    in_memory = np.zeros(len(theta))
+    in_memory[[names.index(name) for name in added]] = list(change.values())
+    in_file = np.append(np.zeros(len(drawn_parts.drawn)), [change[name] for name in slopes.names])
+    campaign = scene.session.campaign
+    expected, found = (
+        line_by_line(moved, start + step, campaign, FREQ)
+        - line_by_line(moved, start - step, campaign, FREQ)
+        for moved, start, step in ((model, theta, in_memory), (plant, plant.drawn, in_file))
+    )
+    assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max()

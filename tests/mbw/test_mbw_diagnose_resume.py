@@ -8,8 +8,9 @@ from typer.testing import CliRunner
 from diagnosis.refits import refitting
 from mbw.command import app
 from mbw.diagnose import verb
-from mbw.results.diagnosed_files import CHECKPOINT, EVIDENCE, VERDICT
+from mbw.results.diagnosed_files import CHECKPOINT, EVIDENCE
 from tests.helpers.drawn import drawn
+from tuning.files.plant_folder import VERDICT
 
 STEP = "refits of the most promising hypotheses"  # the null model is finished then
 

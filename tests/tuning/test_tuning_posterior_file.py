@@ -68,9 +68,9 @@ def test_a_broken_posterior_is_refused(tuned, tmp_path):
         ("error_floor", np.array("none")),
     ):
         np.savez(target, **{**whole, key: value})
-        with pytest.raises(InputError, match="run mbw tune again"):
+        with pytest.raises(InputError, match="run mbw tune or mbw diagnose again"):
             read_posterior(target)
     del whole["scale"]
     np.savez(target, **whole)
-    with pytest.raises(InputError, match="run mbw tune again"):
+    with pytest.raises(InputError, match="run mbw tune or mbw diagnose again"):
         read_posterior(tmp_path)

@@ -7,8 +7,9 @@ The nominal model is the fitted one. With C = R R' (R = C^(1/2), symmetric) and 
     x = R z,    |z|^2 <= chi2
 
 is the ellipsoid that holds the parameters with the probability of that quantile of chi-square.
-Parts of the machine count alone. Tolerances of sensors and hammer belong to the measurement and are
-integrated out: their rows and columns of C are left out.
+Parts of the machine count, and parameters of effects that its MJCF holds (``effect_slopes``).
+Tolerances of sensors and hammer belong to the measurement and are integrated out: their rows and
+columns of C are left out.
 """
 
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ import scipy.stats
 
 from identification.words import InputError, Integers, Mask, Real, shorten_names
 from mbmodel import Model
+from tuning.assessment.effect_slopes import EffectSlopes
 
 # Relative difference at which a model's stiffness is no longer the fitted one: what an MJCF holds
 # of a value, and the nearest physical inertia, are below it.
@@ -41,6 +43,7 @@ class ParameterPosterior:
             noise; 0 if they show none.
         discrepancy: relative error of the machine's forces that the residuals show beside noise
             and parameters, as in ``model_discrepancy``; 0 if they show none.
+        effects: what parameters of effects change of the machine; None without any.
     """
 
     names: tuple[str, ...]
@@ -52,6 +55,7 @@ class ParameterPosterior:
     covariance: Real
     error_floor: float = 0.0
     discrepancy: float = 0.0
+    effects: EffectSlopes | None = None
 
     def __repr__(self) -> str:
         """Return the number of coordinates and the model-error floor in one line."""
@@ -101,15 +105,21 @@ class ParameterPosterior:
         Args:
             model: from ``machine_model``, at the tuned values.
 
+        Returns:
+            The posterior, whose model has a further Part for the parameters of effects.
+
         Raises:
             InputError: the model has other springs, or other values, than the fit.
         """
         source = model.machine.source
+        of_effects = () if self.effects is None else self.effects.names
+        if self.effects is not None:
+            model = Model(model.machine, (*model.parts, self.effects.part(model.machine)))
         index_of = {parameter.name: k for k, parameter in enumerate(model.parameters)}
         if missing := [name for name in self.parameters if name not in index_of]:
             raise InputError(
                 f"{source} lacks {shorten_names(missing)}, which the fit varied: name the "
-                "tuned.xml that was written beside the posterior"
+                "MJCF that was written beside the posterior"
             )
         indices = np.array([index_of[name] for name in self.parameters], np.intp)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,11 +128,13 @@ class ParameterPosterior:
         if changed := [
             name
             for name, size in pairs
-            if name.endswith((".stiffness", ".damping")) and not size <= _MAX_VALUE_CHANGE
+            if name.endswith((".stiffness", ".damping"))
+            and name not in of_effects
+            and not size <= _MAX_VALUE_CHANGE
         ]:
             raise InputError(
                 f"{source} was changed after the fit ({shorten_names(changed)}), so that its "
-                "uncertainty is not known: name the tuned.xml as it was written"
+                "uncertainty is not known: name the MJCF as it was written"
             )
         return PosteriorOfModel(self, model, indices)
 

@@ -1,9 +1,10 @@
-"""posterior.npz: posterior of the machine's parameters after a tuning, for ``mbw predict``.
+"""posterior.npz: posterior of the machine's parameters after a fit, for ``mbw predict``.
 
 The measurement's own parameters (gains, angles, positions of sensors and hammer) are integrated
 out: a plant from motor to encoder has none of them.
 """
 
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from identification.readers.result_files import read_result_arrays, write_result_arrays
 from identification.words import InputError, Integers, Real
 from mbmodel import Model
+from tuning.assessment.effect_slopes import EffectSlopes
 from tuning.assessment.parameter_posterior import ParameterPosterior
 from tuning.parametrisation.parametrisation import Parametrisation
 
@@ -25,6 +27,9 @@ def machine_posterior(
     covariance: Real,
     error_floor: float | None = None,
     discrepancy: float = 0.0,
+    *,
+    held: Collection[str] | None = None,
+    effects: EffectSlopes | None = None,
 ) -> ParameterPosterior:
     """Return the posterior of the machine's parameters.
 
@@ -35,10 +40,15 @@ def machine_posterior(
         covariance: of all coordinates; (n_x, n_x).
         error_floor: relative error of the model beside the noise; None if it shows none.
         discrepancy: relative error of the machine's forces; 0 if none shows.
+        held: names of the parameters that the MJCF of the machine has; None for all.
+        effects: what parameters of effects change of that machine; None without effects.
     """
     is_of_machine = np.array(
         [location.startswith(_MACHINE_LOCATIONS) for location in model.locations], bool
     )
+    if held is not None:
+        known = {*held, *(() if effects is None else effects.names)}
+        is_of_machine = np.array([each.name in known for each in model.parameters], bool)
     indices = np.flatnonzero(is_of_machine & parametrisation.free)
     kept: Integers = np.unique(parametrisation.coordinate_of[indices])
     return ParameterPosterior(
@@ -51,6 +61,7 @@ def machine_posterior(
         covariance[np.ix_(kept, kept)],
         error_floor or 0.0,
         discrepancy,
+        effects if effects is not None and effects.names else None,
     )
 
 
@@ -67,6 +78,9 @@ def write_posterior(posterior: ParameterPosterior, target: Path) -> None:
         "error_floor": np.array(posterior.error_floor),
         "discrepancy": np.array(posterior.discrepancy),
     }
+    if (effects := posterior.effects) is not None:
+        for name in ("names", "coordinates", "bodies", "inertia", "joint"):
+            arrays[f"effect_{name}"] = np.array(getattr(effects, name))
     write_result_arrays(target, arrays)
 
 
@@ -74,7 +88,7 @@ def read_posterior(path: Path) -> ParameterPosterior:
     """Read posterior.npz.
 
     Args:
-        path: the file, or the folder of a tuning.
+        path: the file, or the folder of a tuning or diagnosis.
 
     Raises:
         InputError: the file is missing, broken or of another version.
@@ -92,11 +106,30 @@ def read_posterior(path: Path) -> ParameterPosterior:
             np.asarray(arrays["covariance"], float),
             float(arrays["error_floor"]),
             float(arrays["discrepancy"]),
+            _read_effects(arrays),
         )
         _check(posterior)
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{file} is broken or of another version: run mbw tune again") from error
+        raise InputError(
+            f"{file} is broken or of another version: run mbw tune or mbw diagnose again"
+        ) from error
     return posterior
+
+
+def _read_effects(arrays: dict[str, np.ndarray]) -> EffectSlopes | None:
+    """Return the slopes by parameters of effects; None without effects."""
+    if "effect_names" not in arrays:
+        return None
+    names, coordinates, bodies = (
+        tuple(map(str, arrays[f"effect_{name}"])) for name in ("names", "coordinates", "bodies")
+    )
+    size = len(coordinates)
+    inertia = np.asarray(arrays["effect_inertia"], float)
+    joint = np.asarray(arrays["effect_joint"], float)
+    is_whole = inertia.shape == (len(names), len(bodies), 6, 6)
+    if not (is_whole and joint.shape == (len(names), 3, size, size)):
+        raise ValueError("effects")
+    return EffectSlopes(names, coordinates, bodies, inertia, joint)
 
 
 def _check(posterior: ParameterPosterior) -> None:

@@ -81,6 +81,11 @@ class TuningResult:
     freq_hz: Real
     levels: dict[str, LevelFrfs]
 
+    @property
+    def blocks(self) -> int:
+        """Number of blocks of lines that were held out."""
+        return len(self.summary.held_out_blocks)
+
 
 def summarise_tuning(
     tuned: CampaignTuning,

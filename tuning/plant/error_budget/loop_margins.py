@@ -8,7 +8,7 @@ import numpy as np
 from identification.words import Complex, Real
 from tuning.assessment.parameter_posterior import PosteriorOfModel
 from tuning.control_loops.stability import growing_pole
-from tuning.files.result import TuningResult
+from tuning.files.plant_folder import HeldOutResult
 from tuning.plant.control_loops.margin_values import AllMargins
 from tuning.plant.error_budget.definition import sampling_period
 from tuning.plant.error_budget.loop_plant import LoopPlant
@@ -72,7 +72,7 @@ def plant_margins(
     theta: Real,
     posterior: PosteriorOfModel | None = None,
     samples: Sequence[tuple[Real, Complex]] = (),
-    tuning: TuningResult | None = None,
+    tuning: HeldOutResult | None = None,
 ) -> PlantMargins:
     """Compute the margins of loops that are stable.
 
@@ -133,7 +133,7 @@ def closed_loops(
     theta: Real,
     posterior: PosteriorOfModel | None = None,
     thetas: Real | None = None,
-    tuning: TuningResult | None = None,
+    tuning: HeldOutResult | None = None,
 ) -> ClosedLoops:
     """Compute the margins of loops that may be unstable.
 

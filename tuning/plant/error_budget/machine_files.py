@@ -1,33 +1,27 @@
-"""Machine of a budget from its MJCF, with the posterior of the tuning that wrote it."""
+"""Machine of a budget from its MJCF, with the posterior of the fit that wrote it."""
 
 from pathlib import Path
 
 from mbmodel import Machine, Model, SpringPart, as_drawn, machine_model
 from tuning.assessment.parameter_posterior import PosteriorOfModel
-from tuning.control_loops.loops_file import LOOPS_JSON
-from tuning.files.posterior_file import POSTERIOR_NPZ, read_posterior
-from tuning.files.result import FRF_NPZ, TUNED_JSON, TUNED_MJCF, TuningResult, read_result
-
-
-def tuned_file(path: Path) -> Path:
-    """Return the MJCF of a tuning's folder; another path as it is."""
-    return path / TUNED_MJCF if path.is_dir() else path
+from tuning.files.plant_folder import has_posterior
+from tuning.files.posterior_file import read_posterior
 
 
 def model_with_posterior(machine: Machine, path: Path) -> tuple[Model, PosteriorOfModel | None]:
-    """Return the nominal model of a machine, and its posterior if a tuning wrote it.
+    """Return the nominal model of a machine, and its posterior if a fit wrote it.
 
     Args:
         machine: from the MJCF.
-        path: the MJCF; a ``tuned.xml`` may have a posterior beside it.
+        path: the MJCF; that of a tuning or diagnosis may have a posterior beside it.
 
     Raises:
         InputError: the posterior is broken or of another machine.
     """
-    if path.name != TUNED_MJCF or not (path.parent / POSTERIOR_NPZ).is_file():
+    if not has_posterior(path):
         return as_drawn(machine), None
-    model = machine_model(machine)
-    return model, read_posterior(path.parent).on(model)
+    posterior = read_posterior(path.parent).on(machine_model(machine))
+    return posterior.model, posterior
 
 
 def fitted_model(
@@ -45,23 +39,3 @@ def fitted_model(
         return model, None
     fitted, posterior = model_with_posterior(machine, path)
     return (model, None) if posterior is None else (fitted, posterior)
-
-
-def tuning_beside(path: Path) -> TuningResult | None:
-    """Return the tuning of FRFs that wrote an MJCF, if its held-out errors are those of the plant.
-
-    Args:
-        path: the MJCF.
-
-    Returns:
-        None if no such tuning lies beside the MJCF, or if loops were closed during its test: its
-        errors are then those of the closed loops.
-
-    Raises:
-        InputError: its files are damaged.
-    """
-    folder = path.parent
-    is_there = all((folder / name).is_file() for name in (TUNED_JSON, FRF_NPZ))
-    if not is_there or (folder / LOOPS_JSON).is_file():
-        return None
-    return read_result(folder)

@@ -9,7 +9,7 @@ import numpy as np
 from identification.words import Complex, InputError, Real
 from mbmodel import Model, with_loops
 from tuning.assessment.parameter_posterior import PosteriorOfModel
-from tuning.files.result import TuningResult
+from tuning.files.plant_folder import HeldOutResult
 from tuning.plant.control_loops.margin_values import AllMargins
 from tuning.plant.error_budget.budget import ErrorBudget, error_budget
 from tuning.plant.error_budget.definition import BudgetDefinition
@@ -66,7 +66,7 @@ class PlantBudget:
     posterior: PosteriorOfModel | None = None
     thetas: Real | None = None
     sample_poles: Sequence[Complex] = ()
-    tuning: TuningResult | None = None
+    tuning: HeldOutResult | None = None
     variants: VariantModel | None = None
 
     @cached_property

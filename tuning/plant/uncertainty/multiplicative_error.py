@@ -20,7 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Complex, InputError, Integers, Loop, Real, split_label
-from tuning.files.result import LevelFrfs, TuningResult
+from tuning.files.plant_folder import HeldOutResult
+from tuning.files.result import LevelFrfs
 
 _WINDOW_SHARE = 0.05  # of the lines, where no held-out block says how wide a resonance is
 _MIN_ERROR_SHARE = 1e-3  # of the largest quantile: below it noise hides the error
@@ -44,7 +45,7 @@ class MultiplicativeError:
     probability: float
 
 
-def held_out_input_error(result: TuningResult, probability: float = 0.95) -> MultiplicativeError:
+def held_out_input_error(result: HeldOutResult, probability: float = 0.95) -> MultiplicativeError:
     """Return the error at the inputs of a tuning on its held-out lines.
 
     Args:
@@ -57,8 +58,8 @@ def held_out_input_error(result: TuningResult, probability: float = 0.95) -> Mul
     frfs = result.levels["sensors"]
     if frfs.held_out is None:
         raise InputError(
-            "the tuning predicted no held-out lines, so that the error of its model is not known: "
-            "tune with residual log in a wider band"
+            "the fit predicted no held-out lines, so that the error of its model is not known: "
+            "fit with residual log in a wider band"
         )
     columns = _columns_of_files(frfs)
     errors = [_errors_of_file(frfs, frfs.held_out, each) for each in columns]
@@ -66,7 +67,7 @@ def held_out_input_error(result: TuningResult, probability: float = 0.95) -> Mul
 
 
 def held_out_loop_error(
-    result: TuningResult, loop: Loop, probability: float = 0.95
+    result: HeldOutResult, loop: Loop, probability: float = 0.95
 ) -> MultiplicativeError | None:
     """Return the held-out error of the plant of a control loop.
 
@@ -99,7 +100,7 @@ def has_one_input_unit(frfs: LevelFrfs) -> bool:
     return len(kinds) == 1
 
 
-def _with_quantile(result: TuningResult, every: Real, probability: float) -> MultiplicativeError:
+def _with_quantile(result: HeldOutResult, every: Real, probability: float) -> MultiplicativeError:
     """Return errors with their quantile in a window around each line.
 
     Args:
@@ -109,7 +110,7 @@ def _with_quantile(result: TuningResult, every: Real, probability: float) -> Mul
     """
     lines = np.flatnonzero(result.freq_hz > 0)
     errors = every[:, lines]
-    blocks = len(result.summary.held_out_blocks)
+    blocks = result.blocks
     width = len(lines) // blocks if blocks else max(3, int(_WINDOW_SHARE * len(lines)))
     quantile = np.empty(len(lines))
     for k in range(len(lines)):
