@@ -24,6 +24,7 @@ from tuning import build_toleranced_model
 FREQ = np.arange(4.0, 160.0, 1.0)
 WRITTEN = (
     "appendage",
+    "inertance",
     "joint_coupling",
     "mass_error",
     "missing_dof",
