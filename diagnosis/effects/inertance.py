@@ -85,7 +85,7 @@ class _Inerter:
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """Return the inertance [kg, kg m^2]."""
-        return {"inertance": self.unit * fitted[self.name]}
+        return {"inertance": self.unit * max(fitted[self.name], 0.0)}
 
 
 EFFECT = Effect(

@@ -26,7 +26,7 @@ NAMES = {
     "joint_coupling": (r"joint:\w+", "", {"offset"}),
     "missing_dof": (r"joint:\w+", ONE, {"stiffness", "damping"}),
     "structural_damping": (r"joint:\w+", "", {"loss_factor"}),
-    "viscoelastic": (r"joint:\w+", "", {"ratio", "tau"}),
+    "viscoelastic": (r"joint:\w+", rf"({ONE})?", {"ratio", "tau"}),
     "inertance": (r"joint:\w+", ONE, {"inertance"}),
     "feedback_delay": (r"joint:\w+", ONE, {"delay"}),
     "support_loss": (r"joint:\w+", "", {"fraction"}),
