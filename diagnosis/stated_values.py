@@ -67,6 +67,9 @@ def list_pairs(ends: Ends) -> list[tuple[float, float] | None]:
 
 
 def may_be_zero(ends: Ends) -> bool:
-    """Return whether an interval holds zero: of a vector, those of all known components."""
+    """Return whether an interval holds zero: of a vector, those of all known components.
+
+    That of a size that cannot be negative begins at zero.
+    """
     pairs = [pair for pair in list_pairs(ends) if pair is not None]
-    return bool(pairs) and all(low < 0 < high for low, high in pairs)
+    return bool(pairs) and all(low <= 0 <= high for low, high in pairs)

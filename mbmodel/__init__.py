@@ -74,6 +74,7 @@ from mbmodel.parts import (
     sensor_parts,
     spring_parts,
 )
+from mbmodel.parts.drawn_laws import StatedLaws, with_spring_laws
 from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, spring_law_part
 from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
 from mbmodel.ports.ports import parse_input, parse_output
@@ -143,6 +144,7 @@ __all__ = [
     "Spring",
     "SpringPart",
     "StateSpaceComparison",
+    "StatedLaws",
     "SystemMatrices",
     "TimeResponse",
     "TimeStep",
@@ -196,6 +198,7 @@ __all__ = [
     "transport",
     "weighted_motions",
     "with_loops",
+    "with_spring_laws",
     "with_variants",
     "write_copy",
     "write_mjcf",

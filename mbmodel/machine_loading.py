@@ -28,6 +28,7 @@ from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.mjcf.stages import stage_bodies, stage_members, stage_of
 from mbmodel.moving_equilibrium.relevance import with_statics
 from mbmodel.nonlinear_joints.remarks import nonlinear_remarks
+from mbmodel.parts.drawn_laws import read_law_texts
 from mbmodel.spatial import spatial_inertia
 
 
@@ -110,6 +111,7 @@ def load_machine(
         sensors=read_sensors(RestPose(model, data, stages, centres, jacobian), path),
     )
     check_linear_model(model, data, machine, path, velocity)
+    machine = read_law_texts(model, machine, path)
     frames = data.xmat[stages].reshape(-1, 3, 3)
     from_origins = np.array(centres) - data.xpos[stages]
     in_frames = np.einsum("bji,bj->bi", frames, from_origins)

@@ -125,7 +125,7 @@ class PosedModel:
                     input_changes.setdefault(number, []).append(change)
                 elif change.shape is not None and change.slot != "output":
                     names = [parameter.name for parameter in self.parts[number].parameters]
-                    owner = [*names, self.parts[number].location][0]
+                    owner = change.owner or [*names, self.parts[number].location][0]
                     frequency_dependent += [(change, owner)] if change.core.any() else []
                 else:
                     by_slot[change.slot if change.slot in by_slot else "point"].append(change)

@@ -6,10 +6,30 @@ from pathlib import Path
 from identification import correct_layout
 from identification.readers.campaign_toml import CampaignSettings
 from identification.words import Campaign, InputError, UsageError
-from mbmodel import Machine, load_machine, with_loops
+from mbmodel import Machine, StatedLaws, load_machine, with_loops, with_spring_laws
 from mbmodel.ports.ports import find_ports
 from tuning.control_loops.read_loops import read_loops
 from tuning.control_loops.stability import check_nominal_loops
+
+
+def with_drawn_laws(source: Path, settings: CampaignSettings, machine: Machine) -> Machine:
+    """Return a machine of a campaign with the laws of springs that campaign.toml states.
+
+    Args:
+        source: path of campaign.toml.
+        settings: its content.
+        machine: nominal machine, or one of a test.
+
+    Raises:
+        InputError: a spring that the machine does not have.
+    """
+    stated = {
+        name: StatedLaws(
+            table.loss_factor, tuple((branch.ratio, branch.tau) for branch in table.maxwell)
+        )
+        for name, table in settings.spring.items()
+    }
+    return with_spring_laws(machine, stated, str(source))
 
 
 def load_variants(source: Path, settings: CampaignSettings, machine: Machine) -> dict[str, Machine]:
@@ -30,6 +50,7 @@ def load_variants(source: Path, settings: CampaignSettings, machine: Machine) ->
         path = machine.source if entry.model is None else source.parent / entry.model
         variant = load_machine(path, key=machine.keyframe, pose=entry.pose)
         layout = correct_layout(source, settings, variant.layout)
+        variant = with_drawn_laws(source, settings, variant)
         variants[entry.variant] = replace(variant, layout=layout)
     return variants
 

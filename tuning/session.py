@@ -11,7 +11,12 @@ from identification.readers.frf_units import parse_frf_units
 from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import Campaign, InputError
 from mbmodel import Machine, Model, as_drawn, load_machine, with_variants
-from tuning.campaign_machine import close_loops, load_variants, refuse_unknown_ports
+from tuning.campaign_machine import (
+    close_loops,
+    load_variants,
+    refuse_unknown_ports,
+    with_drawn_laws,
+)
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
 from tuning.instrument_priors import delay_ranges, instrument_priors
@@ -158,6 +163,7 @@ def open_campaign(
     if machine is None:
         machine = load_machine(source.parent / str(settings.model), key=settings.key)
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
+    machine = with_drawn_laws(source, settings, machine)
     machine = with_variants(machine, load_variants(source, settings, machine))
     machine, loop_remarks = close_loops(source, machine, settings)
     campaign = read_campaign(source, settings, machine.layout)

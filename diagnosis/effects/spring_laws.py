@@ -2,6 +2,9 @@
 
 Each spring of a law has its stiffness as a parameter that follows that of the joint, so that k is
 the fitted stiffness at every step of a fit.
+
+A size r that cannot be negative may be fitted as theta = ln(1 + r) >= 0, the logarithm of the
+largest stiffness over the static one. It is r where r is small, and a logarithm where it is large.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -55,6 +58,7 @@ class Law:
         frame: directions of the springs; (nv, n_spring).
         follow: stiffness of the model that each parameter follows, by name.
         start: fitted stiffness of each spring.
+        is_logarithmic: whether theta is ln(1 + r) of the size r; else it is r.
     """
 
     location: str
@@ -64,6 +68,7 @@ class Law:
     frame: Real
     follow: Mapping[str, str]
     start: tuple[float, ...]
+    is_logarithmic: bool = False
 
     @classmethod
     def for_springs(
@@ -74,6 +79,8 @@ class Law:
         name: str,
         law: Shape | TimedLaw,
         when: Callable[[Condition], bool] | None = None,
+        *,
+        is_logarithmic: bool = False,
     ) -> "Law":
         """Return the law of the springs whose stiffness is tuned.
 
@@ -84,6 +91,7 @@ class Law:
             name: prefix of the names of the parameters.
             law: f(s), with a time to be fitted or without.
             when: whether the law applies to a test; to all tests if None.
+            is_logarithmic: whether theta is ln(1 + r) of the size r; else it is r.
         """
         tuned = {parameter.name for parameter in scene.model.parameters}
         sprung = tuple(spring for spring in springs if f"{spring}.stiffness" in tuned)
@@ -93,7 +101,7 @@ class Law:
         )
         follow = {f"{name}({spring})": f"{spring}.stiffness" for spring in sprung}
         start = tuple(scene.find_stiffness(sprung).tolist())
-        return cls(location, name, law, when, frame, follow, start)
+        return cls(location, name, law, when, frame, follow, start, is_logarithmic)
 
     @property
     def size_name(self) -> str:
@@ -145,7 +153,7 @@ class Law:
                 follow=self.follow,
                 signed=signed,
                 bounds=self._bounds,
-                otherwise=tuple({self.size_name: size} for size in otherwise),
+                otherwise=tuple({self.size_name: self._find_theta(size)} for size in otherwise),
                 state=state,
             )
 
@@ -154,6 +162,20 @@ class Law:
         if not isinstance(self.law, TimedLaw):
             return {}
         return {self.time_name: (-MAX_LOG_STEPS, MAX_LOG_STEPS)}
+
+    def _find_theta(self, size: float) -> float:
+        """Return the parameter of a size r."""
+        return float(np.log1p(size)) if self.is_logarithmic else size
+
+    def _find_size(self, theta: float) -> tuple[float, float]:
+        """Return the size r at a value of its parameter, and its slope."""
+        if self.is_logarithmic:
+            return float(np.expm1(theta)), float(np.exp(theta))
+        return theta, 1.0
+
+    def read_size(self, fitted: Mapping[str, float]) -> float:
+        """Return the fitted size r of a law whose size cannot be negative."""
+        return max(self._find_size(fitted[self.size_name])[0], 0.0)
 
     def read_time(self, fitted: Mapping[str, float]) -> float:
         """Return the fitted time [s].
@@ -180,24 +202,23 @@ class Law:
 
     def _compute_change(self, theta: Real) -> tuple[Change, ...]:
         """Return the change of the law."""
-        return (
-            self._build_change(
-                theta[0] * np.diag(self._select_stiffness(theta)), self._find_shape(theta)
-            ),
-        )
+        size, _ = self._find_size(float(theta[0]))
+        core = size * np.diag(self._select_stiffness(theta))
+        return (self._build_change(core, self._find_shape(theta)),)
 
     def _compute_slopes(self, theta: Real) -> tuple[Change, ...]:
         """Return slopes by the size, the time if there is one, and each stiffness."""
         count, n = len(theta), len(self.follow)
         stiffness = np.diag(self._select_stiffness(theta))
+        size, slope = self._find_size(float(theta[0]))
         core = np.zeros((count, n, n))
-        core[0] = stiffness
+        core[0] = slope * stiffness
         each = np.arange(n)
-        core[count - n + each, each, each] = theta[0]
+        core[count - n + each, each, each] = size
         changes = [self._build_change(core, self._find_shape(theta))]
         if isinstance(self.law, TimedLaw):
             late = np.zeros((count, n, n))
-            late[1] = theta[0] * LOG_UNIT * stiffness
+            late[1] = size * LOG_UNIT * stiffness
             changes.append(
                 self._build_change(late, self.law.slope(self.law.find_time(float(theta[1]))))
             )

@@ -19,7 +19,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         )
 
         def state(fitted: Mapping[str, float], spring_law: Law = loss) -> dict[str, Value]:
-            return {"loss_factor": fitted[spring_law.size_name]}
+            return {"loss_factor": spring_law.read_size(fitted)}
 
         yield from loss.propose("structural_damping", None, state)
 

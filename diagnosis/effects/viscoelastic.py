@@ -1,12 +1,14 @@
-"""A Maxwell branch in parallel with the springs of a joint: stiffness rises with frequency.
+"""A Maxwell branch in parallel with springs of a joint: stiffness rises with frequency.
 
-With the static stiffness k, all springs of the joint get
+With the static stiffness k, one spring of the joint, or all of them alike, get
 
-    K += ratio k s tau / (1 + s tau).
+    K += r k s tau / (1 + s tau),   r > 0.
 
-The time constant is scanned and fitted. The scan goes from 1 / w of the highest line, above which
-the branch is a damper, to twice that of the lowest line, below which it is a spring. Its steps are
-at most a factor of e, less than a relaxation is wide.
+The ratio r is fitted as ln(1 + r), the logarithm of the stiffness at high frequency over the static
+one, so that neither r nor its interval can be negative. The time constant is scanned and fitted.
+The scan goes from 1 / w of the highest line, above which the branch is a damper, to twice that of
+the lowest line, below which it is a spring. Its steps are at most a factor of e, less than a
+relaxation is wide. The scores choose direction and time constant; few of them are refitted.
 """
 
 from collections.abc import Iterator, Mapping
@@ -23,22 +25,32 @@ from mbmodel.parts.spring_laws import Relaxation
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """Yield one for each joint and time constant of the scan."""
+    """Yield one for each time constant of the scan, joint, and direction or all directions."""
     machine = scene.model.machine
     omega = 2 * np.pi * scene.session.campaign.freq_hz
     shortest, longest = 1 / float(omega[-1]), 2 / float(omega[omega > 0].min())
     times = np.geomspace(shortest, longest, 1 + int(np.ceil(np.log(longest / shortest))))
+    laws = [TimedLaw(tau, Relaxation, _maxwell_slope) for tau in times.tolist()]
+    dofs = {axle.joint: axle.dof for axle in machine.axles}
+    tuned = {parameter.name for parameter in scene.model.parameters}
     for stage in find_sprung_stages(machine):
-        springs, place = find_own_springs(machine, stage), f"joint:{stage}"
-        for number, tau in enumerate(times.tolist()):
-            law = TimedLaw(tau, Relaxation, _maxwell_slope)
-            branch = Law.for_springs(scene, place, springs, f"{stage}.maxwell{number}", law)
+        springs = tuple(
+            spring for spring in find_own_springs(machine, stage) if f"{spring}.stiffness" in tuned
+        )
+        alike = [(f"{stage}.maxwell", springs)] if len(springs) > 1 else []
+        groups = [*alike, *((f"{spring}.branch", (spring,)) for spring in springs)]
+        for prefix, group in groups:
+            dof = dofs[group[0]] if len(group) == 1 else None
+            for number, law in enumerate(laws):
+                name = f"{prefix}{number}"
+                branch = Law.for_springs(
+                    scene, f"joint:{stage}", group, name, law, is_logarithmic=True
+                )
 
-            def state(fitted: Mapping[str, float], spring_law: Law = branch) -> dict[str, Value]:
-                ratio = fitted[spring_law.size_name]
-                return {"ratio": ratio, "tau": spring_law.read_time(fitted)}
+                def state(fitted: Mapping[str, float], branch: Law = branch) -> dict[str, Value]:
+                    return {"ratio": branch.read_size(fitted), "tau": branch.read_time(fitted)}
 
-            yield from branch.propose("viscoelastic", None, state, otherwise=(1.0,))
+                yield from branch.propose("viscoelastic", dof, state, otherwise=(1.0,))
 
 
 @lru_cache(1024)  # all joints share it: their columns are formed together

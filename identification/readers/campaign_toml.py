@@ -23,6 +23,9 @@ from identification.words import (
 )
 from identification.words.file_access import check_file
 
+MAX_LOSS_FACTOR = 10.0  # rubber has 1; beyond 10 the number is a slip
+MAX_LAW_TIME_S = 100.0  # of a delay or relaxation: slower ones are a drift, not dynamics
+MAX_BRANCH_RATIO = 1e6  # of a branch to the static stiffness: beyond it the branch is a damper
 _MIN_WINDOW_TAU_S = 1e-4  # s: shorter time constants are no exponential windows of hits
 
 
@@ -129,6 +132,24 @@ class ToleranceSettings(TomlTable):
     damping: float = Field(default=Tolerance.damping, ge=1)
 
 
+class MaxwellTable(TomlTable):
+    """A branch of ``maxwell``: ``ratio`` to the static stiffness, and ``tau`` [s]."""
+
+    ratio: float = Field(gt=0, le=MAX_BRANCH_RATIO)
+    tau: float = Field(gt=0, le=MAX_LAW_TIME_S)
+
+
+class SpringSettings(TomlTable):
+    """Settings of one ``[spring.<name>]``: laws of a joint, joint direction or tendon, as drawn.
+
+    ``loss_factor`` is eta of k (1 + i eta), and each of ``maxwell`` is a spring and a damper in
+    series, in parallel with the spring.
+    """
+
+    loss_factor: float = Field(default=0.0, ge=0, le=MAX_LOSS_FACTOR)
+    maxwell: list[MaxwellTable] = Field(default_factory=list)
+
+
 class TuningSettings(TomlTable):
     """Settings of ``[tuning]``: which parameters vary, by name or pattern (``*``, ``?``).
 
@@ -160,6 +181,7 @@ class CampaignSettings(TomlTable):
     sensor: dict[str, SensorSettings] = Field(default_factory=dict)
     hammer: dict[str, HammerSettings] = Field(default_factory=dict)
     loop: dict[str, CampaignLoopTable] = Field(default_factory=dict)
+    spring: dict[str, SpringSettings] = Field(default_factory=dict)
     ignore_hz: FrequencyRanges = Field(default_factory=list)
     coherence: CoherenceKind | None = None
     tolerance: ToleranceSettings = ToleranceSettings()
@@ -200,22 +222,37 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
         raise InputError(
             f"{path} must name either a model or a layout: add one, or remove one of both"
         )
-    if settings.layout is not None and any(test.variant for test in settings.test):
+    if settings.layout is not None:
+        _refuse_what_needs_a_model(path, settings)
+    return path, settings
+
+
+def _refuse_what_needs_a_model(path: Path, settings: CampaignSettings) -> None:
+    """Raise InputError for what a campaign with a layout states of a model.
+
+    Args:
+        path: path of campaign.toml.
+        settings: content that names a layout.
+    """
+    if any(test.variant for test in settings.test):
         raise InputError(
             f"{path}: a [[test]] has a model or pose of its own, which a layout does not have: "
             "name a model, or remove them"
         )
-    if settings.loop and settings.layout is not None:
-        raise InputError(
-            f"{path}: loop.{next(iter(settings.loop))} acts on ports of a model, which a layout "
-            "does not have: name a model, or remove it"
-        )
-    if settings.key is not None and settings.layout is not None:
+    for key, named, what in (
+        ("loop", settings.loop, "acts on ports of a model"),
+        ("spring", settings.spring, "is a spring of a model"),
+    ):
+        if named:
+            raise InputError(
+                f"{path}: {key}.{next(iter(named))} {what}, which a layout does not have: name a "
+                "model, or remove it"
+            )
+    if settings.key is not None:
         raise InputError(
             f"{path}: key = {settings.key!r} names a keyframe, which a layout does not have: "
             "remove it, or name a model"
         )
-    return path, settings
 
 
 def _refuse_wrong_brackets(path: Path, content: dict[str, Any]) -> None:

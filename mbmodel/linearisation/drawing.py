@@ -25,12 +25,14 @@ class DrawnElement:
             body; for a joint, those before this and later joints of the body turn; (3, 3).
         position: in that frame [m]; (3,).
         axes: in that frame, in columns: three of a site, one of a joint; (3, 3) or (3, 1).
+        armature: rotor inertia of a joint [kg, kg m^2]; 0 of a site.
     """
 
     name: str
     frame: Real
     position: Real
     axes: Real
+    armature: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,7 @@ def read_drawing(
             _joint_frame(model, data, k),
             model.jnt_pos[k].copy(),
             model.jnt_axis[k].reshape(3, 1).copy(),
+            float(model.dof_armature[model.jnt_dofadr[k]]),
         )
         for k in range(model.njnt)
     }

@@ -1,13 +1,13 @@
 """Linear springs and dampers of joints and tendons, at static equilibrium."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from identification.words import InputError, Real
+from identification.words import Complex, InputError, Real
 from mbmodel.linearisation.force_slopes import symmetrise_rotations
 from mbmodel.linearisation.tendon_slopes import (
     tendon_curvature,
@@ -17,6 +17,21 @@ from mbmodel.linearisation.tendon_slopes import (
 from mbmodel.mjcf.names import body_name, coordinate_names, tendon_name
 from mbmodel.mjcf.stages import stage_of
 from mbmodel.mjcf.tendons import tendon_body_jacobian
+
+
+@dataclass(frozen=True)
+class DrawnLaw:
+    """A law of the nominal model that adds size k f(s) to a spring of stiffness k; f(0) = 0.
+
+    Args:
+        name: ``loss_factor`` or ``maxwell``.
+        size: loss factor, or ratio of a Maxwell branch to the static stiffness.
+        shape: f(s).
+    """
+
+    name: str
+    size: float
+    shape: Callable[[Complex], Complex]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +49,8 @@ class Spring:
             direction by the joint coordinates: it adds stiffness * geometric; (nv, nv).
         at_bodies: for a tendon between sites, elongation per motion of the centres of mass: with
             T it gives the direction; (6 n_body,).
+        laws: loss factor and Maxwell branches of the nominal model; they scale with the stiffness.
+        has_law_text: whether a text of the MJCF states the laws.
     """
 
     name: str
@@ -44,6 +61,8 @@ class Spring:
     angular: bool
     geometric: Real | None = None
     at_bodies: Real | None = None
+    laws: tuple[DrawnLaw, ...] = ()
+    has_law_text: bool = False
 
 
 def find_springs(

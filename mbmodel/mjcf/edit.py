@@ -78,7 +78,8 @@ class Addition:
 
     Args:
         name: what it stands for, for messages.
-        parent: name of the body that gets it; ``worldbody`` or ``tendon`` for the section.
+        parent: name of the body that gets it; ``worldbody``, ``tendon`` or ``custom`` for the
+            section.
         element: the element with its children.
     """
 
@@ -209,9 +210,9 @@ def _add(document: minidom.Document, addition: Addition) -> minidom.Element | No
 
 
 def _section(document: minidom.Document, name: str) -> minidom.Element | None:
-    """Return the section ``worldbody`` or ``tendon``, created if missing; None for a body."""
+    """Return the section of a name, created if missing; None for a body."""
     root = document.documentElement
-    if name not in ("worldbody", "tendon") or root is None:
+    if name not in ("worldbody", "tendon", "custom") or root is None:
         return None
     sections = document.getElementsByTagName(name)
     return sections[0] if sections else root.appendChild(document.createElement(name))

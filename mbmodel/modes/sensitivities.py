@@ -157,9 +157,12 @@ class LinearisedModes:
 
     @cached_property
     def _slopes(self) -> list[tuple[Change, ...]]:
-        """Derivatives of every Part's change; poles have no readings that a factor scales."""
+        """Derivatives of every Part's change.
+
+        Poles have no readings that a factor scales, and do not follow the laws of Parts.
+        """
         return [
-            tuple(change for change in changes if change.slot != "output")
+            tuple(change for change in changes if change.slot != "output" and change.shape is None)
             for changes in self.model.slopes(self.theta)
         ]
 

@@ -25,7 +25,7 @@ class AddedPart:
         derivatives: returns its derivatives by each parameter; cores (n_parameter, 3, r, t).
         when: returns the fraction of it that acts in a test, 0 to 1; None if all of it acts in
             every test.
-        written: returns what to add to an MJCF at theta; None if no MJCF can hold it.
+        written: returns what to add to or edit in an MJCF at theta; None if no MJCF can hold it.
         weighs: returns the spatial inertia that it adds to its body at theta, (6, 6); None if it
             adds no mass.
         leave_out: returns theta without sizes that a statement of the change leaves out, since they
@@ -37,7 +37,7 @@ class AddedPart:
     finite: Changes
     derivatives: Changes
     when: Callable[[Condition], float] | None = None
-    written: Callable[[Real], tuple[Addition | NotInMjcf, ...]] | None = None
+    written: Callable[[Real], tuple[Edit | Addition | NotInMjcf, ...]] | None = None
     weighs: Callable[[Real], Real] | None = None
     leave_out: Callable[[Real], Real] | None = None
 

@@ -94,6 +94,7 @@ class Change:
         point: the sensor or hammer point, in the slots sensor, hammer and output.
         shape: f(s), a factor that is no polynomial, with ``f(conj s) = conj f(s)``. Only finite
             changes of bodies, joints, inputs and outputs may have one, and loops have one.
+        owner: what has the shape, for statements; the Part's first parameter if empty.
     """
 
     slot: Slot
@@ -102,6 +103,7 @@ class Change:
     core: Real
     point: str = ""
     shape: Callable[[Complex], Complex] | None = None
+    owner: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """Parts for the springs and dampers of joints and tendons."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from typing import Literal
@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from identification.words import Integers, Real
-from mbmodel.linearisation.springs import Spring
+from mbmodel.linearisation.springs import DrawnLaw, Spring
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Edit, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, Slot
@@ -17,6 +17,8 @@ from mbmodel.parts.part import Change, Parameter, PartContext, Slot
 @dataclass(frozen=True, eq=False)
 class SpringPart:
     """The springs and dampers of one joint or tendon: sum_i g_i (k_i + s c_i) g_i' + k_i G_i.
+
+    A spring with laws f_j(s) of the nominal model has k_i (1 + sum_j r_ij f_j(s)) in place of k_i.
 
     A tendon between sites pulls at bodies: its g_i is a row of body motions, so that it follows
     when joints move. G_i is the geometric stiffness of a tendon under tension, per unit of its
@@ -90,17 +92,45 @@ class SpringPart:
             tension = np.zeros((3, *self._geometric.shape[1:]))
             tension[0] = np.einsum("i,ijk", np.diag(core[0]), self._geometric)
             changes += (self._whole_change(tension),)
-        return changes
+        return (*changes, *self._law_changes(core[0]))
+
+    @cached_property
+    def _laws(self) -> dict[DrawnLaw, Real]:
+        """Sizes r of each law f(s), by spring; (n_spring,) each."""
+        sizes: dict[DrawnLaw, Real] = {}
+        for index, spring in enumerate(self.springs):
+            for law in spring.laws:
+                unit = replace(law, size=1.0)
+                sizes.setdefault(unit, np.zeros(len(self.springs)))[index] += law.size
+        return sizes
+
+    def _law_changes(self, cores: Real) -> tuple[Change, ...]:
+        """Return what laws add for diagonal cores of s^0.
+
+        Args:
+            cores: stiffness, or its slopes; (.., n_spring, n_spring).
+        """
+        changes = []
+        for law, sizes in self._laws.items():
+            has_law = np.flatnonzero(sizes)
+            core = np.zeros((*cores.shape[:-2], 3, len(has_law), len(has_law)))
+            core[..., 0, :, :] = (sizes * cores)[..., has_law[:, None], has_law]
+            frame = self._frame[:, has_law]
+            place = self.springs[has_law[0]].name if len(has_law) == 1 else self.location
+            owner = f"{place}.{law.name}"
+            changes.append(Change(self._slot, frame, frame, core, shape=law.shape, owner=owner))
+        return tuple(changes)
 
     def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
         """Return the constant derivatives by each parameter."""
         del theta, context
+        laws = self._law_changes(self._slope.core[:, 0])
         if self._geometric is None:
-            return (self._slope,)
+            return (self._slope, *laws)
         powers, springs = self._parameter_places
         core = np.zeros((len(powers), 3, *self._geometric.shape[1:]))
         core[powers == 0, 0] = self._geometric[springs[powers == 0]]
-        return self._slope, self._whole_change(core)
+        return (self._slope, self._whole_change(core), *laws)
 
     @cached_property
     def _geometric(self) -> Real | None:

@@ -35,10 +35,18 @@ _FRAMES = {  # of vectors, by effect and parameter
     ("sensor_misalignment", "rotation"): "as a vector in world axes",
     ("hammer_misalignment", "rotation"): "as a vector in world axes",
 }
-_TRANSLATION_UNITS = {"stiffness": "N/m", "damping": "N s/m", "k": "N/m", "gap": "m", "k3": "N/m³"}
+_TRANSLATION_UNITS = {
+    "stiffness": "N/m",
+    "damping": "N s/m",
+    "inertance": "kg",
+    "k": "N/m",
+    "gap": "m",
+    "k3": "N/m³",
+}
 _ROTATION_UNITS = {
     "stiffness": "N m/rad",
     "damping": "N m s/rad",
+    "inertance": "kg m²",
     "k": "N m/rad",
     "limit": "N m",
     "preload": "N m",

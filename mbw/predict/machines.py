@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from identification import read_settings
 from identification.words import InputError, Loop
 from identification.words.file_access import real_path, temporary_folder
 from mbmodel import (
@@ -23,6 +24,7 @@ from mbw.output_folder import source_of
 from mbw.predict.additions import Additions
 from mbw.predict.spring_laws import SpringLaw, model_with_laws
 from mbw.spin_rates import parse_spin_rates
+from tuning.campaign_machine import with_drawn_laws
 from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
 from tuning.control_loops.stability import instability_sentence, unstable_variants
 from tuning.files.found_lags import found_lag_remarks
@@ -61,6 +63,7 @@ class MachineRequest:
             UsageError: a name that fits no loop, or a port that the machine does not have.
             InputError: the file of the loops is damaged.
         """
+        machine = self._with_drawn_laws(machine)
         loops = known_loops(self.loops_source or self.path, machine)
         closed = choose_loops(loops, self.closed)
         sentence = loops_sentence(loops, closed)
@@ -71,6 +74,16 @@ class MachineRequest:
             *self._unstable_variants(closed),
         )
         return replace(with_loops(machine, closed), remarks=remarks)
+
+    def _with_drawn_laws(self, machine: Machine) -> Machine:
+        """Return a machine with the laws of springs that the campaign.toml states, if there is one.
+
+        Raises:
+            InputError: a spring that the machine does not have.
+        """
+        if self.loops_source is None or self.loops_source.suffix != ".toml":
+            return machine
+        return with_drawn_laws(*read_settings(self.loops_source), machine)
 
     def read_variants(self) -> VariantModel | None:
         """Return the machines of the tests that had models or poses of their own.

@@ -4,6 +4,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from identification.readers.campaign_toml import (
+    MAX_BRANCH_RATIO,
+    MAX_LAW_TIME_S,
+    MAX_LOSS_FACTOR,
+)
 from identification.words import InputError, UsageError, shorten_names
 from mbmodel import (
     ConstantLoss,
@@ -17,9 +22,6 @@ from mbmodel import (
     spring_parts,
 )
 
-_MAX_LOSS_FACTOR = 10.0  # rubber has 1; beyond 10 the number is a slip
-_MAX_TIME_S = 100.0  # of a delay or relaxation: slower ones are a drift, not dynamics
-_MAX_BRANCH_RATIO = 1e6  # of a branch to the static stiffness: beyond it the branch is a damper
 _PARAMETER_NAMES = {"loss-factor": "loss_factor", "delay": "delay", "maxwell": "maxwell"}
 
 
@@ -63,16 +65,16 @@ def parse_laws(
     laws = []
     for text in loss_factors:
         name, (size,) = _numbers_of("loss-factor", text, "ETA", 1)
-        _refuse_outside("loss-factor", text, size, _MAX_LOSS_FACTOR, "a loss factor")
+        _refuse_outside("loss-factor", text, size, MAX_LOSS_FACTOR, "a loss factor")
         laws.append(SpringLaw("loss-factor", name, size, ConstantLoss()))
     for text in delays:
         name, (time,) = _numbers_of("delay", text, "SECONDS", 1)
-        _refuse_outside("delay", text, time, _MAX_TIME_S, "a delay in s")
+        _refuse_outside("delay", text, time, MAX_LAW_TIME_S, "a delay in s")
         laws.append(SpringLaw("delay", name, 1.0, LateForce(time)))
     for text in branches:
         name, (size, time) = _numbers_of("maxwell", text, "RATIO@SECONDS", 2)
-        _refuse_outside("maxwell", text, size, _MAX_BRANCH_RATIO, "a ratio")
-        _refuse_outside("maxwell", text, time, _MAX_TIME_S, "a time in s")
+        _refuse_outside("maxwell", text, size, MAX_BRANCH_RATIO, "a ratio")
+        _refuse_outside("maxwell", text, time, MAX_LAW_TIME_S, "a time in s")
         laws.append(SpringLaw("maxwell", name, size, Relaxation(time)))
     return tuple(laws)
 

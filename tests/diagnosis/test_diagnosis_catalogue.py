@@ -27,30 +27,31 @@ from mbmodel import release_rigid_directions
 from tests.helpers.drawn import drawn
 from tuning import build_toleranced_model
 
-EXAMPLE = Path(__file__).parents[2] / "assets" / "inerter_effect"
+NAME = "fractional_damper"
+EXAMPLE = Path(__file__).parents[2] / "assets" / f"{NAME}_effect"
 
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
     """Installs an entry point, as pip would; of the example, changed, if changes are given."""
 
-    def install(name, value="inerter_effect:EFFECT", changes=(), folder="installed"):
+    def install(name, value="fractional_damper_effect:EFFECT", changes=(), folder="installed"):
         place = tmp_path / folder
         info = place / "some_effect-1.0.dist-info"
         info.mkdir(parents=True)
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: some-effect\nVersion: 1.0\n")
         (info / "entry_points.txt").write_text(f"[mbw.effects]\n{name} = {value}\n")
-        text = (EXAMPLE / "inerter_effect.py").read_text()
+        text = (EXAMPLE / "fractional_damper_effect.py").read_text()
         for old, new in changes:
             assert old in text
             text = text.replace(old, new)
-        (place / "inerter_effect.py").write_text(text)
+        (place / "fractional_damper_effect.py").write_text(text)
         monkeypatch.syspath_prepend(str(place))
         load_catalogue.cache_clear()
 
     yield install
     load_catalogue.cache_clear()
-    sys.modules.pop("inerter_effect", None)
+    sys.modules.pop("fractional_damper_effect", None)
 
 
 DOUBLED = """def _doubled(*given):
@@ -109,34 +110,33 @@ def test_a_support_that_carries_little_is_not_said_to_carry_nothing():
 
 
 def test_an_effect_of_ones_own_is_named_like_ours(installed, tmp_path):
-    # Not below stage1: against the ground an inerter is a mass error.
-    session, text = drawn(tmp_path, 72_044, "inerter", ratio=6.0, place="joint:stage2", lines=161)
+    session, text = drawn(
+        tmp_path, 72_044, "fractional_damper", ratio=6.0, place="joint:stage2", lines=161
+    )
     answer = tomllib.loads(text)
     stranger = build_verdict(diagnose(session))
-    assert "inerter" not in {cause.effect for cause in stranger.causes}
+    assert NAME not in {cause.effect for cause in stranger.causes}
     said = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]["entry-points"]
-    installed("inerter", said["mbw.effects"]["inerter"])
-    assert set(load_catalogue()) == {*EFFECTS, "inerter"}
+    installed(NAME, said["mbw.effects"][NAME])
+    assert set(load_catalogue()) == {*EFFECTS, NAME}
     found = build_verdict(diagnose(session))
     first = found.causes[0]
     assert found.verdict in ("explained", "partly")
-    assert (first.effect, first.location) == ("inerter", answer["location"])
-    assert first.parameters["inertance"] == pytest.approx(
-        answer["parameters"]["inertance"], rel=0.1
-    )
+    assert (first.effect, first.location) == (NAME, answer["location"])
+    assert first.parameters["order"] == pytest.approx(answer["parameters"]["order"], abs=0.1)
     assert found.gap.after.excess < stranger.gap.retuned.excess
-    assert "uncouple the drive" in found.next_experiment
+    assert NAME in found.next_experiment  # a branch with one time constant is its rival
 
 
 def test_what_is_no_effect_or_takes_a_name_is_refused_by_name(installed):
-    installed("inerter", "json:dumps")
-    with pytest.raises(InputError, match=r"inerter.*json:dumps is no Effect"):
+    installed(NAME, "json:dumps")
+    with pytest.raises(InputError, match=r"fractional_damper.*json:dumps is no Effect"):
         load_catalogue()
 
 
 @pytest.mark.parametrize("name", ["drift", "sensor_swap"])
 def test_a_name_that_is_taken_is_refused(installed, name):
-    installed(name, "inerter_effect:EFFECT")
+    installed(name, "fractional_damper_effect:EFFECT")
     with pytest.raises(InputError, match=f"{name}.*known already"):
         load_catalogue()
 
@@ -147,12 +147,12 @@ def test_a_name_that_is_taken_is_refused(installed, name):
         ("EFFECT = Effect(", "EFFECT = 1 / 0 + Effect(", "loading.*ZeroDivisionError"),
         ("EFFECT = Effect(", "OTHER = Effect(", "loading.*no attribute 'EFFECT'"),
         ("of {place} {", "of {body} {", "confirm.*KeyError: 'body'"),
-        ('noun="an inerter"', "noun=None", "noun is None"),
+        ('noun="a fractional damper"', "noun=None", "noun is None"),
     ],
 )
 def test_what_cannot_be_loaded_or_does_not_speak_is_refused_by_name(installed, old, new, said):
-    installed("inerter", changes=[(old, new)])
-    with pytest.raises(InputError, match=f"^entry point inerter of mbw.effects: .*{said}"):
+    installed(NAME, changes=[(old, new)])
+    with pytest.raises(InputError, match=f"^entry point {NAME} of mbw.effects: .*{said}"):
         load_catalogue()
 
 
@@ -162,20 +162,24 @@ def test_what_cannot_be_loaded_or_does_not_speak_is_refused_by_name(installed, o
         ("    machine = scene", "    raise OSError('no table')\n    machine = scene", "no table"),
         ("def propose", "def propose(_): return None\n\n\ndef _unused", "propose, which.*NoneType"),
         ("    propose,", "    lambda _: [1.0],", "it proposes 1.0: yield Hypothesis"),
-        ('"inerter",', '"flywheel",', "flywheel@joint.* is called 'flywheel': call both alike"),
-        ('            f"joint:{axle.stage}",\n            axle', '"here", axle', "it is at 'here'"),
-        ("            parts=(part,),", "", "it frees nothing"),
+        (
+            '"fractional_damper",',
+            '"flywheel",',
+            "flywheel@joint.* is called 'flywheel': call both alike",
+        ),
+        (f'{" " * 16}f"joint:{{axle.stage}}",\n{" " * 16}axle', '"here", axle', "it is at 'here'"),
+        ("parts=(part,),", "", "it frees nothing"),
         ("parts=(part,)", "release=('no.such',)", "it names no.such"),
-        ("parts=(part,)", "parts=(part, part)", "inertance is named twice"),
-        ('f"{axle.joint}.inertance"', '"inertance"', "inertance is named twice"),
+        ("parts=(part,)", "parts=(part, part)", "fractional0.3 is named twice"),
+        ('f"{axle.joint}.fractional{order:g}"', '"damper"', "damper is named twice"),
         ("Parameter(name, 0.0", "Parameter(name, 3.0", "is drawn as 3"),
-        ("core[0, 2] = unit", "core[0, 2] = np.nan", "a slope .*nan"),
+        ("core[0, 0] = unit", "core[0, 0] = np.nan", "a slope .*nan"),
         ('("joint", frame', '("joint", frame[:2]', r"a slope the frames are \(2, 1\)"),
-        ("frame, core)", "frame, core[0])", r"the core is \(3, 1, 1\), expected \(1, 3, 1, 1\)"),
+        ("frame, core,", "frame, core[0],", r"the core is \(3, 1, 1\), expected \(1, 3, 1, 1\)"),
         ('Change("joint"', 'Change("spring"', "the slot is 'spring'"),
-        ("frame, core)", "frame, core, shape=lambda s: s[:2])", "a slope the shape gives"),
+        ("partial(power, order, omega)", "lambda s: s[:2]", "a slope the shape gives"),
         ("AddedPart.linear(", "_doubled(", "slopes are not those of its change"),
-        ("unit * found[own]", "float('nan')", "state.*'inertance' is nan"),
+        ("unit * found[own]", "float('nan')", "state.*'coefficient' is nan"),
         ("unit * found[own]", "'big'", "state.*big"),
         ("unit * found[own]", "found['none']", "state.*KeyError: 'none'"),
     ],
@@ -183,13 +187,13 @@ def test_what_cannot_be_loaded_or_does_not_speak_is_refused_by_name(installed, o
 def test_a_hypothesis_that_cannot_be_fitted_is_refused_before_anything_is(
     installed, session, old, new, said
 ):
-    installed("inerter", changes=[(old, new), ("def propose", f"{DOUBLED}def propose")])
-    with pytest.raises(InputError, match=f"^entry point inerter of mbw.effects[:,] .*{said}"):
+    installed(NAME, changes=[(old, new), ("def propose", f"{DOUBLED}def propose")])
+    with pytest.raises(InputError, match=f"^entry point {NAME} of mbw.effects[:,] .*{said}"):
         check_others(session)
 
 
 def test_a_parameter_with_a_name_that_is_taken_is_refused(installed, session):
-    installed("inerter", changes=[(".inertance", ".stiffness")])
+    installed(NAME, changes=[(".fractional{order:g}", ".{'stiffness' if order == 0.3 else order}")])
     with pytest.raises(InputError, match="stiffness has a name of the model: give it another"):
         check_others(session)
 
@@ -210,13 +214,15 @@ def test_ours_pass_the_checks_of_others_and_do_not_pay_for_them(session, monkeyp
 def test_a_statement_that_fails_at_fitted_values_is_left_out_and_said_once(
     installed, session, caplog
 ):
-    installed("inerter", changes=[("unit * found[own]", "unit * found[own] / (found[own] < 2)")])
-    one = next(iter(load_catalogue()["inerter"](Scene(session, session.model.drawn))))
+    installed(
+        "fractional_damper", changes=[("unit * found[own]", "unit * found[own] / (found[own] < 2)")]
+    )
+    one = next(iter(load_catalogue()[NAME](Scene(session, session.model.drawn))))
     (name,) = one.coordinates
-    assert one.state({name: 1.0})["inertance"] > 0
+    assert one.state({name: 1.0})["coefficient"] > 0
     assert one.state({name: 3.0}) == one.state({name: 4.0}) == {}
     (record,) = caplog.records
-    assert "entry point inerter of mbw.effects, inerter@joint:" in record.getMessage()
+    assert f"entry point {NAME} of mbw.effects, {NAME}@joint:" in record.getMessage()
     assert "ZeroDivisionError" in record.getMessage()
 
 
@@ -234,12 +240,12 @@ FAILING = """def _failing(*given):
 
 def test_a_part_that_fails_far_from_where_it_was_checked_says_whose_it_is(installed, session):
     changes = [("AddedPart.linear(", "_failing("), ("def propose", f"{FAILING}def propose")]
-    installed("inerter", changes=changes)
-    one = next(iter(load_catalogue()["inerter"](Scene(session, session.model.drawn))))
+    installed(NAME, changes=changes)
+    one = next(iter(load_catalogue()[NAME](Scene(session, session.model.drawn))))
     (part,) = one.parts
     near, far = np.array([0.5]), np.array([2.0])
     assert part.finite(near)[0].core.any()
-    whose = r"^entry point inerter of mbw.effects, inerter@joint:.*: finite, .*ZeroDivisionError"
+    whose = rf"^entry point {NAME} of mbw.effects, {NAME}@joint:.*: finite, .*ZeroDivisionError"
     with pytest.raises(InputError, match=whose):
         part.finite(far)
     (said,) = part.write(near)
@@ -249,10 +255,12 @@ def test_a_part_that_fails_far_from_where_it_was_checked_says_whose_it_is(instal
 def test_the_hash_of_a_diagnosis_knows_an_effect_by_its_physics(installed, session, tmp_path):
     plain = hash_inputs(session)
     seen = set()
-    for number, changes in enumerate(((), (("_UNIT = 0.01", "_UNIT = 0.02"),), (("# the", "#"),))):
-        sys.modules.pop("inerter_effect", None)
+    for number, changes in enumerate(
+        ((), (("_UNIT = 0.1", "_UNIT = 0.2"),), (("# times the", "#"),))
+    ):
+        sys.modules.pop("fractional_damper_effect", None)
         _hash_files.cache_clear()
-        installed("inerter", changes=changes, folder=f"installed{number}")
+        installed(NAME, changes=changes, folder=f"installed{number}")
         seen.add(hash_inputs(session))
         assert hash_inputs(session) in seen  # the same for the same code
     assert len({plain, *seen}) == 4
@@ -262,13 +270,13 @@ def test_the_hash_of_a_diagnosis_knows_numbers_that_an_effect_reads_elsewhere(
     installed, session, monkeypatch
 ):
     read = [
-        ("_UNIT = 0.01", "import os\n_UNIT = 1.0"),
-        ("unit = _UNIT *", "unit = float(os.environ['INERTER']) *"),
+        ("_UNIT = 0.1", "import os\n_UNIT = 1.0"),
+        ("unit = _UNIT *", "unit = float(os.environ['DAMPER']) *"),
     ]
-    installed("inerter", changes=read)
-    monkeypatch.setenv("INERTER", "0.01")
+    installed(NAME, changes=read)
+    monkeypatch.setenv("DAMPER", "0.01")
     first = hash_inputs(session)
-    monkeypatch.setenv("INERTER", "0.02")
+    monkeypatch.setenv("DAMPER", "0.02")
     assert hash_inputs(session) != first
 
 

@@ -26,6 +26,7 @@ from tuning.assessment.effect_slopes import find_effect_slopes
 FREQ = np.arange(4.0, 160.0, 1.0)
 WRITTEN = (
     "appendage",
+    "inertance",
     "joint_coupling",
     "mass_error",
     "missing_dof",

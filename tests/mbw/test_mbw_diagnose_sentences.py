@@ -38,7 +38,9 @@ from mbw.page.numbers import format_closed
         ("feedback_delay", "tz", "delay", 0.0010054, "delay 1.01 ms"),
         ("gyroscopic", None, "angular_momentum", 18115.3, "angular momentum 18100 kg m²/s"),
         ("support_loss", None, "fraction", (0.02, 1.0), "fraction (2, 100) %"),
-        ("outside", None, "inertance", 13.18, "inertance 13.2"),
+        ("inertance", "tx", "inertance", 13.18, "inertance 13.2 kg"),
+        ("inertance", "rz", "inertance", 0.1017, "inertance 0.102 kg m²"),
+        ("outside", None, "reach", 13.18, "reach 13.2"),
     ],
 )
 def test_sizes_have_units_that_engineers_read(effect, dof, name, value, words):

@@ -27,7 +27,7 @@ HERE = Path(__file__).parent
 WORK = ROOT / ".same"
 OPEN = ROOT.parent / "shared" / "campaigns" / "open"
 OPEN_VERBS = ("identify", "tune", "diagnose")
-WITH_EFFECTS = {"inerter"}  # groups for which the example of a user's effect is installed
+WITH_EFFECTS = {"example"}  # groups for which the example of a user's effect is installed
 GROUPS_AT_ONCE = 2
 WITH_RESULTS = {0, 4}  # exit codes of calls that end with results
 SLOWER = 1.05  # largest ratio of times that counts as equal
@@ -48,7 +48,7 @@ def main() -> int:
         parser.error(f"no group {', '.join(unknown)}; there are {', '.join([*groups, 'frf'])}")
     names = [name for name in groups if not chosen.only or name in chosen.only]
     base, now = check_out(chosen.base, WORK), working_tree(WORK)
-    effects = install_effects(base.root / "assets" / "inerter_effect", WORK / "effects")
+    effects = install_effects(next(base.root.glob("assets/*_effect")), WORK / "effects")
     with ThreadPoolExecutor(GROUPS_AT_ONCE) as pool:
         pairs = pool.map(lambda name: _run_both(base, now, name, groups[name], effects), names)
         faults = [fault for name in pairs for fault in _report(base, now, name)]

@@ -83,16 +83,17 @@ def install_effects(source: Path, folder: Path) -> Path:
     """Install the example of a user's effect into a folder, as pip would, without pip.
 
     Args:
-        source: ``assets/inerter_effect`` of some version.
+        source: ``assets/<effect>_effect`` of some version.
         folder: where it goes.
     """
-    info = _made(folder / "inerter_effect-1.0.dist-info")
-    metadata = "Metadata-Version: 2.1\nName: inerter-effect\nVersion: 1.0\n"
+    module, effect = source.name, source.name.removesuffix("_effect")
+    info = _made(folder / f"{module}-1.0.dist-info")
+    metadata = f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n"
     (info / "METADATA").write_text(metadata, encoding="utf-8")
-    entry = "[mbw.effects]\ninerter = inerter_effect:EFFECT\n"
+    entry = f"[mbw.effects]\n{effect} = {module}:EFFECT\n"
     (info / "entry_points.txt").write_text(entry, encoding="utf-8")
-    code = (source / "inerter_effect.py").read_text(encoding="utf-8")
-    (folder / "inerter_effect.py").write_text(code, encoding="utf-8")
+    code = (source / f"{module}.py").read_text(encoding="utf-8")
+    (folder / f"{module}.py").write_text(code, encoding="utf-8")
     return folder
 
 

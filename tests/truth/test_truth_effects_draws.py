@@ -26,7 +26,8 @@ NAMES = {
     "joint_coupling": (r"joint:\w+", "", {"offset"}),
     "missing_dof": (r"joint:\w+", ONE, {"stiffness", "damping"}),
     "structural_damping": (r"joint:\w+", "", {"loss_factor"}),
-    "viscoelastic": (r"joint:\w+", "", {"ratio", "tau"}),
+    "viscoelastic": (r"joint:\w+", rf"({ONE})?", {"ratio", "tau"}),
+    "inertance": (r"joint:\w+", ONE, {"inertance"}),
     "feedback_delay": (r"joint:\w+", ONE, {"delay"}),
     "support_loss": (r"joint:\w+", "", {"fraction"}),
     "parallel_path": (r"pair:\w+-\w+", "", {"stiffness", "damping"}),
@@ -42,7 +43,6 @@ NAMES = {
     "hammer_delay": (r"hammer:(acc|hit)\d+", "", {"delay"}),
     "hammer_position": (r"hammer:(acc|hit)\d+", "", {"offset"}),
     "drift": (r"joint:\w+", r"acc\d+:\+t[xyz]|\w", {"factor"}),
-    "inerter": (r"joint:\w+", ONE, {"inertance"}),
     "fractional_damper": (r"joint:\w+", ONE, {"coefficient", "order"}),
     "changing_stiffness": (r"joint:\w+", ONE, {"factor"}),
     "crosstalk": (r"joint:\w+", ONE, {"coupling"}),
@@ -276,7 +276,7 @@ def test_a_small_machine_takes_the_effect_or_has_no_place_for_it(name, which):
         (
             "bare",
             {
-                "inerter",
+                "inertance",
                 "flexible_body",
                 "gyroscopic",
                 "joint_coupling",

@@ -68,6 +68,22 @@ def test_a_maxwell_branch_is_a_spring_on_a_damper(two_bodies):
     assert effect.answer().parameters == {"ratio": 0.4, "tau": 2e-3}
 
 
+def test_a_maxwell_branch_may_stand_beside_one_spring_alone(one_body):
+    effect = Viscoelastic("table", 2e-3, "tz", size=0.4)
+    H = frf_of(one_body, effect, occasions=scene_of(one_body, 3).occasions)
+    for axis, joint in enumerate(one_body.stages[0].joints[:3]):
+        branch = 0.4 * S * 2e-3 / (1 + S * 2e-3) if axis == 2 else 0.0
+        expected = block(one_body, joint.stiffness * (1 + branch), joint.damping)
+        np.testing.assert_allclose(H[:, axis, axis], expected, rtol=1e-10)
+    assert effect.answer().dof == "tz"
+
+
+def test_one_spring_or_all_of_them_get_a_branch():
+    dofs = [draw_viscoelastic(random_of(s), scene_of(chain()), "joint:arm").dof for s in range(60)]
+    assert 15 < dofs.count("") < 45
+    assert len(set(dofs)) == 7
+
+
 def test_time_constants_have_their_loss_in_the_measured_band(nominal):
     scene = scene_of(nominal, 11)
     corners = [

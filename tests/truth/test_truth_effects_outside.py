@@ -11,17 +11,15 @@ from truth.effects.outside import OUTSIDE
 from truth.effects.outside.changing_stiffness import ChangingStiffness
 from truth.effects.outside.crosstalk import Crosstalk, draw_crosstalk
 from truth.effects.outside.fractional_damper import FractionalDamper, draw_fractional_damper
-from truth.effects.outside.inerter import Inerter, draw_inerter
 from truth.effects.places import StageDirection
 from truth.effects.stability import poles
 from truth.errors import TruthError
 from truth.machine.rig import Occasion
-from truth.machine.station import GROUND
 
 W = 2 * np.pi * FREQ
 S = 1j * W
 TZ = StageDirection("table", 2, "tz")
-MINE = ("inerter", "fractional_damper", "changing_stiffness", "crosstalk")
+MINE = ("fractional_damper", "changing_stiffness", "crosstalk")
 
 
 def vertical(one_body, effect, time=0.0):
@@ -36,40 +34,6 @@ def test_nobody_expects_them(name):
     assert effect.kind == name
     answer = effect.answer()
     assert (answer.effect, answer.location) == ("unexplained", "joint:arm")
-
-
-def test_an_inerter_is_mass_that_only_relative_motion_feels(one_body, two_bodies):
-    effect = Inerter(TZ, 120.0, size=0.3)
-    joint = one_body.stages[0].joints[2]
-    expected = S**2 / ((120 + 36) * S**2 + joint.damping * S + joint.stiffness)
-    np.testing.assert_allclose(vertical(one_body, effect), expected, rtol=1e-10)
-    assert effect.answer().parameters == {"inertance": pytest.approx(36.0)}
-    between = Inerter(StageDirection("holder", 2, "tz"), 40.0, size=0.3)
-    added = rig_of(two_bodies, [between]).equations.mass - rig_of(two_bodies).equations.mass
-    together = np.tile([0.0, 0, 1, 0, 0, 0], 2)
-    np.testing.assert_allclose(added @ together, 0, atol=1e-12)
-    apart = np.array([0.0] * 8 + [1.0] + [0.0] * 3)
-    assert apart @ added @ apart == pytest.approx(12.0)
-
-
-def test_an_inerter_is_measured_by_the_mass_or_moment_that_it_joins():
-    stage = chain().stages[1]
-    for seed in range(30):
-        effect = draw_inerter(random_of(seed), scene_of(chain()), "joint:arm")
-        axis = "xyz".index(effect.direction.dof[1])
-        moment = stage.inertia[axis, axis]
-        expected = stage.mass if effect.direction.dof[0] == "t" else moment
-        assert effect.reference == pytest.approx(expected)
-
-
-def test_no_inerter_stands_on_the_floor_where_it_is_a_mass():
-    station = chain()
-    floor = {stage.name for stage in station.stages if stage.parent == GROUND}
-    drawn = {draw_inerter(random_of(k), scene_of(station), None).direction.stage for k in range(40)}
-    assert drawn == {stage.name for stage in station.stages} - floor
-    (only,) = floor
-    with pytest.raises(TruthError):
-        draw_inerter(random_of(1), scene_of(station), f"joint:{only}")
 
 
 def test_a_fractional_damper_is_between_spring_and_dashpot(one_body):

@@ -16,6 +16,7 @@ from truth.effects.hammer_gain import draw_hammer_gain
 from truth.effects.hammer_misalignment import draw_hammer_misalignment
 from truth.effects.hammer_position import draw_hammer_position
 from truth.effects.hardening import draw_hardening
+from truth.effects.inertance import draw_inertance
 from truth.effects.joint_coupling import draw_joint_coupling
 from truth.effects.level_drift import draw_level_drift
 from truth.effects.mass_error import draw_mass_error
@@ -44,6 +45,7 @@ CATALOGUE: Mapping[str, Draw] = MappingProxyType(
         "missing_dof": draw_missing_dof,
         "structural_damping": draw_structural_damping,
         "viscoelastic": draw_viscoelastic,
+        "inertance": draw_inertance,
         "feedback_delay": draw_feedback_delay,
         "support_loss": draw_support_loss,
         "friction": draw_friction,

@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from truth.effects.chance import log_uniform
+from truth.effects.chance import choose, log_uniform
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import draw_spring_stage
+from truth.effects.places import direction_of, draw_spring_stage, has_spring
 from truth.effects.rows import joint_stretch
 from truth.machine.rig import FrequencyLaw, Occasion, Prepared, Rig
 from truth.machine.station import Complex
@@ -21,7 +21,7 @@ LIMITS = (1e-3, 2.0)
 
 @dataclass(frozen=True)
 class Viscoelastic(Sized):
-    r"""A spring and a damper in series (Maxwell) beside every spring k of a joint.
+    r"""A spring and a damper in series (Maxwell) beside one spring k of a joint, or all alike.
 
         z(s) = k r s tau / (1 + s tau)
 
@@ -31,10 +31,12 @@ class Viscoelastic(Sized):
         size: r, stiffness of the branch over the static stiffness.
         stage: name of the child body.
         tau: [s].
+        dof: direction of the one spring, such as ``tz``; empty: all springs.
     """
 
     stage: str
     tau: float
+    dof: str = ""
     limits = LIMITS
 
     def __post_init__(self) -> None:
@@ -45,17 +47,18 @@ class Viscoelastic(Sized):
     def answer(self) -> Answer:
         """Return what is to be found."""
         parameters = {"ratio": self.size, "tau": self.tau}
-        return Answer("viscoelastic", location=f"joint:{self.stage}", parameters=parameters)
+        place = f"joint:{self.stage}"
+        return Answer("viscoelastic", location=place, dof=self.dof, parameters=parameters)
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
-        """Return the rig with one law for every joint direction."""
+        """Return the rig with one law for each joint direction that has a branch."""
         del occasion
         index = tested.station.index(self.stage)
         joints, rows = tested.station.stages[index].joints, joint_stretch(rig, tested, index)
         laws = tuple(
             FrequencyLaw(row, row, partial(_branch, joint.stiffness * self.size, self.tau))
             for joint, row in zip(joints, rows, strict=True)
-            if joint.stiffness > 0
+            if has_spring(joint) and self.dof in ("", direction_of(joint))
         )
         return replace(rig, laws=(*rig.laws, *laws))
 
@@ -67,9 +70,13 @@ def _branch(stiffness: float, tau: float, s: Complex) -> Complex:
 def draw_viscoelastic(
     random: np.random.Generator, scene: Scene, place: str | None
 ) -> Viscoelastic | None:
-    """Draw joint, ratio and time constant."""
+    """Draw joint, ratio, time constant, and one of the springs or all of them."""
     stage = draw_spring_stage(random, scene.station, place)
     if stage is None:
         return None
     corner = log_uniform(random, CORNER_HZ)
-    return Viscoelastic(stage=stage, tau=1 / (2 * np.pi * corner), size=log_uniform(random, RATIO))
+    size = log_uniform(random, RATIO)
+    joints = scene.station.stages[scene.station.index(stage)].joints
+    directions = [direction_of(joint) for joint in joints if has_spring(joint)]
+    dof = choose(random, directions) if random.integers(2) else ""
+    return Viscoelastic(stage=stage, tau=1 / (2 * np.pi * corner), size=size, dof=dof)

@@ -39,6 +39,7 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
         "missing_dof": Entry("joint", "stiffness"),
         "structural_damping": Entry("joint", "loss_factor"),
         "viscoelastic": Entry("joint", "ratio"),
+        "inertance": Entry("joint", "inertance"),
         "feedback_delay": Entry("joint", "delay"),
         "support_loss": Entry("joint", "fraction", 1.0),
         "friction": Entry("joint", "k"),

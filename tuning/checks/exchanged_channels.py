@@ -17,7 +17,7 @@ from identification.words import Campaign, Complex, Dof, Real
 
 # Part of the misfit that another order may leave. The sensor's channels then fit the model better
 # than all else that is wrong, since the model itself was fitted to the wrong order.
-_MAX_LEFT_SHARE = 0.5
+MAX_LEFT_SHARE = 0.5
 _MAX_TIE = 1.1  # ratio of misfits: of orders alike, that with the fewest changes is named
 
 
@@ -56,7 +56,7 @@ def _find_order(
     close = (key for key, misfit in misfits.items() if misfit <= _MAX_TIE * least)
     order, signs = min(close, key=lambda key: len(list(_changes(axes, *key))))
     left = misfits[order, signs] / given if given > 0 else 1.0
-    if left > _MAX_LEFT_SHARE:
+    if left > MAX_LEFT_SHARE:
         return None
     changes = ", ".join(_changes(axes, order, signs))
     return left, (

@@ -10,7 +10,7 @@ from identification.readers.result_files import read_result_json
 from identification.words import Loop, Real
 from mbmodel import Model, load_machine, machine_model, with_loops, with_variants
 from tuning.assessment.parameter_posterior import PosteriorOfModel
-from tuning.campaign_machine import load_variants
+from tuning.campaign_machine import load_variants, with_drawn_laws
 from tuning.files.result import TUNED_JSON
 from tuning.files.schema import TunedFile
 
@@ -68,6 +68,7 @@ def read_variant_model(campaign: Path, tuning: Path | None = None) -> VariantMod
         return None
     machine = load_machine(source.parent / settings.model, key=settings.key)
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
+    machine = with_drawn_laws(source, settings, machine)
     model = machine_model(with_variants(machine, load_variants(source, settings, machine)))
     tuned: dict[str, float] = {}
     if tuning is not None:

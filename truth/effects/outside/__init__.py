@@ -7,12 +7,10 @@ from truth.effects.effect import Draw
 from truth.effects.outside.changing_stiffness import draw_changing_stiffness
 from truth.effects.outside.crosstalk import draw_crosstalk
 from truth.effects.outside.fractional_damper import draw_fractional_damper
-from truth.effects.outside.inerter import draw_inerter
 from truth.effects.outside.rocking_contact import draw_rocking_contact
 
 OUTSIDE: Mapping[str, Draw] = MappingProxyType(
     {
-        "inerter": draw_inerter,
         "fractional_damper": draw_fractional_damper,
         "changing_stiffness": draw_changing_stiffness,
         "crosstalk": draw_crosstalk,

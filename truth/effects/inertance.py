@@ -1,13 +1,12 @@
-"""An inerter: a ball screw or a flywheel that two bodies turn as they move apart."""
+"""Mass that acts across a joint: a lever, a screw, or a rotor behind a gear."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from truth.effects.chance import log_uniform
-from truth.effects.effect import Scene
-from truth.effects.outside.unexplained import Unexplained
-from truth.effects.places import draw_direction
+from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.places import StageDirection, draw_direction
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import GROUND, Joint
 
@@ -16,7 +15,7 @@ LIMITS = (1e-3, 5.0)
 
 
 @dataclass(frozen=True)
-class Inerter(Unexplained):
+class Inertance(Sized):
     """A force b times the relative acceleration along one joint direction: M gains b g g^T.
 
     Args:
@@ -25,25 +24,32 @@ class Inerter(Unexplained):
         reference: that mass [kg] or moment [kg m2].
     """
 
+    direction: StageDirection
     reference: float
-    kind = "inerter"
     limits = LIMITS
 
-    def parameters(self) -> dict[str, float]:
-        """Return b [kg] or [kg m2]."""
-        return {"inertance": self.size * self.reference}
+    def answer(self) -> Answer:
+        """Return what is to be found: b [kg] or [kg m2]."""
+        return Answer(
+            "inertance",
+            location=self.direction.location,
+            dof=self.direction.dof,
+            parameters={"inertance": self.size * self.reference},
+        )
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
-        """Return the rig with the inerter."""
+        """Return the rig with the inertance."""
         del occasion
         row = self.direction.stretch(rig, tested)
         return rig.with_matrices(mass=self.size * self.reference * np.outer(row, row))
 
 
-def draw_inerter(random: np.random.Generator, scene: Scene, place: str | None) -> Inerter | None:
+def draw_inertance(
+    random: np.random.Generator, scene: Scene, place: str | None
+) -> Inertance | None:
     """Draw a joint direction between two bodies and the inertance.
 
-    Against the floor an inerter is a mass, which every catalogue has.
+    Along the only direction of a body on the floor it is a mass, which is another effect.
     """
     stages = scene.station.stages
     floor = {joint.name for stage in stages if stage.parent == GROUND for joint in stage.joints}
@@ -57,7 +63,7 @@ def draw_inerter(random: np.random.Generator, scene: Scene, place: str | None) -
     stage = scene.station.stages[scene.station.index(direction.stage)]
     joint = direction.joint(scene.station)
     moment = float(joint.axis @ stage.inertia @ joint.axis)
-    return Inerter(
+    return Inertance(
         direction=direction,
         reference=stage.mass if joint.kind == "slide" else moment,
         size=log_uniform(random, RATIO),
