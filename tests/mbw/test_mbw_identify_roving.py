@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 
 from mbw.command import app
 
-NODES, SENSORS, AVERAGES = tuple(range(1, 15)), (3, 8, 13), 5
+NODES, SENSORS, AVERAGES = tuple(range(1, 12)), (3, 8, 11), 5
 FREQ = np.array([22.0, 47.0, 95.0, 125.2, 125.6, 163.0])
 DAMPING = np.array([0.006, 0.003, 0.008, 0.002, 0.003, 0.005])
 AXIS = np.arange(0, 801) * 0.25
-MISSING = (12, 8)
+MISSING = (10, 8)
 CAMPAIGN = f"""\
 layout = "geometry.unv"
 
@@ -47,7 +47,7 @@ def functions(seed=77):
             if (hit, sensor) == (5, 3):
                 yield replace(frf, data=-measured)
                 yield replace(frf, func=6, data=1 / (1 + ratio))
-            if (hit, sensor) == (9, 13):
+            if (hit, sensor) == (9, 11):
                 yield replace(frf, data=-1.5 * measured)
                 yield replace(frf, func=6, data=0.5 / (1 + ratio))
 
@@ -100,7 +100,7 @@ def test_records_that_are_there_twice_are_named(outcome) -> None:
 def test_a_structure_that_bends_is_not_called_solid(outcome) -> None:
     ran, found = outcome
     (check,) = found["solid"]
-    assert check["spare"] >= 10
+    assert check["spare"] >= len(NODES) - 4
     assert check["solid_to"] is None or check["solid_to"] < FREQ[0]
     assert "flexible" in check["words"]
     assert check["words"] in ran.stderr
