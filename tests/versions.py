@@ -72,10 +72,18 @@ def _begin_demo(place: Path, command: Path) -> None:
 
 
 def _find(version: str) -> str | None:
-    """Return the newest Python of a version; None if there is none."""
+    """Return the newest Python of a version that starts; None if there is none.
+
+    A name on the path may be a shim of pyenv for a version that is not chosen, which does not.
+    """
     root = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
     of_pyenv = sorted(root.glob(f"versions/{version}.*/bin/python"))
-    return shutil.which(f"python{version}") or (str(of_pyenv[-1]) if of_pyenv else None)
+    for python in (shutil.which(f"python{version}"), *map(str, reversed(of_pyenv))):
+        if python is not None:
+            start = subprocess.run([python, "-V"], capture_output=True, check=False)
+            if start.returncode == 0:
+                return python
+    return None
 
 
 def _run(place: Path, *words: str | Path) -> None:
