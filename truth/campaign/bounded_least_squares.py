@@ -94,10 +94,10 @@ def _active_set(inner: Real, push: Real, limit: Real) -> Real:
     """Return the solution by an active set: the coordinates it holds, and the others for them."""
     factor = scipy.linalg.cholesky(inner)
     right = scipy.linalg.solve_triangular(factor, push, trans="T")
-    found = lsq_linear(
+    bounded = lsq_linear(
         factor, right, (-limit, limit), method="bvls", tol=_BVLS_TOLERANCE, max_iter=_BVLS_STEPS
     )
-    return _held_solution(inner, push, limit, found.active_mask)
+    return _held_solution(inner, push, limit, bounded.active_mask)
 
 
 def _inward_slope(inner: Real, push: Real, solution: Real, held: Real) -> Real:
