@@ -44,7 +44,7 @@ field: $(VENV)/.installed-test
 same: $(VENV)/.installed-test
 	$(BIN)/python -m tests.regression $(BASE) $(if $(ONLY),--only $(ONLY))
 
-# Wheel and sdist in empty environments of each Python at hand, with README's lines and the demo.
+# Wheel and sdist in empty environments of each Python at hand, README's lines, the demo's beginning.
 versions: $(VENV)/.installed-test
 	$(BIN)/python -m tests.versions
 

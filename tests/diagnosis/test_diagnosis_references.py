@@ -72,7 +72,7 @@ def test_a_fit_finds_the_springs_and_every_tolerance_keeps_its_place(tmp_path, l
     ],
 )
 def test_the_verdict_names_the_one_effect(tmp_path, changed, labels, cause):
-    write_torque_campaign(tmp_path / "case", parts, changed=changed, labels=labels)
+    write_torque_campaign(tmp_path / "case", parts, changed=changed, labels=labels, lines=100)
     result = diagnose(open_session(tmp_path / "case", (5.0, 165.0)))
     verdict = build_verdict(result)
     assert verdict.verdict == "explained"
@@ -84,7 +84,7 @@ def test_the_verdict_names_the_one_effect(tmp_path, changed, labels, cause):
 
 
 def test_every_verb_reads_torques_and_writes_their_units(tmp_path):
-    write_torque_campaign(tmp_path / "case", parts)
+    write_torque_campaign(tmp_path / "case", parts, lines=80)
     case = str(tmp_path / "case")
     for verb, units in (
         (

@@ -33,7 +33,8 @@ CASES = {
 def case(request, tmp_path_factory):
     seed, effect, ratio = CASES[request.param]
     folder = tmp_path_factory.mktemp("case")
-    session, answer = drawn(folder, seed, effect, ratio=ratio)
+    lines = 161 if effect else 241  # of an excess of 1 within 0.2
+    session, answer = drawn(folder, seed, effect, ratio=ratio, lines=lines)
     return folder, tomllib.loads(answer), diagnose(session)
 
 
@@ -151,14 +152,6 @@ def test_the_verdict_is_the_same_with_more_processes_and_by_the_command(case):
     evidence = Evidence.model_validate_json((out / "evidence.json").read_text())
     assert evidence == found.evidence
     assert compute_posterior(evidence) == found.posterior  # without any fit
-
-
-def test_two_processes_give_the_verdict_of_one(case):
-    folder, answer, found = case
-    if answer["effect"] != "sensor_polarity":
-        return
-    again = diagnose(open_session(folder / "campaign"), jobs=2)
-    assert build_verdict(again) == build_verdict(found)
 
 
 def test_an_interrupt_ends_it_without_a_verdict(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ def on_the_other_body(layout):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_site_on_the_wrong_body_is_named_with_sensor_and_body(seed):
-    checks = check_bodies(draw(Case(seed, bodies=2, layout_change=on_the_other_body)))
+    checks = check_bodies(draw(Case(seed, bodies=2, lines=200, layout_change=on_the_other_body)))
     for check in checks:
         assert "p0_0 moves with body1, not with body0" in check.sentence
         assert 'body = "body1" in [sensor.p0_0]' in check.sentence
@@ -25,5 +25,5 @@ def test_a_site_on_the_wrong_body_is_named_with_sensor_and_body(seed):
 
 @pytest.mark.parametrize("kind", ["gain", "quarter turn", "position"])
 def test_other_faults_are_no_wrong_body(kind):
-    case, _ = faulty(kind, 1, bodies=2)
+    case, _ = faulty(kind, 1, bodies=2, lines=200)
     assert not any("moves with" in check.sentence for check in check_bodies(draw(case)))

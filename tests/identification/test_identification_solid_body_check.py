@@ -38,13 +38,13 @@ def first_sensors(campaign: Campaign, count: int) -> Campaign:
     return only(campaign, [dof for dof in triaxials(campaign.layout) if dof.point in points])
 
 
-def test_a_solid_body_within_tolerance_has_no_fault_in_sixty_draws():
+def test_a_solid_body_within_tolerance_has_no_fault_in_thirty_draws():
     named = []
-    for seed in range(60):
+    for seed in range(30):
         found = check(Case(1000 + seed, sensors=3 + seed % 2, lines=160))
         if found.faults or found.has_unexplained or found.solid_to_hz != found.freq_hz[-1]:
             named.append((seed, found.sentence))
-    assert len(named) <= 1, named
+    assert not named, named
 
 
 def read_times(channel: int, gain: float):
@@ -108,12 +108,12 @@ def test_the_reconstruction_is_as_far_off_as_noise_and_tolerances_tell():
     # One spare channel: the squared ratio is that of few errors, 1 in the mean with a scatter of
     # some 0.9 a draw.
     ratios = []
-    for seed in range(60):
+    for seed in range(30):
         campaign = draw(Case(1400 + seed, sensors=3, lines=LINES, noise=0.002))
         (found,) = check_bodies(only(campaign, list(triaxials(campaign.layout))[:7]))
         high = found.freq_hz > 40
         ratios.append(np.sum(found.reconstruction[high] ** 2) / np.sum(found.expected[high] ** 2))
-    assert abs(np.mean(ratios) - 1) < 3 * 0.9 / np.sqrt(60)
+    assert abs(np.mean(ratios) - 1) < 3 * 0.9 / np.sqrt(30)
 
 
 def beam(seed: int) -> Campaign:

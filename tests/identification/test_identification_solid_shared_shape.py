@@ -1,6 +1,7 @@
 """Bodies that bend: where their solidity ends, and that no sensor is blamed for it."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -21,10 +22,15 @@ def check(case: Case):
     return found
 
 
+@cache
+def check_flexible(seed: int, size: float):
+    return check(Case(seed, lines=LINES, flex=(150.0, size)))
+
+
 @pytest.mark.parametrize("size", [0.03, 0.1, 0.3])
 def test_a_flexible_mode_ends_solidity_below_it_and_is_no_sensors_fault(size):
     for seed in range(2):
-        found = check(Case(1500 + seed, lines=LINES, flex=(150.0, size)))
+        found = check_flexible(1500 + seed, size)
         assert [fault.effect for fault in found.faults] == ["flexible_body"], found.sentence
         assert found.faults[0].location == "body:body0"
         assert 60 < found.solid_to_hz < 148
@@ -69,9 +75,10 @@ def test_a_plate_that_twists_more_than_it_moves_is_flexible_and_no_corner_is_bla
     assert [fault.effect for fault in body_check.faults] == ["flexible_body"], body_check.sentence
 
 
-def imitated_signs(case: Case, corners):
-    """Signs that low lines contradict, if those of these corners were accepted."""
-    campaign = draw(case)
+@cache
+def searched_plate(**twist):
+    """The faults that were searched for on a twisted plate, its tolerance and its signs."""
+    campaign = draw(twisted(Case(1571, lines=LINES, level=True), 1.0, 100.0, **twist))
     data = body_data(join_tests(campaign), campaign, "body0")
     search = search_faults(data, campaign.tolerance)
     signs = {
@@ -79,28 +86,29 @@ def imitated_signs(case: Case, corners):
         for hypothesis in list_hypotheses(BelievedBody.healthy(data, campaign.tolerance))
         if hypothesis.effect == "sensor_polarity" and hypothesis.dof == "tz"
     }
+    return search, campaign.tolerance, signs
+
+
+def imitated_signs(corners, **twist):
+    """Signs that low lines contradict, if those of these corners were accepted."""
+    search, tolerance, signs = searched_plate(**twist)
     accepted = tuple(AcceptedFault(signs[f"sensor:p0_{k}"], 1.0, ()) for k in corners)
-    imitated = list_imitated(replace(search, accepted=accepted), campaign.tolerance)
+    imitated = list_imitated(replace(search, accepted=accepted), tolerance)
     return {key[1] for key in imitated}
 
 
 def test_a_wrong_sign_that_only_bending_imitates_is_contradicted_by_low_lines():
-    plate = Case(1571, lines=LINES, level=True)
     for corner in range(4):
-        imitated = imitated_signs(twisted(plate, 1.0, 100.0), (corner,))
-        assert imitated == {f"sensor:p0_{corner}"}
+        assert imitated_signs((corner,)) == {f"sensor:p0_{corner}"}
 
 
 def test_a_sign_that_is_wrong_stays_beside_bending():
-    plate = Case(1571, lines=LINES, level=True)
-    assert not imitated_signs(twisted(plate, 1.0, 100.0, reversed_corner=3), (3,))
-    assert imitated_signs(twisted(plate, 1.0, 100.0, reversed_corner=3), (3, 0)) == {"sensor:p0_0"}
+    assert not imitated_signs((3,), reversed_corner=3)
+    assert imitated_signs((3, 0), reversed_corner=3) == {"sensor:p0_0"}
 
 
 def test_the_larger_the_flexible_motion_the_lower_the_limit():
-    limits = [
-        check(Case(1600, lines=LINES, flex=(150.0, size))).solid_to_hz for size in (0.02, 0.1, 0.5)
-    ]
+    limits = [check_flexible(1500, size).solid_to_hz for size in (0.03, 0.1, 0.3)]
     assert all(a > b for a, b in pairwise(limits)), limits
 
 

@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from diagnosed import diagnosed
 from rich.console import Console
 from typer.testing import CliRunner
@@ -24,6 +25,11 @@ NAME = "a [/b] :x: [red]"
 
 _VARIES = SimpleNamespace(is_tolerance=np.zeros(0, bool), coordinates_at_bound=lambda x: x > 0)
 REFIT = SimpleNamespace(fit=SimpleNamespace(parametrisation=_VARIES, x=np.zeros(0)))
+
+
+@pytest.fixture(scope="module")
+def partly(tmp_path_factory):
+    return read_result(diagnosed("partly", tmp_path_factory.mktemp("partly")))
 
 
 def found(evidence, *present):
@@ -84,9 +90,9 @@ def test_without_a_present_cause_the_best_hypothesis_is_rejected_too():
     assert why.endswith("improbable")
 
 
-def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeypatch, tmp_path):
+def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeypatch, partly):
     monkeypatch.setattr(SCREEN, "quiet", False)
-    result = read_result(diagnosed("partly", tmp_path))
+    result = partly
     keys = [(row.effect, row.location, row.dof) for row in result.verdict.causes[:1]]
     late = CauseRow(
         effect="hammer_delay", location="hammer:acc11", dof=None, probability=0.98,
@@ -146,10 +152,9 @@ def say_unexplained(result, capsys, monkeypatch, spread):
     return capsys.readouterr().err
 
 
-def test_a_gap_that_is_everywhere_has_no_place(capsys, monkeypatch, tmp_path):
-    result = read_result(diagnosed("partly", tmp_path))
-    assert "  where: joint:stage1 74%" in say_unexplained(result, capsys, monkeypatch, "local")
-    said = say_unexplained(result, capsys, monkeypatch, "everywhere")
+def test_a_gap_that_is_everywhere_has_no_place(capsys, monkeypatch, partly):
+    assert "  where: joint:stage1 74%" in say_unexplained(partly, capsys, monkeypatch, "local")
+    said = say_unexplained(partly, capsys, monkeypatch, "everywhere")
     assert "the model's error is 1.8 % of the motion at each sensor, of which no" in said
     assert "\n  where: " not in said
 

@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 
 from mbw.command import app
 
-NODES, SENSORS, AVERAGES = tuple(range(1, 15)), (3, 8, 13), 5
+NODES, SENSORS, AVERAGES = tuple(range(1, 10)), (3, 6, 9), 5
 FREQ = np.array([22.0, 47.0, 95.0, 125.2, 125.6, 163.0])
 DAMPING = np.array([0.006, 0.003, 0.008, 0.002, 0.003, 0.005])
 AXIS = np.arange(0, 801) * 0.25
-MISSING = (12, 8)
+MISSING = (8, 6)
 CAMPAIGN = f"""\
 layout = "geometry.unv"
 
@@ -24,9 +24,9 @@ averages = {AVERAGES}
 """
 
 
-def functions(seed=77):
+def functions():
     """FRF and coherence of every hit and sensor; one cell is missing, two are there twice."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(84)  # six shapes that differ much
     shapes = rng.normal(size=(len(NODES), len(FREQ)))
     s = 2j * np.pi * AXIS
     poles = 2 * np.pi * FREQ * (-DAMPING + 1j * np.sqrt(1 - DAMPING**2))
@@ -47,19 +47,16 @@ def functions(seed=77):
             if (hit, sensor) == (5, 3):
                 yield replace(frf, data=-measured)
                 yield replace(frf, func=6, data=1 / (1 + ratio))
-            if (hit, sensor) == (9, 13):
+            if (hit, sensor) == (9, 9):
                 yield replace(frf, data=-1.5 * measured)
                 yield replace(frf, func=6, data=0.5 / (1 + ratio))
 
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory):
-    return identified(tmp_path_factory.mktemp("roving"))
-
-
-def identified(folder, seed=77):
+    folder = tmp_path_factory.mktemp("roving")
     (folder / "campaign.toml").write_text(CAMPAIGN)
-    content = b"".join(function.content() for function in functions(seed))
+    content = b"".join(function.content() for function in functions())
     (folder / "roving.uff").write_bytes(units(1.0, 1.0) + content)
     lines = []
     for node in NODES:
@@ -100,14 +97,14 @@ def test_records_that_are_there_twice_are_named(outcome) -> None:
 def test_a_structure_that_bends_is_not_called_solid(outcome) -> None:
     ran, found = outcome
     (check,) = found["solid"]
-    assert check["spare"] >= 10
+    assert check["spare"] == len(NODES) - 3  # heave and two turns
     assert check["solid_to"] is None or check["solid_to"] < FREQ[0]
     assert "flexible" in check["words"]
     assert check["words"] in ran.stderr
 
 
-def test_a_body_of_six_different_shapes_is_not_called_solid(tmp_path) -> None:
-    _, found = identified(tmp_path, seed=84)  # its six shapes differ too much
+def test_bending_in_six_shapes_proves_no_gross_fault_of_a_sensor(outcome) -> None:
+    _, found = outcome
     (check,) = found["solid"]
     # Which small faults imitate the second shape depends on rounding; none is gross.
     effects = {fault["effect"] for fault in check["faults"]}

@@ -24,7 +24,7 @@ from tuning.checks.data_against_model import (
 from tuning.checks.export_faults import StatedExport, list_faults
 
 FREQ = np.arange(2.0, 242.0, 1.0)
-HEALTHY = range(30)
+HEALTHY = range(15)
 FILE = "impact.uff"
 
 

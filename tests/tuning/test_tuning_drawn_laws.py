@@ -178,7 +178,7 @@ def measured(session, theta, random):
 
 def test_a_machine_that_has_the_laws_as_drawn_lacks_nothing(folder):
     session, random = open_session(folder), np.random.default_rng(7)
-    spread = np.where(session.parametrisation.has_prior, 0.7, 0.2)
+    spread = np.where(session.parametrisation.is_tolerance, 0.7, 0.2)
     theta = session.parametrisation.theta(random.normal(0.0, spread))
     found = diagnose(measured(session, theta, random))
     assert build_verdict(found).verdict == "none"

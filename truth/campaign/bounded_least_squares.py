@@ -3,12 +3,15 @@
 import numpy as np
 import scipy.linalg
 from scipy.linalg import blas
+from scipy.optimize import lsq_linear
 
 from truth.campaign.frf_sensitivities import Jacobian
 from truth.machine.station import Mask, Real
 
 BOUND = 2.5  # standard deviations within which a tolerance is kept
 _BLOCK_ROUNDS = 30  # changes of whole blocks
+_BVLS_TOLERANCE = 1e-14  # of slope and relative decrease: rounding alone ends it
+_BVLS_STEPS = 5000  # changes of one coordinate, of which a few per tolerance are needed
 _SLOPE_ROUNDING = 1e-13  # of the terms of a slope
 _RELATIVE_RIDGE = 1e-13  # of the diagonal: for a joint that no sensor sees
 
@@ -84,31 +87,17 @@ def bounded_solution(normal: Real, right: Real, bounded: Mask) -> Real:
             return np.asarray(solution / scale)
         held[beyond] = np.sign(solution[beyond])
         held[inward] = 0
-    return _active_set(inner, push, limit, np.clip(solution, -limit, limit)) / scale
+    return _active_set(inner, push, limit) / scale
 
 
-def _active_set(inner: Real, push: Real, limit: Real, solution: Real) -> Real:
-    """Return the solution by an active set, from one within the bounds."""
-    held = np.where(np.abs(solution) >= limit, np.sign(solution), 0.0)
-    while True:
-        step = _held_solution(inner, push, limit, held) - solution
-        room = np.divide(
-            limit - np.sign(step) * solution,
-            np.abs(step),
-            where=step != 0,
-            out=np.full(len(step), np.inf),
-        )
-        room[held != 0] = np.inf
-        first = int(room.argmin())
-        if room[first] < 1:
-            solution = solution + max(room[first], 0.0) * step
-            held[first] = np.sign(step[first])
-            continue
-        solution = solution + step
-        slope = _inward_slope(inner, push, solution, held)
-        if slope.max() <= 0:
-            return solution
-        held[slope.argmax()] = 0
+def _active_set(inner: Real, push: Real, limit: Real) -> Real:
+    """Return the solution by an active set: the coordinates it holds, and the others for them."""
+    factor = scipy.linalg.cholesky(inner)
+    right = scipy.linalg.solve_triangular(factor, push, trans="T")
+    bounded = lsq_linear(
+        factor, right, (-limit, limit), method="bvls", tol=_BVLS_TOLERANCE, max_iter=_BVLS_STEPS
+    )
+    return _held_solution(inner, push, limit, bounded.active_mask)
 
 
 def _inward_slope(inner: Real, push: Real, solution: Real, held: Real) -> Real:
