@@ -110,14 +110,8 @@ def test_a_support_that_carries_little_is_not_said_to_carry_nothing():
 
 
 def test_an_effect_of_ones_own_is_named_like_ours(installed, tmp_path):
-<<<<<<< HEAD
     session, text = drawn(
         tmp_path, 72_044, "fractional_damper", ratio=6.0, place="joint:stage2", lines=161
-=======
-    # Not below stage1: against the ground an inerter is a mass error.
-    session, text = drawn(
-        tmp_path, 72_044, "inerter", ratio=6.0, place="joint:stage2", lines=121, stages=2
->>>>>>> tests63
     )
     answer = tomllib.loads(text)
     stranger = build_verdict(diagnose(session))
