@@ -51,7 +51,7 @@ KEPT = {
         "contract of the verdict",
     ),
     **dict.fromkeys(
-        ("enough_values", "min_fitted_lines", "score_stride", "max_force_values"),
+        ("score_stride", "max_force_values"),
         "cost of a fit: lines and memory, not a rate",
     ),
     **dict.fromkeys(
@@ -67,7 +67,6 @@ KEPT = {
     **dict.fromkeys(
         ("force_floor_ratio", "force_powers"), "they move places where no cause is found, no cause"
     ),
-    "few_frfs": "campaigns of fewer than 48 FRFs, which this bench has not",
     "serial_lags": "statistics of the noise: a variance spans three lines",
     "min_proven_probability": "odds of nine to one before a fault counts as proven",
     "min_local_share": "a word about the rest, not a rate",
