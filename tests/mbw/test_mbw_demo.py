@@ -90,7 +90,7 @@ def test_the_demo_finds_what_is_hidden_and_grades_it_by_the_answer(demo):
 
 def test_tuning_and_diagnosis_show_one_held_out_gap(demo):
     folder, _ = demo
-    tuned = json.loads((folder / "tuned" / "tuned.json").read_text(encoding="utf-8"))
+    tuned = json.loads((folder / "tuned.json").read_text(encoding="utf-8"))
     verdict = json.loads((folder / "diagnosis" / "verdict.json").read_text(encoding="utf-8"))
     assert tuned["gap"]["sensors"]["held_out"] == verdict["gap"]["retuned"]
 
