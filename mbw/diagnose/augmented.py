@@ -149,7 +149,15 @@ def _name_causes(keys: frozenset[Key]) -> str:
 
 
 def _list_doubts(fitted: FittedParameters) -> list[str]:
-    """Return the doubts about a fit: how it ended, and what the data do not determine."""
+    """Return the doubts about a fit: how it ended, and what the data do not determine.
+
+    Sizes of causes have their intervals in the verdict, and some shape nothing, such as the place
+    of an appendage along the direction in which it moves.
+    """
     doubts = [] if fitted.converged else ["the fit of the sizes ran out of evaluations"]
+    drawn = {
+        p.name for p in fitted.parametrisation.parameters if p.known in ("stiffness", "damping")
+    }
     unseen = fitted.confidence.unidentifiable_directions()
-    return [*doubts, *undetermined_doubts([name for row in unseen for name in row.parameters])]
+    names = [name for row in unseen for name in row.parameters if name in drawn]
+    return [*doubts, *undetermined_doubts(names)]
