@@ -13,8 +13,8 @@ import numpy as np
 from identification.words import Dof, Layout, Real, Tolerance
 from mbmodel.spatial import rotation_matrix
 
-NO_ERRORS = Tolerance(
-    **(dict.fromkeys(vars(Tolerance()), 0.0) | {"stiffness": 1.0, "damping": 1.0})
+NO_ERRORS = Tolerance(  # stiffness and damping are no instruments
+    **dict.fromkeys(vars(Tolerance()).keys() - {"stiffness", "damping"}, 0.0)
 )
 _SYMMETRIC_PAIRS = ((0, 1), (0, 2), (1, 2))
 
