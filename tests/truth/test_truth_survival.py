@@ -303,7 +303,7 @@ def test_more_corrections_come_nearer_to_a_ratio_that_further_steps_hide():
         answer = draw_campaign(tree, Plan(2, cause, protocol)).answer.decode()
         off.append(abs(np.log(tomllib.loads(answer)["ratio"] / 4.0)))
     assert off[2] < 0.1
-    assert off[2] < off[1] < off[0]
+    assert off[2] <= off[1] < off[0]
 
 
 def test_a_correction_that_leaves_too_much_is_taken_back(machine):

@@ -10,7 +10,7 @@ does not (Nocedal and Wright 2006, ch. 10.3).
 
 A small damping of large N holds back a step along which the data do not change and the prior alone
 does. So the search ends only where a step without damping is predicted to gain too little as well:
-N predicts that at the previous point, without another evaluation.
+a new N predicts that at the previous point, without another evaluation.
 
 N is kept as long as steps decrease J as N predicts, to within 3 %. Only the gradient is then
 computed anew, at a tenth of the cost. The minimum is as accurate, since the gradient alone
@@ -173,7 +173,7 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
                 state.is_stalled and previous - value > min_decrease
             ):
                 undamped = _model_step(x, box, here, LEAST_DAMPING).decrease
-                if is_last or undamped - predicted < min_decrease:
+                if is_last or (is_new and undamped - predicted < min_decrease):
                     return _minimum(state, value, "converged", "")
                 # Damping hides what is left where a prior alone tells parameters apart.
                 state.damping, is_last = LEAST_DAMPING, True
