@@ -10,7 +10,7 @@ from diagnosis.refits.refit import Refit, map_values
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from diagnosis.stated_values import Ends, Value, flatten_values, may_be_zero, pair_ends
-from identification.words import Campaign, Real
+from identification.words import Real
 from tuning import (
     NORMAL_QUANTILE_95,
     STAGES,
@@ -22,7 +22,7 @@ from tuning import (
     is_gap_visible,
     thin_lines,
 )
-from tuning.fitting.error_floor_fit import count_measured_frfs
+from tuning.fitting.error_floor_fit import count_measured_values
 from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 
 
@@ -74,17 +74,15 @@ class FittedParameters:
         """
         fitted = _ReadRecord(map_values(self.parametrisation, self.theta))
         middle = hypothesis.state(fitted)
-        stating = [
-            k for k, name in enumerate(self.parametrisation.names) if name in fitted.read_names
-        ]
+        names = self.parametrisation.names
+        stating = [k for k, name in enumerate(names) if name in fitted.read_names]
         if not stating or not middle:
             return {}
         deviation = self.confidence.deviation[stating]
         correlation = self.confidence.covariance[np.ix_(stating, stating)] / np.outer(
             deviation, deviation
         )
-        sizes = hypothesis.scored or self.parametrisation.names
-        shapes = [k for k in stating if self.parametrisation.names[k] not in sizes]
+        shapes = [k for k in stating if names[k] not in (hypothesis.scored or names)]
         ends = self.parametrisation.lower[shapes], self.parametrisation.upper[shapes]
 
         def state_at(units: Real) -> Real:
@@ -216,7 +214,7 @@ def fit_parameters(
             STAGES[-1],
             model_error_floor=refit.floor,
             stride=stride_factor,
-            tolerance=settings.negligible_nats / _count_values(campaign, stride_factor),
+            tolerance=settings.negligible_nats * stride_factor / count_measured_values(campaign),
             exact_curvature=True,
         )
         for coordinates in (parametrisation.lift_bounds(), parametrisation):
@@ -248,8 +246,3 @@ def fit_parameters(
         fitted,
         stride,
     )
-
-
-def _count_values(campaign: Campaign, stride: int) -> float:
-    """Return the number of values of a fit, about its cost where noise alone remains [nats]."""
-    return count_measured_frfs(campaign) * len(campaign.freq_hz) / stride

@@ -13,14 +13,10 @@ from diagnosis.estimates.intervals import FittedParameters
 from identification.words import Complex
 from mbmodel import AddedPart, machine_model, read_as_written
 from tuning import Fit, Session, estimate_model_error, thin_lines
-from tuning.assessment.effect_slopes import find_effect_slopes
+from tuning.assessment.effect_slopes import STEP_SHARE, find_effect_slopes
 from tuning.assessment.parameter_posterior import ParameterPosterior
 from tuning.assessment.plant_confidence import estimate_plant_confidence
 from tuning.files.posterior_file import machine_posterior
-
-# Of a parameter's deviation: laws are straight over it, and the equilibrium of a hung machine,
-# which is found to 1e-8 rad, hides no change.
-_STEP_SHARE = 0.01
 
 
 def estimate_plant_posterior(
@@ -63,7 +59,7 @@ def _list_steps(session: Session, fitted: FittedParameters) -> dict[str, float]:
         [isinstance(part, AddedPart) for part in session.model.parts],
         [len(part.parameters) for part in session.model.parts],
     )
-    half = _STEP_SHARE * fitted.confidence.deviation
+    half = STEP_SHARE * fitted.confidence.deviation
     ahead = varies.upper - x >= x - varies.lower
     moved = varies.theta(np.clip(x + np.where(ahead, half, -half), varies.lower, varies.upper))
     steps = moved - varies.theta(x)

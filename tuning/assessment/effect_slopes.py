@@ -28,6 +28,9 @@ from mbmodel import (
     transport,
 )
 
+# Step of a parameter, of its deviation: laws are straight over it, and the equilibrium of a hung
+# machine, which is found to 1e-8 rad, hides no change.
+STEP_SHARE = 0.01
 _MIN_SLOPE_SHARE = 1e-9  # of the largest entry of a matrix: a smaller change is rounding
 
 

@@ -61,8 +61,7 @@ class FloorSchedule:
 
     def find_stride_factor(self, campaign: Campaign) -> int:
         """Return the factor on the strides of a campaign's lines, above 1 for large ones."""
-        values = count_measured_frfs(campaign) * len(campaign.freq_hz)
-        return max(1, round(values / self.enough_values))
+        return max(1, round(count_measured_values(campaign) / self.enough_values))
 
     def thin(self, lines: int, stride_factor: int) -> "FloorSchedule":
         """Return the schedule for a number of lines.
@@ -97,6 +96,11 @@ class FloorFit:
 def count_measured_frfs(campaign: Campaign) -> int:
     """Return the number of FRFs."""
     return sum(int(test.estimate.measured.sum()) for test in campaign.tests)
+
+
+def count_measured_values(campaign: Campaign) -> int:
+    """Return the number of values, about the cost of a fit that leaves noise alone [nats]."""
+    return count_measured_frfs(campaign) * len(campaign.freq_hz)
 
 
 def fit_at_error_floor(
