@@ -17,6 +17,7 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.stated_values import Value
 from identification.words import Complex, Condition, Real
 from mbmodel import AddedPart, Change, Parameter
+from tuning.parametrisation.user_specification import FREE_RANGE_LOG
 
 Shape = Callable[[Complex], Complex]
 State = Callable[[Mapping[str, float]], dict[str, Value]]
@@ -159,9 +160,10 @@ class Law:
 
     @property
     def _bounds(self) -> dict[str, tuple[float, float]]:
-        if not isinstance(self.law, TimedLaw):
-            return {}
-        return {self.time_name: (-MAX_LOG_STEPS, MAX_LOG_STEPS)}
+        ends = {self.size_name: (0.0, FREE_RANGE_LOG)} if self.is_logarithmic else {}
+        if isinstance(self.law, TimedLaw):
+            ends[self.time_name] = -MAX_LOG_STEPS, MAX_LOG_STEPS
+        return ends
 
     def _find_theta(self, size: float) -> float:
         """Return the parameter of a size r."""

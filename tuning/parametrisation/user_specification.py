@@ -21,7 +21,7 @@ _FACTORS = ("stiffness", "damping")  # whose standard deviation is a factor on t
 # Standard deviation of ln of an unknown gain about its nominal value, which a nominal model with
 # stiffness and masses off by a factor of 2 still gives: wide enough to add no information.
 UNKNOWN_GAIN_SD = 1.0
-_FREE_RANGE_LOG = float(np.log(100.0))  # bound of a size without a tolerance: a factor of 100
+FREE_RANGE_LOG = float(np.log(100.0))  # bound of a size without a tolerance: a factor of 100
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _bounds(
     """Return lower and upper bounds of x for each parameter; (n_parameter,) each."""
     positive = np.array([parameter.positive for parameter in model.parameters], bool)
     widest = np.where(
-        np.isfinite(prior_sd), TOLERANCE_BOUND_SIGMA, np.where(positive, _FREE_RANGE_LOG, np.inf)
+        np.isfinite(prior_sd), TOLERANCE_BOUND_SIGMA, np.where(positive, FREE_RANGE_LOG, np.inf)
     )
     lower, upper = -widest, widest.copy()
     for pattern, (low, high) in specification.bounds.items():
