@@ -112,8 +112,8 @@ def _compare_channels(scene: Scene) -> tuple[list[Dof], Real]:
         }
         for test in tests
     ]
-    known = set(list_sensors(scene))
-    channels = [dof for dof in read[0] if dof.point in known and all(dof in rows for rows in read)]
+    sites = set(list_sensors(scene))
+    channels = [dof for dof in read[0] if dof.point in sites and all(dof in rows for rows in read)]
     misfit = np.zeros((len(channels), len(channels)))
     answers = predict(scene.model, scene.theta, scene.session.campaign)
     for rows, test, answer in zip(read, tests, answers, strict=True):

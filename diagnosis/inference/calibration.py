@@ -7,6 +7,8 @@ from importlib.resources import files
 
 from pydantic import BaseModel, ConfigDict
 
+from identification.words import Campaign, VarianceSource
+
 
 class Calibration(BaseModel):
     """Constants of the posterior.
@@ -64,6 +66,15 @@ class Calibration(BaseModel):
         """
         noise = float(min(noise_share, self.max_noise_share) ** self.noise_exponent)
         return 1 / (noise / values + (1 - noise) / self.error_values)
+
+
+def find_variance_source(campaign: Campaign) -> VarianceSource:
+    """Return where the noise's variance comes from; the worse source if there are two.
+
+    A variance that the files state counts as one from coherences.
+    """
+    sources = {test.estimate.variance_source for test in campaign.tests}
+    return "differences" if "differences" in sources else "coherence"
 
 
 @cache

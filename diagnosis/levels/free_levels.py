@@ -16,10 +16,9 @@ from functools import partial
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
-from diagnosis.inference.calibration import load_calibration
+from diagnosis.inference.calibration import find_variance_source, load_calibration
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.refits.level_dependence import measure_level_dependence
-from diagnosis.refits.measured import find_variance_source
 from diagnosis.scene_points import find_middle_frequency, find_sprung_stages
 from identification.words import Campaign, Condition
 from mbmodel import AddedPart, Change, Parameter

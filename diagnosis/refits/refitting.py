@@ -13,10 +13,9 @@ import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
-from diagnosis.inference.calibration import load_calibration
+from diagnosis.inference.calibration import find_variance_source, load_calibration
 from diagnosis.refit_record import RefitRecord, restore_fit
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
-from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import Refit, describe_fit
 from identification.words import Real
 from mbmodel import Model

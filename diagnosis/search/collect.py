@@ -1,8 +1,8 @@
 """Evidence of a verdict: plain numbers of everything that was fitted."""
 
+from diagnosis.inference.calibration import find_variance_source
 from diagnosis.inference.evidence import Evidence, Scored
 from diagnosis.null_model import Baseline
-from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import summarise_refit
 from diagnosis.search.fitted_sets import Search
 from diagnosis.search.free_force import fit_free_forces

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.inference.calibration import load_calibration
+from diagnosis.inference.calibration import find_variance_source, load_calibration
 from diagnosis.inference.evidence import Evidence, Key
 from diagnosis.inference.posterior import compute_log_odds, select_material_sets
-from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import Refit, summarise_refit
 from diagnosis.search.score_test import Score
 from diagnosis.settings import DiagnosisSettings

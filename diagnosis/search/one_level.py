@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.inference.calibration import load_calibration
+from diagnosis.inference.calibration import find_variance_source, load_calibration
 from diagnosis.inference.evidence import Evidence, Key
 from diagnosis.inference.posterior import compute_log_odds
 from diagnosis.levels.free_levels import list_levels
 from diagnosis.levels.law_part import LawPart
 from diagnosis.refits.extended_parametrisation import hold_parameters
-from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import Refit, summarise_refit
 from diagnosis.refits.refitting import (
     RefitTask,

@@ -54,9 +54,9 @@ def with_spring_laws(
     """Return a machine whose springs have the stated laws; stated again alike, they stay.
 
     Args:
-        machine: with the springs.
-        stated: by the name of a joint (its child body), of a joint direction or of a tendon.
-        place: where they are stated, for messages.
+        machine: machine with the springs.
+        stated: laws by the name of a joint (its child body), joint direction or tendon.
+        place: file that states them, for messages.
         in_mjcf: whether texts of the MJCF state them.
 
     Raises:
@@ -105,9 +105,9 @@ def _find_springs(machine: Machine, name: str, place: str) -> list[Spring]:
         )
     springs = [spring for spring in machine.springs if spring.stiffness]
     stages = dict.fromkeys(s.location.removeprefix(_JOINT_PREFIX) for s in springs)
-    known = list(dict.fromkeys([*stages, *(spring.name for spring in springs)]))
-    near = get_close_matches(plain, known, 1)
-    hint = f"did you mean {near[0]}?" if near else f"name one of {shorten_names(known)}"
+    spring_names = list(dict.fromkeys([*stages, *(spring.name for spring in springs)]))
+    near = get_close_matches(plain, spring_names, 1)
+    hint = f"did you mean {near[0]}?" if near else f"name one of {shorten_names(spring_names)}"
     raise InputError(
         f"{place}: spring.{name}: {machine.source.name} has no joint, joint direction or tendon "
         f"of this name with a spring: {hint}"
@@ -119,8 +119,8 @@ def read_law_texts(model: mujoco.MjModel, machine: Machine, path: Path) -> Machi
 
     Args:
         model: the compiled model.
-        machine: that was read from it.
-        path: of the MJCF, for messages.
+        machine: machine that was read from it.
+        path: path of the MJCF, for messages.
 
     Raises:
         InputError: a text that states no laws, or a name that no spring has.

@@ -33,9 +33,9 @@ def read_alternatives(
     Args:
         request: the machine whose bands are given, its state, and what is put on it.
         diagnosed: folder of ``mbw diagnose`` that the user names beside a tuning; None for none.
-        posterior: of the machine.
+        posterior: posterior of the machine.
         frfs: outputs, inputs and lines.
-        bands: of the machine.
+        bands: bands of the machine.
 
     Returns:
         None without an alternative.
@@ -88,7 +88,7 @@ def _bands_of(
     Args:
         request: the machine.
         file: the other MJCF.
-        posterior: of its parameters.
+        posterior: posterior of its parameters.
         frfs: outputs, inputs and lines.
         is_moved: whether the posterior is that of another model, whose spread it has.
     """
@@ -109,7 +109,7 @@ def alternatives_sentence(
 
     Args:
         plants: the alternatives.
-        folder: of the diagnosis that the user names; None where the plants are its own.
+        folder: folder of the diagnosis that the user names; None for the plants of its own.
         points: names of sensors and hits.
     """
     pairs = zip(plants.names, plants.weights, strict=True)

@@ -48,10 +48,10 @@ class PlantResult:
 
     Args:
         model: at its nominal parameters.
-        machine: its MJCF and its state.
+        machine: MJCF and state of the machine.
         frfs: outputs, inputs and lines; None if no port is requested.
         request: what is asked for.
-        posterior: of a fit; None if nothing of it is asked for.
+        posterior: posterior of a fit; None if nothing asks for it.
         bands: of the FRFs; None without a posterior or ports.
         alternatives: plants with and without the causes of a diagnosis; None without one.
         rows: of the JSON file, by key.
@@ -183,7 +183,7 @@ def compute_plant(
 
     Args:
         machines: the machine, with what is put on it.
-        machine_request: its MJCF and its state.
+        machine_request: MJCF and state of the machine.
         frfs: outputs, inputs and lines; None if no port is requested.
         request: what is asked for.
 

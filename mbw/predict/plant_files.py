@@ -133,7 +133,7 @@ def write_weight(mjcf: Path, order: int, place: Path) -> WeightRow:
     """Write the weight of the input error for Python and MATLAB.
 
     Args:
-        mjcf: of the tuning or diagnosis.
+        mjcf: MJCF of the tuning or diagnosis.
         order: of the filter.
         place: folder of the files.
 

@@ -8,6 +8,7 @@ from html import escape
 from identification.words import TOLERANCE_BOUND_SIGMA
 from mbw.page.numbers import format_shift, format_tolerance
 from tuning import TunedFile
+from tuning.assessment.parameter_confidence import MAX_DETERMINED_SHARE
 from tuning.files.schema import ParameterRow
 from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 
@@ -32,7 +33,6 @@ _TOLERANCE_KINDS = {
 _KIND_ROWS = {kind: row for row, kind in enumerate(_TOLERANCE_KINDS.values())}
 _LAST_KIND_ROW = 99  # of kinds that the table above does not list
 _MAX_PULL_ROWS = 10  # rows of the table of the largest pulls
-_MIN_VAGUE_DEVIATION = 0.7  # posterior over prior deviation; above, the data add little
 
 
 def kind_of(row: ParameterRow) -> str:
@@ -110,7 +110,7 @@ def _sort_by_pull(summary: TunedFile) -> list[tuple[ParameterRow, float]]:
 
 
 def _is_vague(row: ParameterRow) -> bool:
-    return bool(row.deviation and row.prior and row.deviation > _MIN_VAGUE_DEVIATION * row.prior)
+    return bool(row.deviation and row.prior and row.deviation > MAX_DETERMINED_SHARE * row.prior)
 
 
 def _shift_text(row: ParameterRow) -> str:

@@ -217,10 +217,10 @@ def test_a_statement_that_fails_at_fitted_values_is_left_out_and_said_once(
     installed(
         "fractional_damper", changes=[("unit * found[own]", "unit * found[own] / (found[own] < 2)")]
     )
-    one = next(iter(load_catalogue()[NAME](Scene(session, session.model.drawn))))
-    (name,) = one.coordinates
-    assert one.state({name: 1.0})["coefficient"] > 0
-    assert one.state({name: 3.0}) == one.state({name: 4.0}) == {}
+    hypothesis = next(iter(load_catalogue()[NAME](Scene(session, session.model.drawn))))
+    (name,) = hypothesis.coordinates
+    assert hypothesis.state({name: 1.0})["coefficient"] > 0
+    assert hypothesis.state({name: 3.0}) == hypothesis.state({name: 4.0}) == {}
     (record,) = caplog.records
     assert f"entry point {NAME} of mbw.effects, {NAME}@joint:" in record.getMessage()
     assert "ZeroDivisionError" in record.getMessage()
@@ -241,8 +241,8 @@ FAILING = """def _failing(*given):
 def test_a_part_that_fails_far_from_where_it_was_checked_says_whose_it_is(installed, session):
     changes = [("AddedPart.linear(", "_failing("), ("def propose", f"{FAILING}def propose")]
     installed(NAME, changes=changes)
-    one = next(iter(load_catalogue()[NAME](Scene(session, session.model.drawn))))
-    (part,) = one.parts
+    hypothesis = next(iter(load_catalogue()[NAME](Scene(session, session.model.drawn))))
+    (part,) = hypothesis.parts
     near, far = np.array([0.5]), np.array([2.0])
     assert part.finite(near)[0].core.any()
     whose = rf"^entry point {NAME} of mbw.effects, {NAME}@joint:.*: finite, .*ZeroDivisionError"

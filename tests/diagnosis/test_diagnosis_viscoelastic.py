@@ -19,7 +19,7 @@ def scene(tmp_path_factory):
 
 
 def dynamic_stiffness(scene, hypothesis, theta):
-    """What the Part adds to the joints at each s; (n_line, nv, nv)."""
+    """Return the dynamic stiffness that the Part adds to the joints at each s; (n_line, nv, nv)."""
     (part,) = hypothesis.parts
     machine = scene.model.machine
     total = np.zeros((len(LAPLACE), *machine.armature.shape), complex)
@@ -52,8 +52,8 @@ def test_each_direction_and_all_alike_have_the_dynamic_stiffness_of_a_branch(sce
             joint = places[spring.removesuffix(".stiffness")]
             expected[:, joint, joint] = named[name] * 0.7 * s_tau / (1 + s_tau)
         assert len(hypothesis.follow) == (6 if hypothesis.dof is None else 1)
-        found = dynamic_stiffness(scene, hypothesis, theta)
-        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        stiffness_change = dynamic_stiffness(scene, hypothesis, theta)
+        np.testing.assert_allclose(stiffness_change, expected, rtol=1e-12)
 
 
 def test_neither_a_ratio_nor_an_end_of_its_interval_is_negative(scene):

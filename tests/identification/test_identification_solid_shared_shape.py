@@ -18,8 +18,8 @@ LINES = 200
 
 
 def check(case: Case):
-    (found,) = check_bodies(draw(case))
-    return found
+    (body_check,) = check_bodies(draw(case))
+    return body_check
 
 
 @cache
@@ -30,11 +30,13 @@ def check_flexible(seed: int, size: float):
 @pytest.mark.parametrize("size", [0.03, 0.1, 0.3])
 def test_a_flexible_mode_ends_solidity_below_it_and_is_no_sensors_fault(size):
     for seed in range(2):
-        found = check_flexible(1500 + seed, size)
-        assert [fault.effect for fault in found.faults] == ["flexible_body"], found.sentence
-        assert found.faults[0].location == "body:body0"
-        assert 60 < found.solid_to_hz < 148
-        assert found.faults[0].parameters["frequency"] == pytest.approx(150, rel=0.05)
+        body_check = check_flexible(1500 + seed, size)
+        assert [fault.effect for fault in body_check.faults] == ["flexible_body"], (
+            body_check.sentence
+        )
+        assert body_check.faults[0].location == "body:body0"
+        assert 60 < body_check.solid_to_hz < 148
+        assert body_check.faults[0].parameters["frequency"] == pytest.approx(150, rel=0.05)
 
 
 def twisted(case: Case, size=0.5, frequency=160.0, corner=None, reversed_corner=None) -> Case:
@@ -64,9 +66,11 @@ def twisted(case: Case, size=0.5, frequency=160.0, corner=None, reversed_corner=
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_plate_that_twists_is_flexible_though_any_of_its_corners_would_tell_as_much(seed):
-    found = check(twisted(Case(1550 + seed, lines=LINES, level=True)))
-    assert "flexible_body" in [fault.effect for fault in found.faults], found.sentence
-    assert not any(fault.effect == "sensor_unknown" for fault in found.faults), found.sentence
+    body_check = check(twisted(Case(1550 + seed, lines=LINES, level=True)))
+    assert "flexible_body" in [fault.effect for fault in body_check.faults], body_check.sentence
+    assert not any(fault.effect == "sensor_unknown" for fault in body_check.faults), (
+        body_check.sentence
+    )
 
 
 @pytest.mark.parametrize("frequency", [60.0, 160.0])
@@ -113,7 +117,7 @@ def test_the_larger_the_flexible_motion_the_lower_the_limit():
 
 
 def test_motion_that_is_flexible_by_less_than_a_percent_is_reported_and_still_solid():
-    found = check(Case(1700, lines=LINES, noise=0.001, flex=(150.0, 0.005)))
-    assert found.solid_to_hz == found.freq_hz[-1]
-    assert not found.faults
-    assert "as a solid within 0." in found.sentence
+    body_check = check(Case(1700, lines=LINES, noise=0.001, flex=(150.0, 0.005)))
+    assert body_check.solid_to_hz == body_check.freq_hz[-1]
+    assert not body_check.faults
+    assert "as a solid within 0." in body_check.sentence

@@ -42,8 +42,10 @@ def test_plants_of_at_least_five_per_cent_are_alternatives_with_probabilities_of
         posterior=SimpleNamespace(none=0.0, unexplained=0.0, sets=sets),
         gross_hypotheses=[SimpleNamespace(key=proven)],
     )
-    found = find_alternatives(diagnosed, frozenset({a}))
-    assert [keys for keys, _ in found] == [{a}, {b}, set()]
-    assert [share for _, share in found] == pytest.approx([0.6 / 0.96, 0.2 / 0.96, 0.16 / 0.96])
+    alternatives = find_alternatives(diagnosed, frozenset({a}))
+    assert [keys for keys, _ in alternatives] == [{a}, {b}, set()]
+    assert [share for _, share in alternatives] == pytest.approx(
+        [0.6 / 0.96, 0.2 / 0.96, 0.16 / 0.96]
+    )
     alone = find_alternatives(diagnosed, frozenset({a, b}))
     assert alone[0][1] == pytest.approx(0.04)

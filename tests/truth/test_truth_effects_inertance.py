@@ -16,7 +16,7 @@ TZ = StageDirection("table", 2, "tz")
 
 
 def vertical(one_body, effect):
-    occasions = tuple(replace(one, node=3) for one in OCCASIONS)
+    occasions = tuple(replace(occasion, node=3) for occasion in OCCASIONS)
     return frf_of(one_body, effect, occasions=occasions)[:, 2, 2]
 
 

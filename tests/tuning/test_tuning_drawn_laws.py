@@ -180,9 +180,9 @@ def test_a_machine_that_has_the_laws_as_drawn_lacks_nothing(folder):
     session, random = open_session(folder), np.random.default_rng(7)
     spread = np.where(session.parametrisation.is_tolerance, 0.7, 0.2)
     theta = session.parametrisation.theta(random.normal(0.0, spread))
-    found = diagnose(measured(session, theta, random))
-    assert build_verdict(found).verdict == "none"
-    assert found.null.chi_square == pytest.approx(1.0, abs=0.1)
+    diagnosis = diagnose(measured(session, theta, random))
+    assert build_verdict(diagnosis).verdict == "none"
+    assert diagnosis.null.chi_square == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_candidate_measures_what_is_beyond_the_drawn_law(folder):

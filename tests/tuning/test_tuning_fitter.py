@@ -95,12 +95,12 @@ def test_random_starts_are_the_drawing_and_then_its_multiples(model):
 
 def test_random_starts_move_nothing_that_the_drawing_knows(whole):
     drawn, second = random_starts(whole, 2, seed=3)
-    known = np.array(
+    is_no_spring = np.array(
         [parameter.known not in ("stiffness", "damping") for parameter in whole.parameters]
     )
     assert np.array_equal(drawn, whole.drawn)
-    assert np.array_equal(second[known], whole.drawn[known])
-    assert (second[~known] != whole.drawn[~known]).all()
+    assert np.array_equal(second[is_no_spring], whole.drawn[is_no_spring])
+    assert (second[~is_no_spring] != whole.drawn[~is_no_spring]).all()
 
 
 def test_exact_data_are_fitted_exactly(model, true_theta):

@@ -103,9 +103,9 @@ def test_without_bounds_tolerances_are_free_and_the_rest_is_kept(toleranced):
     loose = toleranced.lift_bounds()
     assert np.isinf(loose.upper[loose.is_tolerance]).all()
     assert np.isinf(loose.lower[loose.is_tolerance]).all()
-    known = ~toleranced.is_tolerance
-    assert np.array_equal(loose.upper[known], toleranced.upper[known])
-    assert np.array_equal(loose.lower[known], toleranced.lower[known])
+    is_free = ~toleranced.is_tolerance
+    assert np.array_equal(loose.upper[is_free], toleranced.upper[is_free])
+    assert np.array_equal(loose.lower[is_free], toleranced.lower[is_free])
 
 
 def test_some_coordinates_only_leave_the_others_where_x_has_them(toleranced):

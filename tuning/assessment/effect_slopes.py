@@ -39,7 +39,7 @@ class EffectSlopes:
     """Changes of a machine per unit of each parameter of its added effects.
 
     Args:
-        names: of the parameters; n.
+        names: names of the parameters; n.
         coordinates: names of the joint coordinates; nv.
         bodies: names of the bodies; n_body.
         inertia: dMb of each body about its centre of mass, in world axes; (n, n_body, 6, 6).
@@ -61,8 +61,10 @@ class EffectSlopes:
         Raises:
             InputError: the machine lacks a joint coordinate or a body of the effects.
         """
-        known = (*machine.coordinates, *machine.layout.bodies)
-        if missing := [name for name in (*self.coordinates, *self.bodies) if name not in known]:
+        machine_names = (*machine.coordinates, *machine.layout.bodies)
+        if missing := [
+            name for name in (*self.coordinates, *self.bodies) if name not in machine_names
+        ]:
             raise InputError(
                 f"{machine.source} lacks {shorten_names(missing)}, which its posterior varies: "
                 "name the MJCF that was written beside it"
@@ -128,7 +130,7 @@ def _find_visible(
     """Return the numbers of the parameters whose steps change the machine beyond rounding.
 
     Args:
-        slopes: of all parameters.
+        slopes: slopes of all parameters.
         steps: sizes of their steps; (n,).
         before: K, C and M of the machine; (3, nv, nv).
         nominal_inertia: inertia of its bodies; (n_body, 6, 6).

@@ -1,7 +1,7 @@
 """Folder of a tuning or of a diagnosis as a plant: its MJCF, held-out FRFs, and doubts about it.
 
 Both hold an MJCF with posterior.npz beside it: tuned.xml, or augmented.xml with the established
-causes. Whoever predicts takes either by the functions of this file.
+causes. The functions of this file give predictions access to either.
 """
 
 from collections.abc import Sequence
@@ -29,8 +29,8 @@ class AlternativeRow(BaseModel):
     """Plant that may be the true one in place of augmented.xml.
 
     Args:
-        name: its causes, such as ``link@pair:a-b``, or ``no cause``.
-        probability: of the set of its causes, relative to all plants that are listed.
+        name: causes of the plant, such as ``link@pair:a-b``, or ``no cause``.
+        probability: probability of its set of causes, relative to all plants that are listed.
         file: name of its MJCF; a posterior with the suffix .npz lies beside it.
     """
 
@@ -43,8 +43,8 @@ class PlantRow(BaseModel):
     """What a diagnosis says of its plant, augmented.xml.
 
     Args:
-        name: its causes, or ``no cause``.
-        probability: of the set of its causes, relative to all plants that are listed.
+        name: causes of the plant, or ``no cause``.
+        probability: probability of its set of causes, relative to all plants that are listed.
         held_out: array of diagnosis.npz with its FRFs on held-out lines; null if there is none.
         doubts: reasons to doubt its fit, beside the verdict.
         alternatives: other plants that are probable.

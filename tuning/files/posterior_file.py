@@ -47,8 +47,8 @@ def machine_posterior(
         [location.startswith(_MACHINE_LOCATIONS) for location in model.locations], bool
     )
     if held is not None:
-        known = {*held, *(() if effects is None else effects.names)}
-        is_of_machine = np.array([each.name in known for each in model.parameters], bool)
+        plant_names = {*held, *(() if effects is None else effects.names)}
+        is_of_machine = np.array([each.name in plant_names for each in model.parameters], bool)
     indices = np.flatnonzero(is_of_machine & parametrisation.free)
     kept: Integers = np.unique(parametrisation.coordinate_of[indices])
     return ParameterPosterior(

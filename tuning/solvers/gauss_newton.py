@@ -260,7 +260,7 @@ class _ModelStep:
 
     Args:
         step: d; (n,).
-        decrease: of J without damping, as predicted [nats].
+        decrease: predicted decrease of J, damping left out [nats].
         added: added to N's diagonal; (n,).
         lower: lower bounds of d; (n,).
         upper: upper bounds of d; (n,).
