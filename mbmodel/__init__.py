@@ -30,6 +30,7 @@ from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import WORLD, Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
+from mbmodel.measured_rest import MeasuredRest
 from mbmodel.mjcf.edit import Addition, Edit, MjcfLack, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
 from mbmodel.mjcf.written_file import (
@@ -77,7 +78,7 @@ from mbmodel.parts import (
 from mbmodel.parts.drawn_laws import StatedLaws, with_spring_laws
 from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, spring_law_part
 from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
-from mbmodel.ports.ports import parse_input, parse_output
+from mbmodel.ports.ports import find_ports, parse_input, parse_output
 from mbmodel.ports.request import FrfRequest
 from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
@@ -123,6 +124,7 @@ __all__ = [
     "Machine",
     "MachineGeometry",
     "Matrices",
+    "MeasuredRest",
     "MjcfLack",
     "ModeEvaluator",
     "Model",
@@ -162,6 +164,7 @@ __all__ = [
     "export_state_space",
     "hammer_gain_parts",
     "hammer_parts",
+    "find_ports",
     "held_parameters",
     "input_unit",
     "joint_coupling_writer",

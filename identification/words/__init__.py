@@ -15,6 +15,7 @@ from identification.words.campaign import (
     TOLERANCE_BOUND_SIGMA,
     Campaign,
     Condition,
+    State,
     Test,
     Tolerance,
 )
@@ -95,6 +96,7 @@ __all__ = [
     "Real",
     "Records",
     "Signal",
+    "State",
     "SignalTraces",
     "SpectralDensities",
     "Test",

@@ -1,0 +1,206 @@
+r"""Gains and starts of hypotheses in dynamic stiffness, against the state before a change.
+
+A change of 10 % moves narrow modes by many bandwidths, so that FRFs are far from linear in it: both
+sets of peaks show, and a fit that begins without the change ends in a wrong minimum. In dynamic
+stiffness Z = H^-1 most effects are linear. With the measured square matrix Y, the residual
+
+    R = Y H(x)^-1 Y - Y,    dR = -(Y H^-1) dH (H^-1 Y),
+
+is linear in Z, and equals that of the FRFs near the solution, so that their weights hold. Each
+hypothesis is fitted by a few steps of Gauss and Newton, with the common drift of all stiffness
+beside it. What it gains ranks it, and where it ends a refit begins.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.refits.refit import Refit, map_values
+from diagnosis.refits.refitting import add_hypothesis, find_start
+from diagnosis.search.score_test import Score, rank_scores
+from identification.words import Campaign, Complex, Real
+from tuning import Session, thin_lines
+from tuning.misfit.batch import batch_tests
+from tuning.misfit.weights import point_power_of
+from tuning.parametrisation.parametrisation import Parametrisation
+
+# Relative floor of the weights: gains of a second visit and what the rest does not hold. Starts
+# need no better one; the refits estimate their own.
+_FLOOR = 0.02
+_MAX_STEPS = 6  # linear effects take two, resonators some more
+_MIN_GAIN = 1e-3  # relative decrease of the cost below which the steps end
+_HALVINGS = 3  # of a step that lowers no cost
+
+
+def has_square_matrix(campaign: Campaign) -> bool:
+    """Return whether the tests are one square matrix of FRFs, each reference hit once."""
+    count = len(campaign.outputs)
+    return (
+        len(campaign.inputs) == len(campaign.tests) == count
+        and all(test.estimate.measured.all() for test in campaign.tests)
+        and all(len(test.estimate.frf.outputs) == count for test in campaign.tests)
+    )
+
+
+def rank_by_stiffness(
+    scene: Scene, base: Refit, hypotheses: Sequence[Hypothesis], stride: int
+) -> list[Score]:
+    """Return the scores of hypotheses by their fits in dynamic stiffness, the largest gain first.
+
+    Each hypothesis begins where its fit ends.
+
+    Args:
+        scene: campaign and model of the refit.
+        base: refit about which they are proposed; with a rest of the state before.
+        hypotheses: hypotheses to score.
+        stride: every ``stride``-th line counts.
+    """
+    thin = stride * scene.stride_factor
+    null = _fit(scene.session, base.fit.theta, (), thin)
+    started, gained = [], []
+    for hypothesis in hypotheses:
+        session = add_hypothesis(scene.session, hypothesis)
+        added = {p.name for part in hypothesis.parts for p in part.parameters}
+        names = (*hypothesis.release, *(added - {*hypothesis.follow, *hypothesis.held}))
+        starts = [{}, *hypothesis.otherwise]
+        ends = [
+            _fit(
+                session,
+                find_start(
+                    base, session, replace(hypothesis, begin={**hypothesis.begin, **start})
+                ),
+                names,
+                thin,
+            )
+            for start in starts
+        ]
+        end = min(ends, key=lambda each: each.cost)
+        values = map_values(session.parametrisation, end.theta)
+        begin = {name: values[name] for name in names}
+        started.append(replace(hypothesis, begin={**hypothesis.begin, **begin}))
+        x = dict(zip(session.parametrisation.names, end.x.tolist(), strict=True))
+        step = np.array([x.get(name, 0.0) for name in hypothesis.coordinates])
+        gained.append((max(null.cost - end.cost, 0.0), step))
+    return rank_scores(started, gained)
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """End of a fit.
+
+    Args:
+        theta: parameters [SI]; (n_parameter,).
+        x: coordinates; (n_x,).
+        cost: half the weighted sum of squares, and the priors [nats].
+    """
+
+    theta: Real
+    x: Real
+    cost: float
+
+
+def _fit(session: Session, start: Real, names: Sequence[str], stride: int) -> _End:
+    """Fit some coordinates and the drift of all stiffness in dynamic stiffness.
+
+    Args:
+        session: model with the hypothesis, campaign corrected for it.
+        start: parameters at the start [SI]; (n_parameter,).
+        names: coordinates that vary.
+        stride: every ``stride``-th line counts.
+    """
+    whole = session.parametrisation
+    drifts = {p.name for p in whole.parameters if p.known in ("stiffness", "damping")}
+    kept = np.isin(np.array(whole.names), [*names, *drifts])
+    x_whole = np.clip(whole.coordinates(start), whole.lower, whole.upper)
+    varies, x = whole.restrict(kept, x_whole), x_whole[kept]
+    problem = _Problem.build(session, varies, stride)
+    cost, gradient, normal = problem.expand(x)
+    for _ in range(_MAX_STEPS):
+        if not len(x):
+            break
+        trial = problem.step(x, cost, gradient, normal)
+        if trial is None:
+            break
+        x, (new_cost, gradient, normal) = trial
+        is_small = cost - new_cost < _MIN_GAIN * max(cost, 1.0)
+        cost = new_cost
+        if is_small:
+            break
+    x_whole[kept] = x
+    return _End(varies.theta(x), x_whole, cost)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Least squares in dynamic stiffness.
+
+    Args:
+        session: model and parametrisation.
+        campaign: tests on the lines that count.
+        varies: coordinates.
+        measured: Y; (n_freq, n, n).
+        weight: 1 / standard deviation of each value; (n_freq, n, n).
+    """
+
+    session: Session
+    campaign: Campaign
+    varies: Parametrisation
+    measured: Complex
+    weight: Real
+
+    @classmethod
+    def build(cls, session: Session, varies: Parametrisation, stride: int) -> "_Problem":
+        """Return the problem on every ``stride``-th line."""
+        campaign = thin_lines(session.campaign, stride)
+        n, n_freq = len(campaign.tests), len(campaign.freq_hz)
+        measured, variance = np.zeros((n_freq, n, n), complex), np.zeros((n_freq, n, n))
+        for batch in batch_tests(session.model, campaign):
+            power = point_power_of(batch.values, batch.evaluator.request.outputs)
+            measured[:, :, batch.tests] = batch.values
+            variance[:, :, batch.tests] = batch.variance + _FLOOR**2 * power
+        weight = 1 / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
+        return cls(session, campaign, varies, measured, weight)
+
+    def expand(self, x: Real) -> tuple[float, Real, Real]:
+        """Return the cost at x, its gradient and the normal matrix, with the priors."""
+        theta, varies = self.varies.theta(x), self.varies
+        values = np.zeros(self.measured.shape, complex)
+        slopes = np.zeros((*self.measured.shape, len(x)), complex)
+        rates, chosen = varies.rates(x), varies.free
+        for batch in batch_tests(self.session.model, self.campaign):
+            lines = batch.evaluator.at(theta)
+            values[:, :, batch.tests] = batch.select_inputs(lines.values)
+            if not len(x):
+                continue
+            columns = lines.sensitivities(chosen, rates, varies.coordinate_of[chosen]).columns()
+            slopes[:, :, batch.tests] = columns[:, :, batch.columns]
+        inverse = np.linalg.inv(values)
+        left, right = self.measured @ inverse, inverse @ self.measured
+        residual = self.weight * (left @ self.measured - self.measured)
+        moved = -np.einsum("fij,fjkp,fkl->filp", left, slopes, right, optimize=True)
+        jacobian = (self.weight[..., None] * moved).reshape(-1, len(x))
+        flat = residual.ravel()
+        cost = float(np.vdot(flat, flat).real + x @ (varies.precision * x)) / 2
+        gradient = (jacobian.conj().T @ flat).real + varies.precision * x
+        normal = (jacobian.conj().T @ jacobian).real + np.diag(varies.precision)
+        return cost, gradient, normal
+
+    def step(
+        self, x: Real, cost: float, gradient: Real, normal: Real
+    ) -> tuple[Real, tuple[float, Real, Real]] | None:
+        """Return the next x within the bounds, with its expansion; None if no step lowers it."""
+        lower, upper = self.varies.lower, self.varies.upper
+        blocked = ((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0))
+        free = np.flatnonzero(~blocked)
+        direction = np.zeros(len(x))
+        scale = np.sqrt(np.maximum(np.diag(normal)[free], np.finfo(float).tiny))
+        matrix = normal[np.ix_(free, free)] / np.outer(scale, scale)
+        direction[free] = -np.linalg.lstsq(matrix, gradient[free] / scale, rcond=1e-10)[0] / scale
+        for halving in range(_HALVINGS + 1):
+            nearer = np.clip(x + direction / 2**halving, lower, upper)
+            expansion = self.expand(nearer)
+            if expansion[0] < cost:
+                return nearer, expansion
+        return None
