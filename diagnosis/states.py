@@ -15,8 +15,8 @@ from diagnosis.data_checks.check_data import CheckedData, check_tests
 from diagnosis.null_model import Baseline
 from diagnosis.settings import DiagnosisSettings
 from identification.words import TOLERANCE_BOUND_SIGMA, Real
-from mbmodel import Model
-from tuning import Parametrisation, Session
+from mbmodel import REST_FACTOR, Model, RestPart
+from tuning import Parametrisation, Session, parametrise
 from tuning.assessment.rest_estimate import add_variance, estimate_rest, shrink_rest
 
 
@@ -76,18 +76,17 @@ def check_data_after(session: Session, before: Baseline, settings: DiagnosisSett
         )
     else:
         rest, variance = shrink_rest(estimate, checks.alive, before.null.floor)
-        model = Model(replace(model.machine, rest=rest), model.parts)
+        model = Model(replace(model.machine, rest=rest), (*model.parts, RestPart()))
         campaigns = tuple(add_variance(campaign, estimate, variance) for campaign in campaigns)
         count = len(estimate.rest.outputs)
         remark = f"what the model lacked before the change is known at {count} points and directions"
     alive, left = (
         replace(campaign, remarks=(*campaign.remarks, remark)) for campaign in campaigns
     )
+    varies = fitted.parametrisation.extend(parametrise(model, session.campaign.tolerance))
+    theta = np.append(theta, model.drawn[len(theta) :])
     after = replace(
-        fitted,
-        model=model,
-        campaign=alive,
-        parametrisation=vary_between_visits(fitted.parametrisation, theta),
+        fitted, model=model, campaign=alive, parametrisation=vary_between_visits(varies, theta)
     )
     checks = replace(checks, alive=alive, campaign=left)
     return CheckedData(after, checks, before.scene.rigid_directions, unsteady)
@@ -117,10 +116,12 @@ def vary_between_visits(
         else:
             deviation = np.inf
         is_varied = kind in ("stiffness", "damping", *_REMOUNTED, *_PLACED)
+        if parameter.name == REST_FACTOR:
+            group, deviation, old, is_varied = "stiffness", priors.stiffness, 0, True
         if old < 0 or not is_varied:
             continue
         coordinate_of[k] = numbers.setdefault(group, len(numbers))
-        is_narrow = varies.is_tolerance[old] and varies.scale[k] < deviation
+        is_narrow = varies.is_tolerance[old] and varies.scale[k] < deviation and group == old
         scale[k] = varies.scale[k] if is_narrow else deviation
     size, bound = len(numbers), np.full(len(numbers), TOLERANCE_BOUND_SIGMA)
     return Parametrisation(

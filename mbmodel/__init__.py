@@ -80,6 +80,7 @@ from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, sprin
 from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
 from mbmodel.ports.ports import find_ports, parse_input, parse_output
 from mbmodel.ports.request import FrfRequest
+from mbmodel.ports.rest_change import REST_FACTOR, RestPart
 from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
 from mbmodel.spatial import rotation_matrix, transport
@@ -141,6 +142,8 @@ __all__ = [
     "PolynomialSpring",
     "RecordedFile",
     "Relaxation",
+    "REST_FACTOR",
+    "RestPart",
     "RigidDirection",
     "SensorPart",
     "Spring",

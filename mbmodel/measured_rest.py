@@ -8,6 +8,11 @@ F the forces of the references on the machine, L the rows of the channels. By th
 L (Z + F E L)^-1 F = (H_model^-1 + E)^-1, so that the model with its rest answers as measured. A
 change of the model's Z by any Part then acts as it does in the real machine at these points: what
 the model lacks is the same in dynamic stiffness in both states, and not in the FRFs.
+
+If all stiffness is f times that of the state before, as by temperature, all frequencies of Z are
+sqrt(f) times theirs, and so are those of the rest (damping apart). With f near 1,
+
+    E_f(w) = f E(w / sqrt(f)) = E + (f - 1) D,    D = E - (w / 2) dE / dw.
 """
 
 from dataclasses import dataclass
@@ -30,6 +35,7 @@ class MeasuredRest:
         freq_hz: frequency lines [Hz], rising; (n_freq,).
         values: E [N/m]; (n_freq, n, n), ``values[k, i, j]`` the force at reference i per motion of
             channel j.
+        drift: D [N/m]; (n_freq, n, n).
 
     Raises:
         ValueError: arrays whose shapes do not fit.
@@ -41,6 +47,7 @@ class MeasuredRest:
     force_shift: Real
     freq_hz: Real
     values: Complex
+    drift: Complex
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
@@ -52,6 +59,7 @@ class MeasuredRest:
             ("force_shift", np.float64, (None, n)),
             ("freq_hz", np.float64, (n_freq,)),
             ("values", np.complex128, (n_freq, n, n)),
+            ("drift", np.complex128, (n_freq, n, n)),
         ):
             array = frozen_array(getattr(self, name), kind, shape, name)
             object.__setattr__(self, name, array)
@@ -65,8 +73,16 @@ class MeasuredRest:
         Returns:
             E [N/m], with E(conj s) = conj E(s); (m, n, n).
         """
+        return self._interpolate(self.values, laplace)
+
+    def drift_at(self, laplace: Complex) -> Complex:
+        """Return D at each s, as ``at`` returns E; (m, n, n)."""
+        return self._interpolate(self.drift, laplace)
+
+    def _interpolate(self, table: Complex, laplace: Complex) -> Complex:
+        """Return a table at each s, conjugate where s has a negative imaginary part."""
         freq = np.abs(laplace.imag) / (2 * np.pi)
-        flat = self.values.reshape(len(self.freq_hz), -1)
+        flat = table.reshape(len(self.freq_hz), -1)
         columns = [np.interp(freq, self.freq_hz, column) for column in flat.T]
-        values = np.array(columns, complex).T.reshape(-1, *self.values.shape[1:])
-        return np.asarray(np.where(laplace.imag[:, None, None] < 0, values.conj(), values))
+        between = np.array(columns, complex).T.reshape(-1, *table.shape[1:])
+        return np.asarray(np.where(laplace.imag[:, None, None] < 0, between.conj(), between))

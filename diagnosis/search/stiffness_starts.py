@@ -11,7 +11,7 @@ hypothesis is fitted by a few steps of Gauss and Newton, with the common drift o
 beside it. What it gains ranks it, and where it ends a refit begins.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from tuning.parametrisation.parametrisation import Parametrisation
 _FLOOR = 0.02
 _MAX_STEPS = 6  # linear effects take two, resonators some more
 _MIN_GAIN = 1e-3  # relative decrease of the cost below which the steps end
+_SHAPES = 2  # of each effect and place that are fitted to the end
 _HALVINGS = 3  # of a step that lowers no cost
 
 
@@ -59,31 +60,35 @@ def rank_by_stiffness(
     """
     thin = stride * scene.stride_factor
     null = _fit(scene.session, base.fit.theta, (), thin)
+    first = [_fit_hypothesis(base, hypothesis, thin, 1) for hypothesis in hypotheses]
+    ranked = rank_scores(
+        hypotheses, [(max(null.cost - end.cost, 0.0), np.zeros(0)) for end in first]
+    )
+    best: dict[str, list[Hypothesis]] = {}
+    for score in ranked:
+        of_site = best.setdefault(score.hypothesis.site, [])
+        if len(of_site) < _SHAPES:
+            of_site.append(score.hypothesis)
+    chosen = [hypothesis for of_site in best.values() for hypothesis in of_site]
     started, gained = [], []
-    for hypothesis in hypotheses:
-        session = add_hypothesis(scene.session, hypothesis)
-        added = {p.name for part in hypothesis.parts for p in part.parameters}
-        names = (*hypothesis.release, *(added - {*hypothesis.follow, *hypothesis.held}))
-        starts = [{}, *hypothesis.otherwise]
-        ends = [
-            _fit(
-                session,
-                find_start(
-                    base, session, replace(hypothesis, begin={**hypothesis.begin, **start})
-                ),
-                names,
-                thin,
-            )
-            for start in starts
-        ]
-        end = min(ends, key=lambda each: each.cost)
-        values = map_values(session.parametrisation, end.theta)
-        begin = {name: values[name] for name in names}
-        started.append(replace(hypothesis, begin={**hypothesis.begin, **begin}))
-        x = dict(zip(session.parametrisation.names, end.x.tolist(), strict=True))
-        step = np.array([x.get(name, 0.0) for name in hypothesis.coordinates])
+    for hypothesis in chosen:
+        end = _fit_hypothesis(base, hypothesis, thin, _MAX_STEPS)
+        started.append(replace(hypothesis, begin={**hypothesis.begin, **end.begin}))
+        step = np.array([end.x.get(name, 0.0) for name in hypothesis.coordinates])
         gained.append((max(null.cost - end.cost, 0.0), step))
     return rank_scores(started, gained)
+
+
+def _fit_hypothesis(base: Refit, hypothesis: Hypothesis, stride: int, steps: int) -> "_End":
+    """Return the best end of fits with a hypothesis, from its start and its alternative ones."""
+    session = add_hypothesis(base.session, hypothesis)
+    added = {p.name for part in hypothesis.parts for p in part.parameters}
+    names = (*hypothesis.release, *(added - {*hypothesis.follow, *hypothesis.held}))
+    ends = []
+    for start in ({}, *hypothesis.otherwise):
+        begun = replace(hypothesis, begin={**hypothesis.begin, **start})
+        ends.append(_fit(session, find_start(base, session, begun), names, stride, steps))
+    return min(ends, key=lambda end: end.cost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,17 +96,19 @@ class _End:
     """End of a fit.
 
     Args:
-        theta: parameters [SI]; (n_parameter,).
-        x: coordinates; (n_x,).
+        begin: parameters that varied [SI], by name.
+        x: coordinates, by name.
         cost: half the weighted sum of squares, and the priors [nats].
     """
 
-    theta: Real
-    x: Real
+    begin: Mapping[str, float]
+    x: Mapping[str, float]
     cost: float
 
 
-def _fit(session: Session, start: Real, names: Sequence[str], stride: int) -> _End:
+def _fit(
+    session: Session, start: Real, names: Sequence[str], stride: int, steps: int = _MAX_STEPS
+) -> _End:
     """Fit some coordinates and the drift of all stiffness in dynamic stiffness.
 
     Args:
@@ -109,6 +116,7 @@ def _fit(session: Session, start: Real, names: Sequence[str], stride: int) -> _E
         start: parameters at the start [SI]; (n_parameter,).
         names: coordinates that vary.
         stride: every ``stride``-th line counts.
+        steps: Gauss-Newton steps at most.
     """
     whole = session.parametrisation
     drifts = {p.name for p in whole.parameters if p.known in ("stiffness", "damping")}
@@ -117,7 +125,7 @@ def _fit(session: Session, start: Real, names: Sequence[str], stride: int) -> _E
     varies, x = whole.restrict(kept, x_whole), x_whole[kept]
     problem = _Problem.build(session, varies, stride)
     cost, gradient, normal = problem.expand(x)
-    for _ in range(_MAX_STEPS):
+    for _ in range(steps):
         if not len(x):
             break
         trial = problem.step(x, cost, gradient, normal)
@@ -129,7 +137,12 @@ def _fit(session: Session, start: Real, names: Sequence[str], stride: int) -> _E
         if is_small:
             break
     x_whole[kept] = x
-    return _End(varies.theta(x), x_whole, cost)
+    values = map_values(whole, varies.theta(x))
+    return _End(
+        {name: values[name] for name in names},
+        dict(zip(whole.names, x_whole.tolist(), strict=True)),
+        cost,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +196,8 @@ class _Problem:
         jacobian = (self.weight[..., None] * moved).reshape(-1, len(x))
         flat = residual.ravel()
         cost = float(np.vdot(flat, flat).real + x @ (varies.precision * x)) / 2
+        if not (np.isfinite(cost) and np.isfinite(jacobian).all()):
+            return np.inf, np.zeros(len(x)), np.eye(len(x))
         gradient = (jacobian.conj().T @ flat).real + varies.precision * x
         normal = (jacobian.conj().T @ jacobian).real + np.diag(varies.precision)
         return cost, gradient, normal
@@ -200,7 +215,8 @@ class _Problem:
         direction[free] = -np.linalg.lstsq(matrix, gradient[free] / scale, rcond=1e-10)[0] / scale
         for halving in range(_HALVINGS + 1):
             nearer = np.clip(x + direction / 2**halving, lower, upper)
-            expansion = self.expand(nearer)
+            with np.errstate(over="ignore", invalid="ignore"):  # far steps of unbounded sizes
+                expansion = self.expand(nearer)
             if expansion[0] < cost:
                 return nearer, expansion
         return None

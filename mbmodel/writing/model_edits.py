@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.words import Real
-from mbmodel.mjcf.edit import Addition, Edit, MjcfLack, NotInMjcf
+from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
 from mbmodel.parts import AddedPart, BodyPart, ConditionalPart, JointPart, Part, body_parts
 from mbmodel.parts.drawn_laws import write_law_texts
-from mbmodel.ports.rest_change import REST
+from mbmodel.ports.rest_change import rest_lack
 from mbmodel.posed_model import PosedModel
 
 _PartValues = Sequence[tuple[Part, Real]]
@@ -31,7 +31,7 @@ def model_edits(model: PosedModel, theta: Real) -> tuple[Edit | Addition | NotIn
             edits += part.write(values)
     edits += write_law_texts(model.machine.springs)
     edits += [not_held for loop in model.loops for not_held in loop.write(np.zeros(0))]
-    edits += [NotInMjcf(REST, MjcfLack.FREQUENCY)] if model.machine.rest is not None else []
+    edits += rest_lack(model.machine)
     bodies = {part.location: part for part in body_parts(model.machine)} if added else {}
     for place, inertia in added.items():
         drawn = np.array([parameter.drawn for parameter in bodies[place].parameters])

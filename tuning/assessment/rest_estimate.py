@@ -23,6 +23,11 @@ from mbmodel import Evaluator, FrfRequest, Linearised, MeasuredRest, Model, find
 from tuning.misfit.batch import evaluate_tests
 
 
+# Lines on each side of a line that give the slope of the rest: more than a sharp mode has, less
+# than the rest's own features.
+_HALF_WIDTH = 12
+
+
 @dataclass(frozen=True, eq=False)
 class RestEstimate:
     """The rest of a model, and the FRFs from which it comes.
@@ -85,13 +90,18 @@ def estimate_rest(model: Model, theta: Real, campaign: Campaign) -> RestEstimate
     if np.median(smallest / np.maximum(noise, np.finfo(float).tiny)) < 1:
         return None
     drawn = find_ports(model.machine, outputs, inputs)
+    inverse = np.linalg.inv(measured)
+    lacking = inverse - np.linalg.inv(ideal)
+    size = np.abs(inverse) ** 2
+    smooth, rate = _smooth_lines(campaign.freq_hz, lacking, size @ variance @ size)
     rest = MeasuredRest(
         outputs,
         inputs,
         lines.ports.readout - drawn.readout,
         lines.ports.force - drawn.force,
         campaign.freq_hz,
-        np.linalg.inv(measured) - np.linalg.inv(ideal),
+        lacking,
+        smooth - 0.5 * campaign.freq_hz[:, None, None] * rate,
     )
     return RestEstimate(rest, measured, variance, factor)
 
@@ -125,7 +135,8 @@ def shrink_rest(
     variance = left @ estimate.variance @ right
     allowed = floor**2 * (np.abs(after) ** 2).sum(axis=(1, 2), keepdims=True)
     weight = allowed / (allowed + variance.sum(axis=(1, 2), keepdims=True))
-    rest = replace(estimate.rest, values=weight * estimate.rest.values)
+    whole = estimate.rest
+    rest = replace(whole, values=weight * whole.values, drift=weight * whole.drift)
     return rest, np.asarray(weight * variance)
 
 
@@ -147,6 +158,41 @@ def add_variance(campaign: Campaign, estimate: RestEstimate, variance: Real) -> 
         total[lines, :, 0] += added[:, rows, column]
         tests.append(replace(test, estimate=replace(test.estimate, variance=total)))
     return replace(campaign, tests=tuple(tests))
+
+
+def _smooth_lines(freq_hz: Real, values: Complex, variance: Real) -> tuple[Complex, Complex]:
+    """Return a curve and its slope by a weighted straight line about each frequency line.
+
+    Neighbouring lines alone would give the slope of the noise. Lines of large noise, as those of a
+    sharp mode in a dynamic stiffness, have little weight (local regression, Cleveland 1979).
+
+    Args:
+        freq_hz: frequency lines [Hz]; (n_freq,).
+        values: curves; (n_freq, n, n).
+        variance: their variance; (n_freq, n, n).
+
+    Returns:
+        Smooth values, and their slope per Hz; (n_freq, n, n) each.
+    """
+    n_freq = len(freq_hz)
+    spacing = (freq_hz[-1] - freq_hz[0]) / max(n_freq - 1, 1) or 1.0
+    place = ((freq_hz - freq_hz.mean()) / spacing)[:, None, None]
+    weight = 1 / np.maximum(variance, np.finfo(float).tiny)
+    weight = weight / np.median(weight, axis=0)
+    first = np.clip(np.arange(n_freq) - _HALF_WIDTH, 0, n_freq)
+    last = np.clip(np.arange(n_freq) + _HALF_WIDTH + 1, 0, n_freq)
+
+    def add_up(terms: Complex | Real) -> Complex:
+        total = np.concatenate([np.zeros((1, *terms.shape[1:])), np.cumsum(terms, axis=0)])
+        return np.asarray(total[last] - total[first], complex)
+
+    moments = [add_up(weight * place**power).real for power in range(3)]
+    means = [add_up(weight * place**power * values) for power in range(2)]
+    middle = moments[1] / moments[0]
+    spread = np.maximum(moments[2] / moments[0] - middle**2, np.finfo(float).tiny)
+    rate = (means[1] / moments[0] - middle * means[0] / moments[0]) / spread
+    smooth = means[0] / moments[0] + rate * (place - middle)
+    return np.asarray(smooth, complex), np.asarray(rate / spacing, complex)
 
 
 def _find_factor(lines: Linearised) -> Complex:
