@@ -31,7 +31,9 @@ from tuning.parametrisation.parametrisation import Parametrisation
 _FLOOR = 0.02
 _MAX_STEPS = 6  # linear effects take two, resonators some more
 _MIN_GAIN = 1e-3  # relative decrease of the cost below which the steps end
-_SHAPES = 2  # of each effect and place that are fitted to the end
+# Of the hypotheses that one step ranks, those fitted to the end: two shapes of each effect and
+# place, and as many of these as twice the refits of a round.
+_SHAPES, _SITES_PER_REFIT = 2, 2
 _HALVINGS = 3  # of a step that lowers no cost
 
 
@@ -61,22 +63,38 @@ def rank_by_stiffness(
     thin = stride * scene.stride_factor
     null = _fit(scene.session, base.fit.theta, (), thin)
     first = [_fit_hypothesis(base, hypothesis, thin, 1) for hypothesis in hypotheses]
-    ranked = rank_scores(
-        hypotheses, [(max(null.cost - end.cost, 0.0), np.zeros(0)) for end in first]
-    )
-    best: dict[str, list[Hypothesis]] = {}
+    ranked = _rank(hypotheses, first, _fit(scene.session, base.fit.theta, (), thin, 1))
+    best: dict[str, list[Score]] = {}
     for score in ranked:
-        of_site = best.setdefault(score.hypothesis.site, [])
-        if len(of_site) < _SHAPES:
-            of_site.append(score.hypothesis)
-    chosen = [hypothesis for of_site in best.values() for hypothesis in of_site]
-    started, gained = [], []
-    for hypothesis in chosen:
-        end = _fit_hypothesis(base, hypothesis, thin, _MAX_STEPS)
-        started.append(replace(hypothesis, begin={**hypothesis.begin, **end.begin}))
-        step = np.array([end.x.get(name, 0.0) for name in hypothesis.coordinates])
-        gained.append((max(null.cost - end.cost, 0.0), step))
-    return rank_scores(started, gained)
+        best.setdefault(score.hypothesis.site, []).append(score)
+    leading = [
+        score.hypothesis
+        for of_site in list(best.values())[: _SITES_PER_REFIT * scene.settings.max_refits]
+        for score in of_site[:_SHAPES]
+    ]
+    ends = [_fit_hypothesis(base, hypothesis, thin, _MAX_STEPS) for hypothesis in leading]
+    fitted = set(map(id, leading))
+    others = [score for score in ranked if id(score.hypothesis) not in fitted]
+    return [*_rank(leading, ends, null), *others]
+
+
+def _rank(hypotheses: Sequence[Hypothesis], ends: Sequence["_End"], null: "_End") -> list[Score]:
+    """Return the scores of hypotheses that begin where their fits ended."""
+    gained = [
+        (
+            max(null.cost - end.cost, 0.0),
+            np.array([end.x.get(name, 0.0) for name in hypothesis.coordinates]),
+        )
+        for hypothesis, end in zip(hypotheses, ends, strict=True)
+    ]
+    begun = {
+        id(hypothesis): replace(hypothesis, begin={**hypothesis.begin, **end.begin})
+        for hypothesis, end in zip(hypotheses, ends, strict=True)
+    }
+    return [
+        replace(score, hypothesis=begun[id(score.hypothesis)])
+        for score in rank_scores(hypotheses, gained)
+    ]
 
 
 def _fit_hypothesis(base: Refit, hypothesis: Hypothesis, stride: int, steps: int) -> "_End":
@@ -119,8 +137,9 @@ def _fit(
         steps: Gauss-Newton steps at most.
     """
     whole = session.parametrisation
+    # One step ranks; the drift takes part in what fits find.
     drifts = {p.name for p in whole.parameters if p.known in ("stiffness", "damping")}
-    kept = np.isin(np.array(whole.names), [*names, *drifts])
+    kept = np.isin(np.array(whole.names), [*names, *(drifts if steps > 1 else ())])
     x_whole = np.clip(whole.coordinates(start), whole.lower, whole.upper)
     varies, x = whole.restrict(kept, x_whole), x_whole[kept]
     problem = _Problem.build(session, varies, stride)
@@ -193,7 +212,7 @@ class _Problem:
         left, right = self.measured @ inverse, inverse @ self.measured
         residual = self.weight * (left @ self.measured - self.measured)
         moved = -np.einsum("fij,fjkp,fkl->filp", left, slopes, right, optimize=True)
-        jacobian = (self.weight[..., None] * moved).reshape(-1, len(x))
+        jacobian = (self.weight[..., None] * moved).reshape(residual.size, len(x))
         flat = residual.ravel()
         cost = float(np.vdot(flat, flat).real + x @ (varies.precision * x)) / 2
         if not (np.isfinite(cost) and np.isfinite(jacobian).all()):
