@@ -19,7 +19,8 @@ import numpy as np
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.refits.refitting import add_hypothesis, find_start
-from diagnosis.search.score_test import Score, rank_scores
+from diagnosis.search.linearised_fit import Gained, find_signed, maximise_gain
+from diagnosis.search.score_test import Score, extend_model, rank_scores
 from identification.words import Campaign, Complex, Real
 from tuning import Session, thin_lines
 from tuning.misfit.batch import batch_tests
@@ -62,8 +63,7 @@ def rank_by_stiffness(
     """
     thin = stride * scene.stride_factor
     null = _fit(scene.session, base.fit.theta, (), thin)
-    first = [_fit_hypothesis(base, hypothesis, thin, 1) for hypothesis in hypotheses]
-    ranked = _rank(hypotheses, first, _fit(scene.session, base.fit.theta, (), thin, 1))
+    ranked = rank_scores(hypotheses, _find_linear_gains(scene, base, hypotheses, thin))
     best: dict[str, list[Score]] = {}
     for score in ranked:
         best.setdefault(score.hypothesis.site, []).append(score)
@@ -76,6 +76,39 @@ def rank_by_stiffness(
     fitted = set(map(id, leading))
     others = [score for score in ranked if id(score.hypothesis) not in fitted]
     return [*_rank(leading, ends, null), *others]
+
+
+def _find_linear_gains(
+    scene: Scene, base: Refit, hypotheses: Sequence[Hypothesis], stride: int
+) -> list[Gained]:
+    """Return the gain of one step of each hypothesis, of all those that add to Z at once.
+
+    Corrected data, and hypotheses whose slope tells little, need evaluations of their own.
+    """
+    together = [
+        hypothesis
+        for hypothesis in hypotheses
+        if not hypothesis.correct and not hypothesis.reform and hypothesis.is_slope_informative
+    ]
+    model, whole, x = extend_model(scene, base.fit, together)
+    wanted = {name for hypothesis in together for name in hypothesis.coordinates}
+    is_wanted = np.isin(np.array(whole.names), list(wanted))
+    session = replace(scene.session, model=model, parametrisation=whole)
+    problem = _Problem.build(session, whole.restrict(is_wanted, x), stride)
+    cost, residual, jacobian = problem.linearise(x[is_wanted])
+    place = {name: k for k, name in enumerate(problem.varies.names)}
+    gained: dict[int, Gained] = {}
+    for hypothesis in together:
+        own = jacobian[:, [place[name] for name in hypothesis.coordinates]]
+        gained[id(hypothesis)] = maximise_gain(
+            (own.conj().T @ own).real, (own.conj().T @ residual).real, find_signed(hypothesis)
+        )
+    for hypothesis in hypotheses:
+        if id(hypothesis) not in gained:
+            end = _fit_hypothesis(base, hypothesis, stride, 1)
+            step = np.array([end.x.get(name, 0.0) for name in hypothesis.coordinates])
+            gained[id(hypothesis)] = max(cost - end.cost, 0.0), step
+    return [gained[id(hypothesis)] for hypothesis in hypotheses]
 
 
 def _rank(hypotheses: Sequence[Hypothesis], ends: Sequence["_End"], null: "_End") -> list[Score]:
@@ -137,9 +170,8 @@ def _fit(
         steps: Gauss-Newton steps at most.
     """
     whole = session.parametrisation
-    # One step ranks; the drift takes part in what fits find.
     drifts = {p.name for p in whole.parameters if p.known in ("stiffness", "damping")}
-    kept = np.isin(np.array(whole.names), [*names, *(drifts if steps > 1 else ())])
+    kept = np.isin(np.array(whole.names), [*names, *drifts])
     x_whole = np.clip(whole.coordinates(start), whole.lower, whole.upper)
     varies, x = whole.restrict(kept, x_whole), x_whole[kept]
     problem = _Problem.build(session, varies, stride)
@@ -197,6 +229,19 @@ class _Problem:
 
     def expand(self, x: Real) -> tuple[float, Real, Real]:
         """Return the cost at x, its gradient and the normal matrix, with the priors."""
+        precision = self.varies.precision
+        cost, residual, jacobian = self.linearise(x)
+        if not (np.isfinite(cost) and np.isfinite(jacobian).all()):
+            return np.inf, np.zeros(len(x)), np.eye(len(x))
+        gradient = (jacobian.conj().T @ residual).real + precision * x
+        return cost, gradient, (jacobian.conj().T @ jacobian).real + np.diag(precision)
+
+    def linearise(self, x: Real) -> tuple[float, Complex, Complex]:
+        """Return the cost at x with the priors, the weighted residual, and its slopes.
+
+        Returns:
+            Cost [nats], (n_value,), (n_value, n_x).
+        """
         theta, varies = self.varies.theta(x), self.varies
         values = np.zeros(self.measured.shape, complex)
         slopes = np.zeros((*self.measured.shape, len(x)), complex)
@@ -215,11 +260,7 @@ class _Problem:
         jacobian = (self.weight[..., None] * moved).reshape(residual.size, len(x))
         flat = residual.ravel()
         cost = float(np.vdot(flat, flat).real + x @ (varies.precision * x)) / 2
-        if not (np.isfinite(cost) and np.isfinite(jacobian).all()):
-            return np.inf, np.zeros(len(x)), np.eye(len(x))
-        gradient = (jacobian.conj().T @ flat).real + varies.precision * x
-        normal = (jacobian.conj().T @ jacobian).real + np.diag(varies.precision)
-        return cost, gradient, normal
+        return cost, flat, jacobian
 
     def step(
         self, x: Real, cost: float, gradient: Real, normal: Real
