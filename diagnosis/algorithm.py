@@ -148,9 +148,7 @@ def diagnose(
         base, data.session, search, evidence, settings
     )
     present = describe_present(base, search, evidence, posterior, gaps, settings)
-    nominal = predict(
-        data.session.model, data.session.parametrisation.fixed, data.session.campaign
-    )
+    nominal = predict(data.session.model, data.session.parametrisation.fixed, data.session.campaign)
     return Diagnosis(
         session=data.session,
         checks=base.checks,

@@ -56,7 +56,9 @@ _PLACED = (  # anew, so that the campaign's tolerances hold
 )
 
 
-def check_data_after(session: Session, before: Baseline, settings: DiagnosisSettings) -> CheckedData:
+def check_data_after(
+    session: Session, before: Baseline, settings: DiagnosisSettings
+) -> CheckedData:
     """Return the tests after the change, with the machine before it as the nominal model.
 
     Args:
@@ -69,19 +71,23 @@ def check_data_after(session: Session, before: Baseline, settings: DiagnosisSett
         replace(session, campaign=session.campaign.select_state("after")), settings
     )
     estimate = estimate_rest(fitted.model, theta, before.scene.session.campaign)
-    model, campaigns = fitted.model, (checks.alive, checks.campaign)
+    model, alive, left = fitted.model, checks.alive, checks.campaign
     if estimate is None:
         remark = (
             "no full matrix of FRFs before the change: what the model lacks counts as its error"
         )
     else:
-        rest, variance = shrink_rest(estimate, checks.alive, before.null.floor)
+        rest, variance = shrink_rest(
+            estimate, checks.alive, before.null.floor, VISIT_PRIORS.stiffness
+        )
         model = Model(replace(model.machine, rest=rest), (*model.parts, RestPart()))
-        campaigns = tuple(add_variance(campaign, estimate, variance) for campaign in campaigns)
+        alive, left = (add_variance(campaign, estimate, variance) for campaign in (alive, left))
         count = len(estimate.rest.outputs)
-        remark = f"what the model lacked before the change is known at {count} points and directions"
+        remark = (
+            f"what the model lacked before the change is known at {count} points and directions"
+        )
     alive, left = (
-        replace(campaign, remarks=(*campaign.remarks, remark)) for campaign in campaigns
+        replace(campaign, remarks=(*campaign.remarks, remark)) for campaign in (alive, left)
     )
     varies = fitted.parametrisation.extend(parametrise(model, session.campaign.tolerance))
     theta = np.append(theta, model.drawn[len(theta) :])

@@ -129,9 +129,7 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     remarks += filter(None, [shifted_axis_remark(campaign)])
     remarks += [sign for sign in signs if sign]
     for reciprocity in filter(None, reciprocities):
-        remarks += [
-            text for text in reciprocity.remarks(tolerance) if text not in remarks
-        ]
+        remarks += [text for text in reciprocity.remarks(tolerance) if text not in remarks]
     return replace(campaign, remarks=tuple(remarks))
 
 

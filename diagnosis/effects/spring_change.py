@@ -43,9 +43,7 @@ def propose_changes(scene: Scene, kind: Coefficient) -> Iterator[Hypothesis]:
             yield _propose_change(scene, spring, kind, dofs.get(spring.name))
 
 
-def _propose_change(
-    scene: Scene, spring: Spring, kind: Coefficient, dof: str | None
-) -> Hypothesis:
+def _propose_change(scene: Scene, spring: Spring, kind: Coefficient, dof: str | None) -> Hypothesis:
     """Return the change of one spring or damper."""
     size, follower = f"{spring.name}.{kind}_change", f"{spring.name}.{kind}_changed"
     fitted = scene.find_stiffness if kind == "stiffness" else scene.find_damping

@@ -1,4 +1,4 @@
-"""A spring that is softer or stiffer than its prior or the state before: loose, cracked, clamped."""
+"""A spring that is softer or stiffer than its prior or the state before: loose or cracked."""
 
 from collections.abc import Iterator
 

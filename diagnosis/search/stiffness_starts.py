@@ -21,7 +21,7 @@ from diagnosis.refits.refit import Refit, map_values
 from diagnosis.refits.refitting import add_hypothesis, find_start
 from diagnosis.search.linearised_fit import Gained, find_signed, maximise_gain
 from diagnosis.search.score_test import Score, extend_model, rank_scores
-from identification.words import Campaign, Complex, Real
+from identification.words import Campaign, Complex, Real, UsageError
 from tuning import Session, thin_lines
 from tuning.misfit.batch import batch_tests
 from tuning.misfit.weights import point_power_of
@@ -29,13 +29,13 @@ from tuning.parametrisation.parametrisation import Parametrisation
 
 # Relative floor of the weights: gains of a second visit and what the rest does not hold. Starts
 # need no better one; the refits estimate their own.
-_FLOOR = 0.02
-_MAX_STEPS = 6  # linear effects take two, resonators some more
+_START_FLOOR = 0.02
+_MAX_STIFFNESS_STEPS = 6  # linear effects take two, resonators some more
 _MIN_GAIN = 1e-3  # relative decrease of the cost below which the steps end
 # Of the hypotheses that one step ranks, those fitted to the end: two shapes of each effect and
 # place, and as many of these as twice the refits of a round.
 _SHAPES, _SITES_PER_REFIT = 2, 2
-_HALVINGS = 3  # of a step that lowers no cost
+_STIFFNESS_HALVINGS = 3  # of a step that lowers no cost
 
 
 def has_square_matrix(campaign: Campaign) -> bool:
@@ -72,10 +72,10 @@ def rank_by_stiffness(
         for of_site in list(best.values())[: _SITES_PER_REFIT * scene.settings.max_refits]
         for score in of_site[:_SHAPES]
     ]
-    ends = [_fit_hypothesis(base, hypothesis, thin, _MAX_STEPS) for hypothesis in leading]
+    ends = [_fit_hypothesis(base, hypothesis, thin, _MAX_STIFFNESS_STEPS) for hypothesis in leading]
     fitted = set(map(id, leading))
-    others = [score for score in ranked if id(score.hypothesis) not in fitted]
-    return [*_rank(leading, ends, null), *others]
+    further = [score for score in ranked if id(score.hypothesis) not in fitted]
+    return [*_rank(leading, ends, null), *further]
 
 
 def _find_linear_gains(
@@ -99,9 +99,11 @@ def _find_linear_gains(
     place = {name: k for k, name in enumerate(problem.varies.names)}
     gained: dict[int, Gained] = {}
     for hypothesis in together:
-        own = jacobian[:, [place[name] for name in hypothesis.coordinates]]
+        columns = jacobian[:, [place[name] for name in hypothesis.coordinates]]
         gained[id(hypothesis)] = maximise_gain(
-            (own.conj().T @ own).real, (own.conj().T @ residual).real, find_signed(hypothesis)
+            (columns.conj().T @ columns).real,
+            (columns.conj().T @ residual).real,
+            find_signed(hypothesis),
         )
     for hypothesis in hypotheses:
         if id(hypothesis) not in gained:
@@ -158,7 +160,11 @@ class _End:
 
 
 def _fit(
-    session: Session, start: Real, names: Sequence[str], stride: int, steps: int = _MAX_STEPS
+    session: Session,
+    start: Real,
+    names: Sequence[str],
+    stride: int,
+    steps: int = _MAX_STIFFNESS_STEPS,
 ) -> _End:
     """Fit some coordinates and the drift of all stiffness in dynamic stiffness.
 
@@ -223,14 +229,17 @@ class _Problem:
         for batch in batch_tests(session.model, campaign):
             power = point_power_of(batch.values, batch.evaluator.request.outputs)
             measured[:, :, batch.tests] = batch.values
-            variance[:, :, batch.tests] = batch.variance + _FLOOR**2 * power
+            variance[:, :, batch.tests] = batch.variance + _START_FLOOR**2 * power
         weight = 1 / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
         return cls(session, campaign, varies, measured, weight)
 
     def expand(self, x: Real) -> tuple[float, Real, Real]:
         """Return the cost at x, its gradient and the normal matrix, with the priors."""
         precision = self.varies.precision
-        cost, residual, jacobian = self.linearise(x)
+        try:
+            cost, residual, jacobian = self.linearise(x)
+        except UsageError:  # a far step to a machine without a finite response
+            return np.inf, np.zeros(len(x)), np.eye(len(x))
         if not (np.isfinite(cost) and np.isfinite(jacobian).all()):
             return np.inf, np.zeros(len(x)), np.eye(len(x))
         gradient = (jacobian.conj().T @ residual).real + precision * x
@@ -273,7 +282,7 @@ class _Problem:
         scale = np.sqrt(np.maximum(np.diag(normal)[free], np.finfo(float).tiny))
         matrix = normal[np.ix_(free, free)] / np.outer(scale, scale)
         direction[free] = -np.linalg.lstsq(matrix, gradient[free] / scale, rcond=1e-10)[0] / scale
-        for halving in range(_HALVINGS + 1):
+        for halving in range(_STIFFNESS_HALVINGS + 1):
             nearer = np.clip(x + direction / 2**halving, lower, upper)
             with np.errstate(over="ignore", invalid="ignore"):  # far steps of unbounded sizes
                 expansion = self.expand(nearer)

@@ -278,18 +278,18 @@ def _refuse_incomplete_states(path: Path, settings: CampaignSettings) -> None:
     """Raise InputError unless no test states a state, or all do and both are there."""
     states = {test.state for test in settings.test}
     stated = states - {None}
+    if stated and None in states:
+        file = next(test.file for test in settings.test if test.state is None)
+        raise InputError(
+            f"{path}: the [[test]] of {file} has no state beside tests with one: add "
+            'state = "before" or "after"'
+        )
     if len(stated) == 1:
         (there,) = stated
         lacking = "after" if there == "before" else "before"
         raise InputError(
             f'{path}: tests have the state "{there}" but none has "{lacking}": add tests of the '
             f'state "{lacking}", or remove state from all [[test]] blocks'
-        )
-    if stated and None in states:
-        file = next(test.file for test in settings.test if test.state is None)
-        raise InputError(
-            f'{path}: the [[test]] of {file} has no state beside tests with one: add '
-            'state = "before" or "after"'
         )
 
 

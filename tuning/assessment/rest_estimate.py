@@ -11,21 +11,26 @@ of the fit before, and with p = sum |H'|^2 and v of a line it shrinks by
     w = a^2 p / (a^2 p + sum v),    E -> w E,    v -> w v,
 
 so that the model's error counts for what the rest does not tell (Gaussian shrinkage).
+
+Features N of the rest that are narrower than a dozen lines are leakage of modes that ring longer
+than the record, noise, or sharp modes. A drift of stiffness moves them by a line or more, so that
+their part of the FRFs after, H' N H', counts as noise too; for shifts below a line in proportion.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from identification import smooth_variance
 from identification.words import Campaign, Complex, Dof, Real, Test
 from mbmodel import Evaluator, FrfRequest, Linearised, MeasuredRest, Model, find_ports
 from tuning.misfit.batch import evaluate_tests
 
-
 # Lines on each side of a line that give the slope of the rest: more than a sharp mode has, less
 # than the rest's own features.
 _HALF_WIDTH = 12
+_FEATURE_LINES = 3  # lines of a leaking mode over which its features are averaged
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +42,26 @@ class RestEstimate:
         receptance: H of the tests before; (n_freq, n_out, n_in).
         variance: its variance; (n_freq, n_out, n_in).
         factor: what instruments and quantity make of it in the files; (n_freq, n_out, n_in).
+        narrow: E less its smooth course, features of few lines; (n_freq, n_in, n_out).
     """
 
     rest: MeasuredRest
+    receptance: Complex
+    variance: Real
+    factor: Complex
+    narrow: Complex
+
+
+@dataclass(frozen=True, eq=False)
+class _SquareMatrix:
+    """A measured square matrix of FRFs without the factors of the instruments.
+
+    Args:
+        receptance: H; (n_freq, n_out, n_in).
+        variance: its variance; (n_freq, n_out, n_in).
+        factor: what instruments and quantity make of it in the files; (n_freq, n_out, n_in).
+    """
+
     receptance: Complex
     variance: Real
     factor: Complex
@@ -65,35 +87,22 @@ def estimate_rest(model: Model, theta: Real, campaign: Campaign) -> RestEstimate
         return None
     if model.machine.statics is not None:
         return None  # the points move with the equilibrium
-    is_moving = campaign.freq_hz > 0
-    campaign = campaign.select_lines(is_moving)
-    factors = evaluate_tests(model, campaign, _find_factor, theta)
-    shape = (len(campaign.freq_hz), len(outputs), len(inputs))
-    total, variance, factor = np.zeros(shape, complex), np.zeros(shape), np.ones(shape, complex)
-    count = np.zeros(shape[1:])
-    for test, of_test in zip(campaign.tests, factors, strict=True):
-        rows, column = _find_cells(test, outputs, inputs)
-        total[:, rows, column] += test.estimate.frf.values[:, :, 0] / of_test[:, :, 0]
-        variance[:, rows, column] += (
-            smooth_variance(test.estimate)[:, :, 0] / np.abs(of_test[:, :, 0]) ** 2
-        )
-        factor[:, rows, column] = of_test[:, :, 0]
-        count[rows, column] += test.estimate.measured[:, 0]
-    if not count.all():
+    campaign = campaign.select_lines(campaign.freq_hz > 0)
+    matrix = _measure_matrix(model, theta, campaign, outputs, inputs)
+    if matrix is None:
         return None
-    measured, variance = total / count, variance / count**2
     request = FrfRequest(campaign.freq_hz, outputs, inputs, "receptance", window_tau=windows.pop())
     lines = Evaluator(model, request).at(theta)
     ideal = lines.ideal_values / lines.factor[:, None, None]
     smallest = np.linalg.svd(ideal, compute_uv=False)[:, -1]
-    noise = np.sqrt(variance.sum(axis=(1, 2)))
+    noise = np.sqrt(matrix.variance.sum(axis=(1, 2)))
     if np.median(smallest / np.maximum(noise, np.finfo(float).tiny)) < 1:
         return None
     drawn = find_ports(model.machine, outputs, inputs)
-    inverse = np.linalg.inv(measured)
+    inverse = np.asarray(np.linalg.inv(matrix.receptance), complex)
     lacking = inverse - np.linalg.inv(ideal)
     size = np.abs(inverse) ** 2
-    smooth, rate = _smooth_lines(campaign.freq_hz, lacking, size @ variance @ size)
+    smooth, rate = _smooth_lines(campaign.freq_hz, lacking, size @ matrix.variance @ size)
     rest = MeasuredRest(
         outputs,
         inputs,
@@ -103,11 +112,36 @@ def estimate_rest(model: Model, theta: Real, campaign: Campaign) -> RestEstimate
         lacking,
         smooth - 0.5 * campaign.freq_hz[:, None, None] * rate,
     )
-    return RestEstimate(rest, measured, variance, factor)
+    return RestEstimate(rest, matrix.receptance, matrix.variance, matrix.factor, lacking - smooth)
+
+
+def _measure_matrix(
+    model: Model,
+    theta: Real,
+    campaign: Campaign,
+    outputs: tuple[Dof, ...],
+    inputs: tuple[Dof, ...],
+) -> _SquareMatrix | None:
+    """Return the mean of the measured receptances of each cell; None if a cell is missing."""
+    factors = evaluate_tests(model, campaign, _find_factor, theta)
+    shape = (len(campaign.freq_hz), len(outputs), len(inputs))
+    total, factor = np.zeros(shape, np.complex128), np.ones(shape, np.complex128)
+    variance, count = np.zeros(shape), np.zeros(shape[1:])
+    for test, of_test in zip(campaign.tests, factors, strict=True):
+        rows, column = _find_cells(test, outputs, inputs)
+        gain = of_test[:, :, 0]
+        total[:, rows, column] += test.estimate.frf.values[:, :, 0] / gain
+        variance[:, rows, column] += smooth_variance(test.estimate)[:, :, 0] / np.abs(gain) ** 2
+        factor[:, rows, column] = gain
+        count[rows, column] += test.estimate.measured[:, 0]
+    if not count.all():
+        return None
+    mean: Complex = np.asarray(total / count, np.complex128)
+    return _SquareMatrix(mean, variance / count**2, factor)
 
 
 def shrink_rest(
-    estimate: RestEstimate, campaign: Campaign, floor: float
+    estimate: RestEstimate, campaign: Campaign, floor: float, drift: float
 ) -> tuple[MeasuredRest, Real]:
     """Return the rest where noise does not hide it, and its variance in the FRFs after a change.
 
@@ -115,6 +149,7 @@ def shrink_rest(
         estimate: rest of the tests before.
         campaign: tests after the change, on the same lines.
         floor: relative model error of the fit before.
+        drift: standard deviation of ln of the common factor on all stiffness.
 
     Returns:
         The rest, and the variance of receptances; (n_freq, n_out, n_in).
@@ -133,6 +168,12 @@ def shrink_rest(
     inverse = np.linalg.inv(estimate.receptance)
     left, right = np.abs(after @ inverse) ** 2, np.abs(inverse @ after) ** 2
     variance = left @ estimate.variance @ right
+    moved = np.abs(after @ estimate.narrow @ after) ** 2
+    moved = uniform_filter1d(moved, _FEATURE_LINES, axis=0, mode="nearest")
+    freq_hz = estimate.rest.freq_hz
+    spacing = (freq_hz[-1] - freq_hz[0]) / max(len(freq_hz) - 1, 1)
+    shift = 0.5 * drift * freq_hz / max(spacing, np.finfo(float).tiny)  # f scales with sqrt(k)
+    variance = variance + np.minimum(shift, 1.0)[:, None, None] ** 2 * moved
     allowed = floor**2 * (np.abs(after) ** 2).sum(axis=(1, 2), keepdims=True)
     weight = allowed / (allowed + variance.sum(axis=(1, 2), keepdims=True))
     whole = estimate.rest

@@ -255,7 +255,8 @@ def fit(  # noqa: PLR0913  # one for each option
     )
     checkpoint = Checkpoint() if checkpoint is None else checkpoint
     search = _Search(model, campaign, parametrisation, measured, algorithm, jobs, checkpoint)
-    start_points = [parametrisation.coordinates(start) for start in starts or (parametrisation.fixed,)]
+    begun = starts or (parametrisation.fixed,)
+    start_points = [parametrisation.coordinates(start) for start in begun]
     numbered = tuple(enumerate(stages))
     is_joint = [isinstance(stage, Stage) and stage.tolerances_vary for stage in stages]
     n_separate = is_joint.index(True) if any(is_joint) and not is_joint[0] else len(stages)
