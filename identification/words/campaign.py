@@ -246,6 +246,13 @@ class Campaign:
             return self
         return replace(self, tests=tuple(t for t in self.tests if t.condition.state == state))
 
+    def leave_out_after(self) -> Self:
+        """Return the campaign without the tests after a change, and with a remark on it."""
+        if not self.has_states:
+            return self
+        remark = "tests after the change are left out here: mbw diagnose compares them with these"
+        return replace(self.select_state("before"), remarks=(*self.remarks, remark))
+
     def select_lines(self, chosen: Mask | slice) -> Self:
         """Return the campaign on these frequency lines alone.
 

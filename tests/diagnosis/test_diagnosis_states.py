@@ -118,7 +118,8 @@ def test_without_all_references_there_is_no_rest(tower):
 def test_the_noise_before_adds_to_the_noise_after_an_unchanged_machine(tower):
     # A = B = 1 where nothing changed: the variances add, but for what the shrinkage takes.
     session, estimate = tower
-    rest, variance = shrink_rest(estimate, session.campaign, floor=1e3, drift=0.0)
+    featured = replace(estimate, narrow=1e6 * estimate.narrow)  # nothing of it is noise
+    rest, variance = shrink_rest(featured, session.campaign, floor=1e3, drift=0.0)
     np.testing.assert_allclose(variance, estimate.variance, rtol=1e-3, atol=1e-30)
     np.testing.assert_allclose(rest.values, estimate.rest.values, rtol=1e-3, atol=1e-9)
     added = add_variance(session.campaign, estimate, variance)
@@ -129,7 +130,11 @@ def test_the_noise_before_adds_to_the_noise_after_an_unchanged_machine(tower):
 
 def test_where_noise_hides_the_rest_the_error_of_the_model_counts(tower):
     session, estimate = tower
-    noisy = replace(estimate, variance=1e12 * estimate.variance)
+    noisy = replace(
+        estimate,
+        variance=1e12 * estimate.variance,
+        smooth_variance=1e12 * estimate.smooth_variance,
+    )
     rest, variance = shrink_rest(noisy, session.campaign, floor=0.1, drift=0.0)
     allowed = 0.01 * (np.abs(estimate.receptance) ** 2).sum(axis=(1, 2))
     np.testing.assert_allclose(variance.sum(axis=(1, 2)), allowed, rtol=1e-3)

@@ -4,17 +4,18 @@ E(w) = H_measured^-1 - H_model^-1 needs FRFs of all measured points to all of as
 Gains and delays of the instruments, as fitted, are divided out first.
 
 Noise n of the tests before a change enters the FRFs H' after it, to first order, as A n B with
-A = H' H^-1 and B = H^-1 H'. Its variance v adds to that of the tests after. Where noise hides the
-rest, as far below the first mode, the model is known better without it: E has a prior, the floor a
-of the fit before, and with p = sum |H'|^2 and v of a line it shrinks by
+A = H' H^-1 and B = H^-1 H'. Its variance v adds to that of the tests after. E is a smooth course S
+and features N of few lines. What N has beyond noise is kept, the rest of it is noise:
 
-    w = a^2 p / (a^2 p + sum v),    E -> w E,    v -> w v,
+    u = max(|H' N H'|^2 - v, 0),   w = u / (u + v),   E -> S + w N   (empirical Bayes).
 
-so that the model's error counts for what the rest does not tell (Gaussian shrinkage).
+Where noise hides S too, as far below the first mode, the model is known better without it: with the
+floor a of the fit before and p = sum |H'|^2, E and v shrink by a^2 p / (a^2 p + sum v).
 
-Features N of the rest that are narrower than a dozen lines are leakage of modes that ring longer
-than the record, noise, or sharp modes. A drift of stiffness moves them by a line or more, so that
-their part of the FRFs after, H' N H', counts as noise too; for shifts below a line in proportion.
+Features are leakage of modes that ring longer than the record, or sharp modes. A drift of stiffness
+moves them by a line or more, so that their part of the FRFs after, H' N H', counts as noise too;
+for shifts below a line in proportion. So does the bend of H' over three lines, beyond that of
+noise: where a mode is narrower than the lines, nothing tells how it looks between them.
 """
 
 from dataclasses import dataclass, replace
@@ -30,6 +31,9 @@ from tuning.misfit.batch import evaluate_tests
 # Lines on each side of a line that give the slope of the rest: more than a sharp mode has, less
 # than the rest's own features.
 _HALF_WIDTH = 12
+# Times its variance, the bend of noise over three lines has a mean of 1.5; an average of three
+# lines lies below twice that.
+_NOISE_BEND = 3.0
 _FEATURE_LINES = 3  # lines of a leaking mode over which its features are averaged
 
 
@@ -42,7 +46,8 @@ class RestEstimate:
         receptance: H of the tests before; (n_freq, n_out, n_in).
         variance: its variance; (n_freq, n_out, n_in).
         factor: what instruments and quantity make of it in the files; (n_freq, n_out, n_in).
-        narrow: E less its smooth course, features of few lines; (n_freq, n_in, n_out).
+        narrow: N, E less its smooth course; (n_freq, n_in, n_out).
+        smooth_variance: variance of the smooth course; (n_freq, n_in, n_out).
     """
 
     rest: MeasuredRest
@@ -50,6 +55,7 @@ class RestEstimate:
     variance: Real
     factor: Complex
     narrow: Complex
+    smooth_variance: Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +108,9 @@ def estimate_rest(model: Model, theta: Real, campaign: Campaign) -> RestEstimate
     inverse = np.asarray(np.linalg.inv(matrix.receptance), complex)
     lacking = inverse - np.linalg.inv(ideal)
     size = np.abs(inverse) ** 2
-    smooth, rate = _smooth_lines(campaign.freq_hz, lacking, size @ matrix.variance @ size)
+    smooth, rate, smooth_variance = _smooth_lines(
+        campaign.freq_hz, lacking, size @ matrix.variance @ size
+    )
     rest = MeasuredRest(
         outputs,
         inputs,
@@ -112,7 +120,14 @@ def estimate_rest(model: Model, theta: Real, campaign: Campaign) -> RestEstimate
         lacking,
         smooth - 0.5 * campaign.freq_hz[:, None, None] * rate,
     )
-    return RestEstimate(rest, matrix.receptance, matrix.variance, matrix.factor, lacking - smooth)
+    return RestEstimate(
+        rest,
+        matrix.receptance,
+        matrix.variance,
+        matrix.factor,
+        lacking - smooth,
+        smooth_variance,
+    )
 
 
 def _measure_matrix(
@@ -156,29 +171,55 @@ def shrink_rest(
     """
     outputs, inputs = estimate.rest.outputs, estimate.rest.inputs
     lines = np.isin(campaign.freq_hz, estimate.rest.freq_hz)
-    after = estimate.receptance.copy()
+    after, noise = estimate.receptance.copy(), estimate.variance.copy()
     is_known = np.zeros(after.shape[1:], bool)
     for test in campaign.tests:
         rows, column = _find_cells(test, outputs, inputs)
         values = test.estimate.frf.values[lines, :, 0]
-        after[:, rows, column] = values / estimate.factor[:, rows, column]
+        gain = estimate.factor[:, rows, column]
+        after[:, rows, column] = values / gain
+        noise[:, rows, column] = test.estimate.variance[lines, :, 0] / np.abs(gain) ** 2
         is_known[rows, column] = test.estimate.measured[:, 0]
     if not is_known.all():
-        after = estimate.receptance
+        after, noise = estimate.receptance, estimate.variance
     inverse = np.linalg.inv(estimate.receptance)
-    left, right = np.abs(after @ inverse) ** 2, np.abs(inverse @ after) ** 2
-    variance = left @ estimate.variance @ right
-    moved = np.abs(after @ estimate.narrow @ after) ** 2
-    moved = uniform_filter1d(moved, _FEATURE_LINES, axis=0, mode="nearest")
-    freq_hz = estimate.rest.freq_hz
-    spacing = (freq_hz[-1] - freq_hz[0]) / max(len(freq_hz) - 1, 1)
-    shift = 0.5 * drift * freq_hz / max(spacing, np.finfo(float).tiny)  # f scales with sqrt(k)
-    variance = variance + np.minimum(shift, 1.0)[:, None, None] ** 2 * moved
-    allowed = floor**2 * (np.abs(after) ** 2).sum(axis=(1, 2), keepdims=True)
-    weight = allowed / (allowed + variance.sum(axis=(1, 2), keepdims=True))
+    left, right, size = (
+        np.abs(after @ inverse) ** 2,
+        np.abs(inverse @ after) ** 2,
+        np.abs(after) ** 2,
+    )
+    raw, smooth = left @ estimate.variance @ right, size @ estimate.smooth_variance @ size
+    features = _average_lines(np.abs(after @ estimate.narrow @ after) ** 2)
+    beyond, of_noise = (_add_cells(each) for each in (np.maximum(features - raw, 0.0), raw))
+    kept = beyond / np.maximum(beyond + of_noise, np.finfo(float).tiny)
+    variance = kept * raw + (1 - kept) * smooth
+    allowed = floor**2 * _add_cells(size)
+    weight = allowed / (allowed + _add_cells(variance))
     whole = estimate.rest
-    rest = replace(whole, values=weight * whole.values, drift=weight * whole.drift)
-    return rest, np.asarray(weight * variance)
+    rest = replace(
+        whole,
+        values=weight * (whole.values - (1 - kept) * estimate.narrow),
+        drift=weight * whole.drift,
+    )
+    around = np.pad(after, ((1, 1), (0, 0), (0, 0)), mode="edge")
+    bend = _average_lines(np.abs(after - (around[:-2] + around[2:]) / 2) ** 2)
+    moved = kept * features + np.maximum(bend - _NOISE_BEND * noise, 0.0)
+    spacing = (whole.freq_hz[-1] - whole.freq_hz[0]) / max(len(whole.freq_hz) - 1, 1)
+    shift = 0.5 * drift * whole.freq_hz / max(spacing, np.finfo(float).tiny)  # f is as sqrt(k)
+    total = weight * variance + np.minimum(shift, 1.0)[:, None, None] ** 2 * moved
+    return rest, np.asarray(total)
+
+
+def _average_lines(power: Real) -> Real:
+    """Return the mean over the lines of a leaking mode; as the input."""
+    mean: Real = uniform_filter1d(power, _FEATURE_LINES, axis=0, mode="nearest")
+    return mean
+
+
+def _add_cells(power: Real) -> Real:
+    """Return the sum over all cells of each line; (n_freq, 1, 1)."""
+    total: Real = power.sum(axis=(1, 2), keepdims=True)
+    return total
 
 
 def add_variance(campaign: Campaign, estimate: RestEstimate, variance: Real) -> Campaign:
@@ -201,7 +242,7 @@ def add_variance(campaign: Campaign, estimate: RestEstimate, variance: Real) -> 
     return replace(campaign, tests=tuple(tests))
 
 
-def _smooth_lines(freq_hz: Real, values: Complex, variance: Real) -> tuple[Complex, Complex]:
+def _smooth_lines(freq_hz: Real, values: Complex, variance: Real) -> tuple[Complex, Complex, Real]:
     """Return a curve and its slope by a weighted straight line about each frequency line.
 
     Neighbouring lines alone would give the slope of the noise. Lines of large noise, as those of a
@@ -213,13 +254,15 @@ def _smooth_lines(freq_hz: Real, values: Complex, variance: Real) -> tuple[Compl
         variance: their variance; (n_freq, n, n).
 
     Returns:
-        Smooth values, and their slope per Hz; (n_freq, n, n) each.
+        Smooth values, their slope per Hz, and the variance of the smooth values; (n_freq, n, n)
+        each.
     """
     n_freq = len(freq_hz)
     spacing = (freq_hz[-1] - freq_hz[0]) / max(n_freq - 1, 1) or 1.0
     place = ((freq_hz - freq_hz.mean()) / spacing)[:, None, None]
     weight = 1 / np.maximum(variance, np.finfo(float).tiny)
-    weight = weight / np.median(weight, axis=0)
+    typical = np.median(weight, axis=0)
+    weight = weight / typical
     first = np.clip(np.arange(n_freq) - _HALF_WIDTH, 0, n_freq)
     last = np.clip(np.arange(n_freq) + _HALF_WIDTH + 1, 0, n_freq)
 
@@ -233,7 +276,8 @@ def _smooth_lines(freq_hz: Real, values: Complex, variance: Real) -> tuple[Compl
     spread = np.maximum(moments[2] / moments[0] - middle**2, np.finfo(float).tiny)
     rate = (means[1] / moments[0] - middle * means[0] / moments[0]) / spread
     smooth = means[0] / moments[0] + rate * (place - middle)
-    return np.asarray(smooth, complex), np.asarray(rate / spacing, complex)
+    known = 1 / (typical * moments[0])
+    return np.asarray(smooth, complex), np.asarray(rate / spacing, complex), known
 
 
 def _find_factor(lines: Linearised) -> Complex:
