@@ -22,6 +22,7 @@ from diagnosis.search.confounded import find_confounded
 from diagnosis.search.fitted_sets import Search
 from diagnosis.search.selection import admit_outliers_beside_causes, refit_null_model, select_causes
 from diagnosis.settings import SETTINGS, DiagnosisSettings
+from diagnosis.states import check_data_after
 from tuning import Checkpoint, Gap, Session, channel_gaps, predict, summarise_gaps
 
 
@@ -95,6 +96,10 @@ def diagnose(
 ) -> Diagnosis:
     """Find what the model lacks, where, and how far the gap shrinks with it.
 
+    Where tests state that they were made before or after a change, the machine before is fitted to
+    its own tests first. The steps then compare the tests after with that machine, and with what it
+    lacked in dynamic stiffness (``states``).
+
     1. Data checks compare channels without a model, and take gross faults out of the data.
     2. The null model is fitted: stiffness, damping and tolerances, at the model error that its
        residual shows.
@@ -126,8 +131,12 @@ def diagnose(
     say = tell or (lambda _: None)
     say("hits and sensors compared with each other")
     data = check_data(session, settings)
-    say("null model: stiffness, damping and tolerances")
     record = None if checkpoint is None else RefitRecord(checkpoint)
+    if session.campaign.has_states:
+        say("the tests before the change")
+        before = fit_baseline(data, jobs, settings, record)
+        data = check_data_after(session, before, settings)
+    say("null model: stiffness, damping and tolerances")
     base = fit_baseline(data, jobs, settings, record)
     search = select_causes(base, settings, say)
     search = refit_null_model(base, search, settings)
@@ -139,7 +148,7 @@ def diagnose(
         base, data.session, search, evidence, settings
     )
     present = describe_present(base, search, evidence, posterior, gaps, settings)
-    nominal = predict(data.session.model, data.session.model.drawn, data.session.campaign)
+    nominal = predict(data.session.model, data.session.parametrisation.fixed, data.session.campaign)
     return Diagnosis(
         session=data.session,
         checks=base.checks,

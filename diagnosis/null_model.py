@@ -78,7 +78,7 @@ def set_scene(
     campaign = checks.campaign
     return Scene(
         replace(session, campaign=campaign),
-        session.model.drawn,
+        session.parametrisation.fixed,
         directions,
         stride_factor=settings.schedule.find_stride_factor(campaign),
         jobs=jobs,
@@ -106,7 +106,8 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
             campaign,
             session.parametrisation,
             schedule,
-            starts=count_starts(campaign),
+            # Without a size of default width all random starts are the nominal model.
+            starts=1 if session.parametrisation.is_tolerance.all() else count_starts(campaign),
             jobs=scene.jobs,
         )
         if first.outcome == "interrupted":

@@ -123,12 +123,21 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     drive_points = () if comparable is None else drive_point_signs(comparable)
     signs = [point.remark for point in drive_points]
     doubt = "a control loop was closed" if settings.loop else ""
-    reciprocity = None if comparable is None else check_reciprocity(comparable, doubt)
+    comparables = [] if comparable is None else _split_states(comparable)
+    reciprocities = [check_reciprocity(of_state, doubt) for of_state in comparables]
     remarks += [*channel_remarks(campaign), *outlying_line_remarks(campaign)]
     remarks += filter(None, [shifted_axis_remark(campaign)])
     remarks += [sign for sign in signs if sign]
-    remarks += [] if reciprocity is None else reciprocity.remarks(tolerance)
+    for reciprocity in filter(None, reciprocities):
+        remarks += [text for text in reciprocity.remarks(tolerance) if text not in remarks]
     return replace(campaign, remarks=tuple(remarks))
+
+
+def _split_states(campaign: Campaign) -> list[Campaign]:
+    """Return the tests of each state of the machine; all tests where none states one."""
+    if not campaign.has_states:
+        return [campaign]
+    return [campaign.select_state("before"), campaign.select_state("after")]
 
 
 def _unknown_gains(settings: CampaignSettings) -> UnknownGains:
@@ -344,6 +353,7 @@ def _test(entry: TestSettings, table: FrfTable, reference: Input, rows: Mask) ->
         entry.hammer,
         entry.variant,
         parse_frf_units(Path(entry.file), table.quantity, entry.unit).drive_unit(reference),
+        entry.state,
     )
     return Test(condition, estimate)
 

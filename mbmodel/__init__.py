@@ -30,6 +30,7 @@ from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import WORLD, Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
+from mbmodel.measured_rest import MeasuredRest
 from mbmodel.mjcf.edit import Addition, Edit, MjcfLack, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
 from mbmodel.mjcf.written_file import (
@@ -77,8 +78,9 @@ from mbmodel.parts import (
 from mbmodel.parts.drawn_laws import StatedLaws, with_spring_laws
 from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, spring_law_part
 from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
-from mbmodel.ports.ports import parse_input, parse_output
+from mbmodel.ports.ports import find_ports, parse_input, parse_output
 from mbmodel.ports.request import FrfRequest
+from mbmodel.ports.rest_change import REST_FACTOR, RestPart
 from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
 from mbmodel.spatial import rotation_matrix, transport
@@ -94,6 +96,7 @@ __all__ = [
     "COMBINED_NAME",
     "CONTROL",
     "NOT_WRITTEN",
+    "REST_FACTOR",
     "STAGE_COPY_NAME",
     "WORLD",
     "AddedPart",
@@ -123,6 +126,7 @@ __all__ = [
     "Machine",
     "MachineGeometry",
     "Matrices",
+    "MeasuredRest",
     "MjcfLack",
     "ModeEvaluator",
     "Model",
@@ -139,6 +143,7 @@ __all__ = [
     "PolynomialSpring",
     "RecordedFile",
     "Relaxation",
+    "RestPart",
     "RigidDirection",
     "SensorPart",
     "Spring",
@@ -160,6 +165,7 @@ __all__ = [
     "discretise",
     "energy_shares",
     "export_state_space",
+    "find_ports",
     "hammer_gain_parts",
     "hammer_parts",
     "held_parameters",

@@ -69,10 +69,11 @@ def frequency_dependent_core(change: Change, laplace: Complex) -> Complex:
         laplace: s [rad/s]; (n_freq,).
     """
     powers = laplace[:, None] ** np.arange(3)
-    if change.shape is not None:
-        powers = powers * change.shape(laplace)[:, None]
     core: Complex = np.einsum("fk,krt->frt", powers, change.core)
-    return core
+    if change.shape is None:
+        return core
+    factor = change.shape(laplace)
+    return core * (factor[:, None, None] if factor.ndim == 1 else factor)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from mbmodel.linearisation.motors import ActuatorGain
 from mbmodel.linearisation.sensors import MujocoSensors
 from mbmodel.linearisation.springs import Spring
 from mbmodel.linearisation.statics import Statics
+from mbmodel.measured_rest import MeasuredRest
 from mbmodel.spatial import transport
 
 RELEASED_MARK = ".held_"  # between stage and direction in the name of a released coordinate
@@ -108,6 +109,7 @@ class Machine:
         sensors: the MuJoCo sensors of the MJCF.
         loops: control loops that are closed around the machine.
         variants: the machine with a known mass or with a stage elsewhere, as some tests had it.
+        rest: what the model lacked in the state before a change, as measured; None if unknown.
 
     Raises:
         ValueError: arrays whose shapes do not fit.
@@ -137,6 +139,7 @@ class Machine:
     sensors: MujocoSensors = field(default_factory=MujocoSensors)
     loops: tuple[Loop, ...] = ()
     variants: Mapping[str, "Machine"] = field(default_factory=dict)
+    rest: MeasuredRest | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""

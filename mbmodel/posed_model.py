@@ -21,6 +21,7 @@ from mbmodel.assembly import (
 from mbmodel.control_loops.loop_part import LoopPart, loop_parts
 from mbmodel.machine import Machine
 from mbmodel.parts import Change, ConditionalPart, Parameter, Part, PartContext
+from mbmodel.ports.rest_change import REST, rest_changes
 
 T = TypeVar("T", bound=np.generic)
 
@@ -33,7 +34,8 @@ class PosedModel:
 
     The vector theta lists the parameters of all Parts, Part by Part, in SI units.
 
-    Control loops of the machine act beside the Parts, without parameters.
+    Control loops of the machine act beside the Parts, without parameters, and so does what was
+    measured to lack in the state before a change.
 
     Args:
         machine: at its static equilibrium, or at another pose.
@@ -119,6 +121,7 @@ class PosedModel:
             for loop in self.loops
             for change in loop.changes(np.zeros(0), context)
         ]
+        frequency_dependent += [(change, REST) for change in rest_changes(self.machine)]
         for number, values in enumerate(self.split_parameters(theta)):
             for change in self.parts[number].changes(values, context):
                 if change.slot == "input":

@@ -8,6 +8,7 @@ from mbmodel import (
     Machine,
     Model,
     Part,
+    RestPart,
     SensorPart,
     body_parts,
     hammer_gain_parts,
@@ -115,7 +116,11 @@ def rebuild_for_machine(model: Model, machine: Machine) -> Model:
         *joint_parts(machine),
         *sensor_parts(machine, turning, unknown),
         *hammer_parts(machine, hit),
-        *(part for part in model.parts if isinstance(part, HammerGainPart | ChannelPart)),
+        *(
+            part
+            for part in model.parts
+            if isinstance(part, HammerGainPart | ChannelPart | RestPart)
+        ),
     )
     by_parameters = {part.parameters: part for part in parts}
     return Model(machine, tuple(by_parameters[part.parameters] for part in model.parts))

@@ -32,6 +32,8 @@ class CheckedData:
 def check_data(session: Session, settings: DiagnosisSettings) -> CheckedData:
     """Check the data without a model, and let rigid directions of the model give way.
 
+    Of a campaign with states, the tests before are checked; those after by ``states``.
+
     Args:
         session: campaign and nominal model.
         settings: thresholds.
@@ -45,9 +47,20 @@ def check_data(session: Session, settings: DiagnosisSettings) -> CheckedData:
             f"a diagnosis needs {MIN_BLOCK_LINES} frequency lines or more, and the band holds "
             f"{count}: widen it"
         )
+    campaign = session.campaign.select_state("before")
+    checks, unsteady = check_tests(replace(session, campaign=campaign), settings)
+    released, directions = release_session(replace(session, campaign=checks.alive))
+    return CheckedData(released, checks, directions, unsteady)
+
+
+def check_tests(session: Session, settings: DiagnosisSettings) -> tuple[SensorChecks, int]:
+    """Compare the channels of a campaign, and count the tests that change from hit to hit.
+
+    Args:
+        session: campaign and nominal model.
+        settings: thresholds.
+    """
     changing = find_overstated_noise(session.campaign)
     campaign = remove_overstated_noise(session.campaign, changing)
     doubt = "a control loop is closed" if session.model.machine.loops else ""
-    checks = check_sensors(campaign, settings, doubt)
-    released, directions = release_session(replace(session, campaign=checks.alive))
-    return CheckedData(released, checks, directions, len(changing))
+    return check_sensors(campaign, settings, doubt), len(changing)

@@ -205,7 +205,9 @@ def _find_starts(
     least_damping = damping + float(changes.imag.min()) / middle
     starts = fit_starts(scene, joint, effects, stiffest, least_damping)
     best = min(start.cost for start in starts)
-    nominal = replace(scene, theta=scene.model.drawn).find_damping((joint.spring,))
+    nominal = replace(scene, theta=scene.session.parametrisation.fixed).find_damping(
+        (joint.spring,)
+    )
     return [
         replace(start, parallel=np.append(start.parallel[:1], nominal))
         for start in starts

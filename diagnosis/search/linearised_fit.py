@@ -91,8 +91,8 @@ class ScoredFit:
             projected -= self._couple_to_released(released, halved, both)
         schur, right = square - projected[:, :-1], slope - projected[:, -1]
         unit = 1 / np.sqrt(np.maximum(np.diag(square), np.finfo(float).tiny))
-        gain, step = _maximise_gain(
-            schur * np.outer(unit, unit), right * unit, _find_signed(hypothesis)
+        gain, step = maximise_gain(
+            schur * np.outer(unit, unit), right * unit, find_signed(hypothesis)
         )
         return gain, step * unit
 
@@ -149,7 +149,7 @@ class Factor:
         return solved * self.scale[:, None]
 
 
-def _find_signed(hypothesis: Hypothesis) -> Mask:
+def find_signed(hypothesis: Hypothesis) -> Mask:
     """Return which coordinates cannot be negative; (n_coordinate,)."""
     starts_at_bound = {name for name, (low, _) in hypothesis.bounds.items() if low == 0.0}
     return np.array(
@@ -157,7 +157,7 @@ def _find_signed(hypothesis: Hypothesis) -> Mask:
     )
 
 
-def _maximise_gain(square: Real, slope: Real, signed: Mask) -> tuple[float, Real]:
+def maximise_gain(square: Real, slope: Real, signed: Mask) -> tuple[float, Real]:
     """Return gain and step of the quadratic model; signed steps cannot be negative."""
     chosen = np.arange(len(slope))
     step = np.zeros(len(slope))

@@ -13,6 +13,7 @@ from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
 from diagnosis.search.one_level import CauseSearch, Trial
 from diagnosis.search.score_test import Score, scores, select_best_of_sites
+from diagnosis.search.stiffness_starts import has_square_matrix, rank_by_stiffness
 from diagnosis.settings import DiagnosisSettings
 from tuning import STAGES, FloorSchedule, Stage, is_gap_visible
 
@@ -22,6 +23,7 @@ def score_hypotheses(
 ) -> list[Score]:
     """Score all hypotheses about a refit, the most promising first.
 
+    Against a state before a change, fits in dynamic stiffness score them where the tests allow it.
     Where a law of a joint direction is a cause, no other law of it is sought.
     """
     inner = move_scene(scene, base)
@@ -34,6 +36,9 @@ def score_hypotheses(
         if hypothesis.location not in excluded and hypothesis.site not in sites
         if hypothesis.spring is None or hypothesis.spring.spring not in with_law
     ]
+    if inner.model.machine.rest is not None and has_square_matrix(inner.session.campaign):
+        hypotheses = [hypothesis for hypothesis in hypotheses if hypothesis.spring is None]
+        return rank_by_stiffness(inner, base, hypotheses, settings.score_stride)
     return scores(inner, base.fit, hypotheses, base.floor, settings.score_stride)
 
 

@@ -137,7 +137,7 @@ def _score_together(
     stride: int,
 ) -> list[Gained]:
     """Return gains and steps in the order of the hypotheses."""
-    model, whole, x = _extend_model(scene, fit, hypotheses)
+    model, whole, x = extend_model(scene, fit, hypotheses)
     count = fit.parametrisation.size
     wanted = {name for hypothesis in hypotheses for name in hypothesis.coordinates}
     is_scored = np.array([name in wanted for name in whole.names[count:]], bool)
@@ -176,7 +176,7 @@ def compute_cosines(
     Returns:
         (n_leading, n_leading).
     """
-    model, whole, x = _extend_model(scene, fit, [score.hypothesis for score in leading])
+    model, whole, x = extend_model(scene, fit, [score.hypothesis for score in leading])
     count = fit.parametrisation.size
     thin = thin_lines(scene.session.campaign, stride * scene.stride_factor)
     normal = (
@@ -202,7 +202,7 @@ def compute_cosines(
     return cosine
 
 
-def _extend_model(
+def extend_model(
     scene: Scene, fit: Fit, hypotheses: Sequence[Hypothesis]
 ) -> tuple[Model, Parametrisation, Real]:
     """Return model and coordinates with the Parts of hypotheses, and the fit in coordinates."""

@@ -108,7 +108,7 @@ def estimate_step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, floa
     if held is None:
         return dict.fromkeys(("as_drawn", *levels, "noise"))
     kept = [held.folds != fold for fold in range(int(held.folds.max()) + 1)]
-    drawn = predict(session.model, session.model.drawn, session.campaign)
+    drawn = predict(session.model, session.parametrisation.fixed, session.campaign)
     parts = [
         summarise_gaps(
             channel_gaps([values[lines] for values in drawn], session.campaign.select_lines(lines))

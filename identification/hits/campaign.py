@@ -77,6 +77,7 @@ def tests_from_records(
             entry.hammer,
             entry.variant,
             parse_frf_units(Path(entry.file), quantity, entry.unit).drive_unit(hits.reference),
+            entry.state,
         )
         tests.setdefault(entry.file, []).append(Test(condition, hits.estimate, hits))
         remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]

@@ -17,6 +17,7 @@ from identification.words import (
     Port,
     Quantity,
     Signal,
+    State,
     Tolerance,
     UsageError,
     parse_port,
@@ -50,6 +51,8 @@ class TestSettings(TomlTable):
 
     ``model`` is that of this test alone, such as with a known mass; ``pose`` moves joints [m, rad]
     from where they rest, each with its springs.
+
+    ``state`` says whether the test was made before or after a change of the machine.
     """
 
     __test__ = False
@@ -61,6 +64,7 @@ class TestSettings(TomlTable):
     level: float | None = Field(default=None, gt=0)
     spindle_speed: float = 0.0
     setup: str | None = None
+    state: State | None = None
     hammer: str | None = Field(default=None, min_length=1)
     window_tau: float = Field(default=0.0, ge=0)
     channels: str | list[str] | None = None
@@ -208,6 +212,7 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
     _refuse_wrong_brackets(path, content)
     settings = read_toml(path, CampaignSettings)
     _refuse_unnamed_hammers(path, settings)
+    _refuse_incomplete_states(path, settings)
     files = [os.path.realpath(path.parent / test.file) for test in settings.test]
     for test, file in zip(settings.test, files, strict=True):
         if files.count(file) > 1:
@@ -266,6 +271,25 @@ def _refuse_wrong_brackets(path: Path, content: dict[str, Any]) -> None:
         raise InputError(
             f"{path}: keys stand under [hammer], which needs a name: write [hammer.<name>], or "
             f"[hammer.{DEFAULT_HAMMER}] for the tests that name none"
+        )
+
+
+def _refuse_incomplete_states(path: Path, settings: CampaignSettings) -> None:
+    """Raise InputError unless no test states a state, or all do and both are there."""
+    states = {test.state for test in settings.test}
+    stated = states - {None}
+    if stated and None in states:
+        file = next(test.file for test in settings.test if test.state is None)
+        raise InputError(
+            f"{path}: the [[test]] of {file} has no state beside tests with one: add "
+            'state = "before" or "after"'
+        )
+    if len(stated) == 1:
+        (there,) = stated
+        lacking = "after" if there == "before" else "before"
+        raise InputError(
+            f'{path}: tests have the state "{there}" but none has "{lacking}": add tests of the '
+            f'state "{lacking}", or remove state from all [[test]] blocks'
         )
 
 

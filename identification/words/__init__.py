@@ -15,6 +15,7 @@ from identification.words.campaign import (
     TOLERANCE_BOUND_SIGMA,
     Campaign,
     Condition,
+    State,
     Test,
     Tolerance,
 )
@@ -97,6 +98,7 @@ __all__ = [
     "Signal",
     "SignalTraces",
     "SpectralDensities",
+    "State",
     "Test",
     "Tolerance",
     "UnknownGains",

@@ -1,7 +1,7 @@
 """Campaign: the tests of one machine, their conditions, and the tolerances of the drawings."""
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from identification.words.signal import Input, Output, Signal
 # Standard deviations within which every tolerance is kept in a fit; what lies beyond is an effect
 # that the model lacks, or a fault of a sensor.
 TOLERANCE_BOUND_SIGMA = 2.5
+State = Literal["before", "after"]  # of the machine in a test, about a change
 DEFAULT_HAMMER = "default"  # name of the hammer of all tests that do not name theirs
 
 
@@ -35,6 +36,8 @@ class Condition:
         variant: name of the machine's variant, such as one with a known mass; empty for the
             machine of the campaign.
         drive_unit: unit of what drives the machine, and of the level: N, N m, or that of a signal.
+        state: whether the test was made before or after a change of the machine; None if the
+            campaign states no change.
 
     Raises:
         ValueError: the level is not positive, or a value is not finite.
@@ -48,6 +51,7 @@ class Condition:
     hammer: str | None = None
     variant: str = ""
     drive_unit: str = "N"
+    state: State | None = None
 
     def __post_init__(self) -> None:
         """Check the reference, the level and the spindle speed."""
@@ -230,6 +234,24 @@ class Campaign:
         if not tests:
             raise ValueError(f"no test was made in {name or 'the machine of the campaign'}")
         return replace(self, tests=tests)
+
+    @property
+    def has_states(self) -> bool:
+        """Whether tests were made before and after a change of the machine."""
+        return any(test.condition.state is not None for test in self.tests)
+
+    def select_state(self, state: State) -> Self:
+        """Return the campaign with the tests of one state alone; itself if no test states one."""
+        if not self.has_states:
+            return self
+        return replace(self, tests=tuple(t for t in self.tests if t.condition.state == state))
+
+    def leave_out_after(self) -> Self:
+        """Return the campaign without the tests after a change, and with a remark on it."""
+        if not self.has_states:
+            return self
+        remark = "tests after the change are left out here: mbw diagnose compares them with these"
+        return replace(self.select_state("before"), remarks=(*self.remarks, remark))
 
     def select_lines(self, chosen: Mask | slice) -> Self:
         """Return the campaign on these frequency lines alone.

@@ -24,7 +24,7 @@ def modes_with_laws(model: Model, theta: Real) -> Modes:
     Each oscillating mode of M, C and K, with control loops closed, is followed by Newton's method
     while the laws grow to their size (Ruhe 1973), in steps over which its shape hardly changes.
     Poles on the real axis are those of M, C and K, and so are all modes of a machine without such
-    laws.
+    laws. A measured rest is known on its lines alone, and does not count.
 
     Args:
         model: machine and Parts.
@@ -33,6 +33,7 @@ def modes_with_laws(model: Model, theta: Real) -> Modes:
     Raises:
         ConvergenceError: a mode that cannot be followed.
     """
+    model = replace(model, machine=replace(model.machine, rest=None))
     modes, assembly = model_modes(model, theta), model.assemble(theta)
     terms = assembly.frequency_dependent
     laws = tuple(term for term in terms if not term.is_loop)

@@ -92,8 +92,9 @@ class Change:
         core: coefficients of s^0, s^1, s^2; (..., 3, r, t). In a slope, the first axis runs over
             the Part's parameters.
         point: the sensor or hammer point, in the slots sensor, hammer and output.
-        shape: f(s), a factor that is no polynomial, with ``f(conj s) = conj f(s)``. Only finite
-            changes of bodies, joints, inputs and outputs may have one, and loops have one.
+        shape: f(s), a factor that is no polynomial, with ``f(conj s) = conj f(s)``; (n_freq,), or
+            a factor of each entry of the core, (n_freq, r, t). Only finite changes of bodies,
+            joints, inputs and outputs may have one, and loops have one.
         owner: what has the shape, for statements; the Part's first parameter if empty.
     """
 

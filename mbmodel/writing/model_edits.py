@@ -8,6 +8,7 @@ from identification.words import Real
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
 from mbmodel.parts import AddedPart, BodyPart, ConditionalPart, JointPart, Part, body_parts
 from mbmodel.parts.drawn_laws import write_law_texts
+from mbmodel.ports.rest_change import rest_lack
 from mbmodel.posed_model import PosedModel
 
 _PartValues = Sequence[tuple[Part, Real]]
@@ -30,6 +31,7 @@ def model_edits(model: PosedModel, theta: Real) -> tuple[Edit | Addition | NotIn
             edits += part.write(values)
     edits += write_law_texts(model.machine.springs)
     edits += [not_held for loop in model.loops for not_held in loop.write(np.zeros(0))]
+    edits += rest_lack(model.machine)
     bodies = {part.location: part for part in body_parts(model.machine)} if added else {}
     for place, inertia in added.items():
         drawn = np.array([parameter.drawn for parameter in bodies[place].parameters])

@@ -89,14 +89,14 @@ def compare_machines(model: Model, theta: Real, written: Machine) -> Difference 
     """Return the largest difference beyond rounding of a written machine, or None.
 
     Args:
-        model: machine and Parts in memory; its control loops do not count.
+        model: machine and Parts in memory; its control loops and its measured rest do not count.
         theta: parameters that the file holds; (n_parameter,).
         written: machine that the file describes.
     """
     nominal = as_drawn(written)
     names = [model.machine.written_name(name) for name in model.machine.coordinates]
     shared = [name for name in names if name in written.coordinates]
-    without_loops = replace(model, machine=replace(model.machine, loops=()))
+    without_loops = replace(model, machine=replace(model.machine, loops=(), rest=None))
     memory = _Side(without_loops.assemble(theta), [names.index(name) for name in shared])
     file = _Side(
         nominal.assemble(nominal.drawn), [written.coordinates.index(name) for name in shared]

@@ -150,8 +150,9 @@ def unfinished_fit_sentences(diagnosis: Diagnosis) -> list[str]:
 
 def _centres(diagnosis: Diagnosis) -> list[CentresRow]:
     """Return the gap at the centres of mass: as drawn on all lines, then on held-out lines."""
-    model, campaign = diagnosis.session.model, diagnosis.session.campaign
-    steps = [(STEPS[0], predict(model, model.drawn, campaign), campaign)]
+    session = diagnosis.session
+    nominal = predict(session.model, session.parametrisation.fixed, session.campaign)
+    steps = [(STEPS[0], nominal, session.campaign)]
     held_out = (diagnosis.retuned, *((diagnosis.after,) if diagnosis.after else ()))
     steps += [
         (name, gap.predicted, gap.campaign) for name, gap in zip(STEPS[1:], held_out, strict=False)

@@ -138,6 +138,7 @@ def run(
     """
     with SCREEN.status("reading and checking the tests"):
         source, machine, whole = _open_campaign(campaign, band)
+        whole = whole.leave_out_after()
     first, *further = [
         TestsOfMachine.of_variant(machine, whole, name) for name in sorted(whole.variants, key=bool)
     ]

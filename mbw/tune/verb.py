@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import typer
@@ -142,6 +142,7 @@ def run(  # noqa: PLR0913  # one for each option
         typer.Exit: the fit was interrupted (code 130) or did not converge (code 4).
     """
     session = open_session(campaign, band)
+    session = replace(session, campaign=session.campaign.leave_out_after())
     freq = session.campaign.freq_hz
     SCREEN.say(
         f"{session.campaign.name}: {len(session.campaign.tests)} tests, {len(freq)} frequency "

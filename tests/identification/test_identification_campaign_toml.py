@@ -127,6 +127,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "hammer": "small",
         "spindle_speed": 3.5,
         "setup": "b",
+        "state": None,
         "window_tau": 0.25,
         "channels": "nodes 1..23, xyz",
         "references": ["11:+x", "11:+y"],

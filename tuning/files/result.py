@@ -4,7 +4,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -264,7 +264,8 @@ def not_held_error(model: Model, theta: Real, campaign: Campaign) -> float | Non
         theta: parameters in SI; (n_parameter,).
         campaign: its tests.
     """
-    held = predict(model, held_parameters(model, theta), campaign)
+    without_rest = replace(model, machine=replace(model.machine, rest=None))
+    held = predict(without_rest, held_parameters(model, theta), campaign)
     return relative_change(held, predict(model, theta, campaign))
 
 

@@ -255,7 +255,8 @@ def fit(  # noqa: PLR0913  # one for each option
     )
     checkpoint = Checkpoint() if checkpoint is None else checkpoint
     search = _Search(model, campaign, parametrisation, measured, algorithm, jobs, checkpoint)
-    start_points = [parametrisation.coordinates(start) for start in starts or (model.drawn,)]
+    begun = starts or (parametrisation.fixed,)
+    start_points = [parametrisation.coordinates(start) for start in begun]
     numbered = tuple(enumerate(stages))
     is_joint = [isinstance(stage, Stage) and stage.tolerances_vary for stage in stages]
     n_separate = is_joint.index(True) if any(is_joint) and not is_joint[0] else len(stages)
@@ -389,4 +390,5 @@ def random_starts(
     normal = random.normal(0.0, spread, (max(count - 1, 0), int(free.sum())))
     factors = np.ones((len(normal), len(free)))
     factors[:, free] = np.exp(normal)
-    return (model.drawn, *(model.drawn * factor for factor in factors))
+    nominal = model.drawn if parametrisation is None else parametrisation.fixed
+    return (nominal, *(nominal * factor for factor in factors))

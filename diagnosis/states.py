@@ -1,0 +1,142 @@
+"""Tests after a change of a machine, against the machine before it.
+
+1. The tests before are fitted alone, as a null model is.
+2. What the model lacks before is held as dynamic stiffness, where these tests give a full matrix
+   (``tuning.assessment.rest_estimate``). Otherwise the floor of the fit stands in for it.
+3. The tests after meet that machine. Masses and geometry stay. What differs between two visits of
+   itself varies under priors: the temperature, and all that is mounted or hit anew.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.data_checks.check_data import CheckedData, check_tests
+from diagnosis.null_model import Baseline
+from diagnosis.settings import DiagnosisSettings
+from identification.words import TOLERANCE_BOUND_SIGMA, Real
+from mbmodel import REST_FACTOR, Model, RestPart
+from tuning import Parametrisation, Session, parametrise
+from tuning.assessment.rest_estimate import add_variance, estimate_rest, shrink_rest
+
+
+@dataclass(frozen=True)
+class VisitPriors:
+    """Standard deviations of what differs between two visits to one machine, without any change.
+
+    Args:
+        stiffness: of ln of the common factor on all stiffness. The moduli of steel and aluminium
+            fall by 0.03 to 0.05 % per kelvin, so this is a difference of 10 to 17 K.
+        damping: of ln of the common factor on all damping: losses of joints and cables repeat to
+            some per cent from day to day.
+        gain: of ln of each gain: calibration, mounting and cable of one and the same instrument.
+        delay: of each delay [s]: start of sampling and filters of one and the same instrument.
+    """
+
+    stiffness: float = 0.005
+    damping: float = 0.05
+    gain: float = 0.005
+    delay: float = 1e-5
+
+
+VISIT_PRIORS = VisitPriors()
+_REMOUNTED = {  # of a test: what is mounted, hit or switched on anew, and its prior
+    "sensor_gain": "gain",
+    "hammer_gain": "gain",
+    "unknown_gain": "gain",
+    "sensor_delay": "delay",
+    "hammer_delay": "delay",
+}
+_PLACED = (  # anew, so that the campaign's tolerances hold
+    "sensor_angle",
+    "sensor_position",
+    "sensor_cross",
+    "hammer_angle",
+    "hammer_position",
+)
+
+
+def check_data_after(
+    session: Session, before: Baseline, settings: DiagnosisSettings
+) -> CheckedData:
+    """Return the tests after the change, with the machine before it as the nominal model.
+
+    Args:
+        session: the whole campaign, and the drawing.
+        before: fit of the tests before.
+        settings: thresholds.
+    """
+    fitted, theta = before.null.session, before.scene.theta
+    checks, unsteady = check_tests(
+        replace(session, campaign=session.campaign.select_state("after")), settings
+    )
+    estimate = estimate_rest(fitted.model, theta, before.scene.session.campaign)
+    model, alive, left = fitted.model, checks.alive, checks.campaign
+    if estimate is None:
+        remark = (
+            "no full matrix of FRFs before the change: what the model lacks counts as its error"
+        )
+    else:
+        rest, variance = shrink_rest(
+            estimate, checks.alive, before.null.floor, VISIT_PRIORS.stiffness
+        )
+        model = Model(replace(model.machine, rest=rest), (*model.parts, RestPart()))
+        alive, left = (add_variance(campaign, estimate, variance) for campaign in (alive, left))
+        count = len(estimate.rest.outputs)
+        remark = (
+            f"what the model lacked before the change is known at {count} points and directions"
+        )
+    alive, left = (
+        replace(campaign, remarks=(*campaign.remarks, remark)) for campaign in (alive, left)
+    )
+    varies = fitted.parametrisation.extend(parametrise(model, session.campaign.tolerance))
+    theta = np.append(theta, model.drawn[len(theta) :])
+    after = replace(
+        fitted, model=model, campaign=alive, parametrisation=vary_between_visits(varies, theta)
+    )
+    checks = replace(checks, alive=alive, campaign=left)
+    return CheckedData(after, checks, before.scene.rigid_directions, unsteady)
+
+
+def vary_between_visits(
+    varies: Parametrisation, theta: Real, priors: VisitPriors = VISIT_PRIORS
+) -> Parametrisation:
+    """Return the coordinates of what differs between two visits of itself.
+
+    Args:
+        varies: coordinates of the fit before; what does not vary there stays.
+        theta: its parameters, which become the nominal ones [SI]; (n_parameter,).
+        priors: standard deviations.
+    """
+    coordinate_of, scale = np.full(len(theta), -1), np.ones(len(theta))
+    numbers: dict[object, int] = {}
+    for k, parameter in enumerate(varies.parameters):
+        old, kind = int(varies.coordinate_of[k]), parameter.known
+        group: object = old
+        if kind in ("stiffness", "damping"):
+            group, deviation = kind, getattr(priors, kind)
+        elif kind in _REMOUNTED:
+            deviation = getattr(priors, _REMOUNTED[kind])
+            if not parameter.positive and _REMOUNTED[kind] == "gain":
+                deviation *= abs(theta[k])
+        else:
+            deviation = np.inf
+        is_varied = kind in ("stiffness", "damping", *_REMOUNTED, *_PLACED)
+        if parameter.name == REST_FACTOR:
+            group, deviation, old, is_varied = "stiffness", priors.stiffness, 0, True
+        if old < 0 or not is_varied:
+            continue
+        coordinate_of[k] = numbers.setdefault(group, len(numbers))
+        is_narrow = varies.is_tolerance[old] and varies.scale[k] < deviation and group == old
+        scale[k] = varies.scale[k] if is_narrow else deviation
+    size, bound = len(numbers), np.full(len(numbers), TOLERANCE_BOUND_SIGMA)
+    return Parametrisation(
+        varies.parameters,
+        coordinate_of=coordinate_of,
+        scale=scale,
+        fixed=theta,
+        is_tolerance=np.ones(size, bool),
+        precision=np.ones(size),
+        lower=-bound,
+        upper=bound,
+    )

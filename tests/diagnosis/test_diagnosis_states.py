@@ -1,0 +1,204 @@
+"""Tests before and after a change: the shared rest, the drift between visits, and the verdict."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis import build_verdict, diagnose
+from diagnosis.states import VISIT_PRIORS, vary_between_visits
+from identification.words import InputError
+from mbmodel import REST_FACTOR, Evaluator, FrfRequest, Model, RestPart
+from tuning import open_session
+from tuning.assessment.rest_estimate import add_variance, estimate_rest, shrink_rest
+
+TOWER = Path(__file__).resolve().parents[2] / "assets" / "tower"
+CHAIN = """
+<mujoco model="chain">
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="low">
+      <joint name="low_tx" type="slide" axis="1 0 0" stiffness="50000" damping="20"/>
+      <inertial pos="0 0 0" mass="5" diaginertia="0.1 0.1 0.1"/>
+      <site name="acc1"/>
+      <body name="high" pos="0 0 0.2">
+        <joint name="high_tx" type="slide" axis="1 0 0" stiffness="60000" damping="20"/>
+        <inertial pos="0 0 0" mass="4" diaginertia="0.1 0.1 0.1"/>
+        <site name="acc2"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+FREQ = np.linspace(4.0, 40.0, 241)
+BEFORE, AFTER = (48000.0, 63000.0), (48000.0, 0.9 * 63000.0)  # N/m; the upper spring is softer
+
+
+def chain_accelerance(stiffness, factor=1.0):
+    """Accelerance of the chain with a mass on a spring at its top, which no drawing has."""
+    omega = 2 * np.pi * FREQ
+    low, high = (factor * k + 22j * omega for k in stiffness)
+    hung = 0.4 * (2 * np.pi * 24.0) ** 2 * (factor + 0.02j)
+    total = np.zeros((len(FREQ), 2, 2), complex)
+    total[:, 0, 0], total[:, 1, 1] = low + high - 5.1 * omega**2, high - 4.05 * omega**2
+    total[:, 0, 1] = total[:, 1, 0] = -high
+    total[:, 1, 1] -= 0.4 * omega**2 * hung / (hung - 0.4 * omega**2)
+    return -(omega[:, None, None] ** 2) * np.linalg.inv(total)
+
+
+def write_chain(folder, after=AFTER, *, factor=1.0, references=2):
+    """A campaign of two states; noise of 0.3 %."""
+    folder.mkdir()
+    (folder / "model.xml").write_text(CHAIN)
+    text, random = 'model = "model.xml"\n', np.random.default_rng(7)
+    for state, values in (
+        ("before", chain_accelerance(BEFORE)),
+        ("after", chain_accelerance(after, factor)),
+    ):
+        noise = 0.003 * np.abs(values)
+        drawn = random.standard_normal((2, *values.shape))
+        noisy = values + noise * (drawn[0] + 1j * drawn[1]) / np.sqrt(2)
+        np.savez(
+            folder / f"{state}.npz",
+            frf=noisy[..., :references],
+            freq_hz=FREQ,
+            variance=noise[..., :references] ** 2,
+        )
+        labels = ["acc1:+x", "acc2:+x"]
+        text += (
+            f'[[test]]\nfile = "{state}.npz"\nstate = "{state}"\nchannels = {labels}\n'
+            f'references = {labels[:references]}\nquantity = "accelerance"\nunit = "m/s^2/N"\n'
+        )
+    (folder / "campaign.toml").write_text(text)
+    return folder
+
+
+def answer(model, theta, campaign):
+    """Receptance of all channels to all references; (n_freq, n, n)."""
+    request = FrfRequest(campaign.freq_hz, campaign.outputs, campaign.inputs, "receptance")
+    return Evaluator(model, request).at(theta).values
+
+
+@pytest.fixture(scope="module")
+def tower():
+    session = open_session(TOWER)
+    return session, estimate_rest(session.model, session.model.drawn, session.campaign)
+
+
+def test_with_its_rest_a_model_answers_as_measured(tower):
+    session, estimate = tower
+    model = replace(session.model, machine=replace(session.model.machine, rest=estimate.rest))
+    predicted = answer(model, model.drawn, session.campaign)
+    np.testing.assert_allclose(predicted, estimate.receptance, rtol=1e-6)
+
+
+def test_a_softer_leg_acts_on_the_measured_matrix_as_in_closed_form(tower):
+    # H' = H - H b (1/d + b' H b)^-1 b' H: structural modification of the measured FRFs alone.
+    session, estimate = tower
+    model = replace(session.model, machine=replace(session.model.machine, rest=estimate.rest))
+    theta = model.drawn.copy()
+    number = [parameter.name for parameter in model.parameters].index("leg2.stiffness")
+    theta[number] *= 0.9
+    change, b = -0.1 * model.drawn[number], np.array([-1.0, 1.0, 0.0])
+    measured = estimate.receptance
+    column = measured @ b
+    row = np.einsum("i,fij->fj", b, measured)
+    denominator = 1 / change + column @ b
+    expected = measured - column[:, :, None] * row[:, None] / denominator[:, None, None]
+    np.testing.assert_allclose(answer(model, theta, session.campaign), expected, rtol=1e-6)
+
+
+def test_without_all_references_there_is_no_rest(tower):
+    session, _ = tower
+    fewer = replace(session.campaign, tests=session.campaign.tests[:2])
+    assert estimate_rest(session.model, session.model.drawn, fewer) is None
+
+
+def test_the_noise_before_adds_to_the_noise_after_an_unchanged_machine(tower):
+    # A = B = 1 where nothing changed: the variances add, but for what the shrinkage takes.
+    session, estimate = tower
+    featured = replace(estimate, narrow=1e6 * estimate.narrow)  # nothing of it is noise
+    rest, variance = shrink_rest(featured, session.campaign, floor=1e3, drift=0.0)
+    np.testing.assert_allclose(variance, estimate.variance, rtol=1e-3, atol=1e-30)
+    np.testing.assert_allclose(rest.values, estimate.rest.values, rtol=1e-3, atol=1e-9)
+    added = add_variance(session.campaign, estimate, variance)
+    for first, second in zip(session.campaign.tests, added.tests, strict=True):
+        ratio = second.estimate.variance / first.estimate.variance
+        np.testing.assert_allclose(ratio, 2.0, rtol=2e-3)
+
+
+def test_where_noise_hides_the_rest_the_error_of_the_model_counts(tower):
+    session, estimate = tower
+    noisy = replace(
+        estimate,
+        variance=1e12 * estimate.variance,
+        smooth_variance=1e12 * estimate.smooth_variance,
+    )
+    rest, variance = shrink_rest(noisy, session.campaign, floor=0.1, drift=0.0)
+    allowed = 0.01 * (np.abs(estimate.receptance) ** 2).sum(axis=(1, 2))
+    np.testing.assert_allclose(variance.sum(axis=(1, 2)), allowed, rtol=1e-3)
+    assert (np.abs(rest.values) <= 1e-3 * np.abs(estimate.rest.values)).all()
+
+
+def test_slopes_of_the_rest_by_the_drift_are_its_differences(tower):
+    session, estimate = tower
+    machine = replace(session.model.machine, rest=estimate.rest)
+    model = Model(machine, (*session.model.parts, RestPart()))
+    names = [parameter.name for parameter in model.parameters]
+    chosen = np.array(names) == REST_FACTOR
+    request = FrfRequest(
+        session.campaign.freq_hz, session.campaign.outputs, session.campaign.inputs, "receptance"
+    )
+    evaluator = Evaluator(model, request)
+    theta, step = model.drawn.copy(), 1e-6
+    theta[-1] = 1.003
+    slope = evaluator.at(theta).sensitivities(chosen).columns()[..., 0]
+    ends = [evaluator.at(np.append(theta[:-1], theta[-1] + sign * step)).values for sign in (-1, 1)]
+    difference = (ends[1] - ends[0]) / (2 * step)
+    np.testing.assert_allclose(slope, difference, atol=1e-5 * np.abs(difference).max())
+
+
+def test_between_visits_all_stiffness_drifts_as_one_and_masses_stay(tower):
+    session, _ = tower
+    varies = vary_between_visits(session.parametrisation, session.model.drawn)
+    x = np.zeros(varies.size)
+    x[varies.names.index("leg1.stiffness")] = 1.0
+    pairs = zip(varies.theta(x), varies.theta(np.zeros(varies.size)), strict=True)
+    for parameter, (moved, before) in zip(varies.parameters, pairs, strict=True):
+        factor = np.exp(VISIT_PRIORS.stiffness) if parameter.known == "stiffness" else 1.0
+        assert moved == pytest.approx(factor * before)
+    held = {p.known for p, k in zip(varies.parameters, varies.coordinate_of, strict=True) if k < 0}
+    assert held >= {"mass", "inertia", "com"}
+
+
+def test_a_spring_that_softens_is_named_with_its_size_beside_an_unknown_rest(tmp_path):
+    # The drawing lacks the mass on a spring in both states, and all is 0.3 % stiffer after.
+    session = open_session(write_chain(tmp_path / "chain", factor=1.003))
+    verdict = build_verdict(diagnose(session))
+    cause = verdict.causes[0]
+    assert (cause.effect, cause.location, cause.dof) == ("stiffness", "joint:high", "tx")
+    assert cause.probability > 0.9
+    assert cause.parameters["change"] == pytest.approx(-6300.0, rel=0.1)
+    assert cause.parameters["factor"] == pytest.approx(0.9, abs=0.02)
+
+
+def test_nothing_is_named_if_only_the_drift_differs(tmp_path):
+    session = open_session(write_chain(tmp_path / "chain", after=BEFORE, factor=0.997))
+    verdict = build_verdict(diagnose(session))
+    assert [cause for cause in verdict.causes if cause.probability >= 0.5] == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('state = "after"', "", "has no state beside tests with one"),
+        ('state = "after"', 'state = "before"', 'none has "after"'),
+        ('state = "before"', 'state = "after"', 'none has "before"'),
+    ],
+)
+def test_states_that_are_not_whole_are_refused_in_one_sentence(tmp_path, old, new, message):
+    file = write_chain(tmp_path / "chain") / "campaign.toml"
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(InputError, match=message):
+        open_session(file.parent)
