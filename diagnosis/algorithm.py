@@ -177,4 +177,4 @@ def estimate_gap_with(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 
     scene = replace(diagnosis.scene, jobs=jobs)
     task = add_cause(diagnosis.retuned.refit, hypothesis)
     (refit,) = run_refits(scene, [task], diagnosis.settings.schedule)
-    return hold_out(scene, refit, diagnosis.retuned.width)
+    return hold_out(scene, refit)

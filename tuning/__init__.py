@@ -10,7 +10,7 @@ from tuning.assessment.gap import (
     is_gap_visible,
     summarise_gaps,
 )
-from tuning.assessment.held_out import HeldOutFits, block_width, fit_held_out, hold_out_lines
+from tuning.assessment.held_out import HeldOutFits, fit_held_out, hold_out_lines
 from tuning.assessment.parameter_confidence import (
     NORMAL_QUANTILE_95,
     ParameterConfidence,
@@ -85,7 +85,6 @@ __all__ = [
     "TunedFile",
     "TuningResult",
     "UserSpecification",
-    "block_width",
     "build_toleranced_model",
     "channel_gaps",
     "estimate_confidence",

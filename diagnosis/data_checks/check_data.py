@@ -9,7 +9,7 @@ from identification import find_overstated_noise, remove_overstated_noise
 from identification.words import UsageError
 from mbmodel import RigidDirection
 from tuning import Session
-from tuning.assessment.held_out import MIN_BLOCK_LINES
+from tuning.assessment.held_out_blocks import MIN_BLOCK_LINES
 
 
 @dataclass(frozen=True, eq=False)

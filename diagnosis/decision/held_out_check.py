@@ -6,11 +6,11 @@ better on lines that it did not see. There a set must be more probable than no c
     N (c_before - c_after) > n_S ln M,
 
 c being the mean -ln L per value on held-out lines, each block of neighbouring lines at the floor
-of its own residuals. Without the lines of a narrow mode a fit misses that mode by far, whatever the
-causes: at one floor for all lines, few such blocks would decide. N is the number of independent
-values of the fit with the causes, and the rest as in ``diagnosis.inference.posterior``: on lines
-that they were not fitted to, parameters gain nothing by chance, and pay nothing. The residuals on
-held-out lines are no measure of N, since they hold the errors of the parameters too.
+of its own residuals: at one floor for all lines, the few that a fit misses by far would decide. N
+is the number of independent values of the fit with the causes, and the rest as in
+``diagnosis.inference.posterior``: on lines that they were not fitted to, parameters gain nothing by
+chance, and pay nothing. The residuals on held-out lines are no measure of N, since they hold the
+errors of the parameters too.
 
 A set that fails is rejected, with every set that contains it, and the most probable one of the
 others is checked (cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap
@@ -90,14 +90,14 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bo
 
 def _mean_cost(gap: HeldOutGap) -> float | None:
     """Return the mean -ln L per value, each block at its own floor; None where nothing moves."""
-    lines = len(gap.campaign.freq_hz)
-    width = gap.width or lines
+    count = len(gap.campaign.freq_hz)
+    spans = zip(gap.starts, [*gap.starts[1:], count], strict=True)
     statistics = [
         residual_statistics(
-            [values[start : start + width] for values in gap.predicted],
-            gap.campaign.select_lines(np.arange(lines) // width == start // width),
+            [values[start:stop] for values in gap.predicted],
+            gap.campaign.select_lines(slice(start, stop)),
         )
-        for start in range(0, lines, width)
+        for start, stop in spans
     ]
     blocks = [(block.cost, block.values) for block in statistics if block is not None]
     if not blocks:

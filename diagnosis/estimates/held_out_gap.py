@@ -3,6 +3,8 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from diagnosis.estimates.intervals import FittedParameters, fit_parameters
 from diagnosis.estimates.jackknife import estimate_size_jackknife
 from diagnosis.hypothesis import Hypothesis, Scene
@@ -11,13 +13,12 @@ from diagnosis.null_model import Baseline, fit_null_model
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import RefitTask, add_hypothesis, find_start, run_refits
 from diagnosis.settings import DiagnosisSettings
-from identification.words import Campaign, Complex, Mask, Real
+from identification.words import Campaign, Complex, Integers, Mask, Real
 from tuning import (
     ChannelGaps,
     Gap,
     HeldOutFits,
     Session,
-    block_width,
     channel_gaps,
     hold_out_lines,
     predict,
@@ -53,9 +54,9 @@ class HeldOutGap:
         return summarise_gaps(self.channels)
 
     @property
-    def width(self) -> int | None:
-        """Number of lines in a block; None without held-out lines."""
-        return None if self.held_out is None else self.held_out.width
+    def starts(self) -> Integers:
+        """First line of each block; (n_block,), the first line alone without held-out lines."""
+        return np.zeros(1, np.intp) if self.held_out is None else self.held_out.starts
 
     @property
     def theta(self) -> Real:
@@ -138,29 +139,27 @@ def estimate_gaps(
     scene, last = base.scene, best
     if not _has_all_channels(base, whole):
         last = _refit_whole(scene, whole, best, base.proven, settings) or null
-    width = block_width(null.session.model, null.fit.theta, whole.campaign.freq_hz)
     if not last.causes:
-        return GapEstimates(hold_out(scene, null, width), None, None)
+        return GapEstimates(hold_out(scene, null), None, None)
     factor, settings = scene.stride_factor, scene.settings
     first_alone, last_alone = (replace(refit, hypothesis=None) for refit in (null, last))
     calls: list[Call] = [
-        (_fit_folds, (last_alone, factor, width, settings)),
+        (_fit_folds, (last_alone, factor, settings)),
         (fit_parameters, (last_alone, factor, settings)),
-        (_fit_folds, (first_alone, factor, width, settings)),
+        (_fit_folds, (first_alone, factor, settings)),
     ]
     after, parameters, retuned = run_in_parallel(calls, scene.jobs)
     return GapEstimates(_describe_gap(null, retuned), _describe_gap(last, after), parameters)
 
 
-def hold_out(scene: Scene, refit: Refit, width: int | None) -> HeldOutGap:
+def hold_out(scene: Scene, refit: Refit) -> HeldOutGap:
     """Return the held-out gap of a refit.
 
     Args:
         scene: thinning of the lines, and settings.
         refit: the refit.
-        width: number of lines in a block; by the modes of the model of the refit if None.
     """
-    return _describe_gap(refit, _fit_folds(refit, scene.stride_factor, width, scene.settings))
+    return _describe_gap(refit, _fit_folds(refit, scene.stride_factor, scene.settings))
 
 
 def _refit_whole(
@@ -186,20 +185,17 @@ def _refit_whole(
     return refit
 
 
-def _fit_folds(
-    refit: Refit, stride_factor: int, width: int | None, settings: DiagnosisSettings
-) -> HeldOutFits | None:
+def _fit_folds(refit: Refit, stride_factor: int, settings: DiagnosisSettings) -> HeldOutFits | None:
     """Fit all folds of the lines but one, for each fold, at the model error of the refit.
 
     Args:
         refit: fit to all folds.
         stride_factor: factor on the stride of the lines.
-        width: number of lines in a block; by the modes of the model if None.
         settings: schedule of the refits.
     """
     model, campaign = refit.session.model, refit.session.campaign
     schedule = settings.schedule.thin(len(campaign.freq_hz), stride_factor)
-    return hold_out_lines(model, campaign, refit.fit, schedule, width=width)
+    return hold_out_lines(model, campaign, refit.fit, schedule)
 
 
 def _describe_gap(refit: Refit, held: HeldOutFits | None) -> HeldOutGap:

@@ -17,7 +17,7 @@ def closed_words(closed: float, ends: tuple[float, float] | None) -> str:
     """Return the closed share of the gap as text, with its interval if there is one.
 
     The jackknife does not know that a share lies between 0 and 1, so the ends are limited here. A
-    small gap may seem to grow, because a held-out block can remove a whole mode.
+    small gap may seem to grow on lines that no fit saw.
 
     Args:
         closed: closed share of the gap.
@@ -60,6 +60,6 @@ def held_out_sentence(gap: GapSteps, evidence: Evidence) -> str | None:
         return None
     return (
         "Re-tuned and later gaps are those on held-out frequency lines. Fitted to all lines, the "
-        f"re-tuned model leaves {fitted:.3g} times the noise: a held-out block can hold a whole "
-        "narrow mode, which no other line determines."
+        f"re-tuned model leaves {fitted:.3g} times the noise: its parameters fit the lines that "
+        "they saw."
     )

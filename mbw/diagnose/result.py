@@ -74,7 +74,7 @@ def collect_result(
         quantity=campaign.tests[0].estimate.frf.quantity,
         band=(float(freq[0]), float(freq[-1])),
         lines=len(freq),
-        block=diagnosis.retuned.width,
+        blocks=None if (held := diagnosis.retuned.held_out) is None else len(held.starts),
         tests=_tests(campaign),
         channels=[
             ChannelRow(output=str(dof), body=campaign.layout.owner_name(dof), test=test)

@@ -170,7 +170,7 @@ class ShownFile(ResultFile, _Row):
     quantity: Quantity
     band: tuple[float, float]
     lines: int
-    block: int | None
+    blocks: int | None
     tests: list[DiagnosedTestRow]
     channels: list[ChannelRow]
     corrected: list[int]

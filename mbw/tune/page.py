@@ -142,8 +142,10 @@ def _provenance(summary: TunedFile) -> str:
         text += f"; {fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost"
     text += "."
     if blocks := summary.held_out_blocks:
-        width = blocks[0].high - blocks[0].low
-        text += f" Held-out errors: five-fold cross-validation over blocks of {width:g} Hz."
+        text += (
+            f" Held-out errors: five-fold cross-validation over {len(blocks)} blocks from "
+            "resonance to resonance."
+        )
     missing = describe_not_in_mjcf(summary.not_held_by_mjcf, summary.not_held_error, TUNED_JSON)
     text = escape(f"{text} {missing}".strip())
     if not summary.inputs:

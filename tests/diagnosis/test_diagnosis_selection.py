@@ -62,10 +62,10 @@ def test_causes_that_predict_held_out_lines_no_better_are_not_admitted(two_effec
     assert predicts_held_out(gaps.after, gaps.after, price)  # not visible: the fits decide
 
     # A block of lines that the fits predict badly does not decide: its floor is its own.
-    width = gaps.after.width
+    begin, end = gaps.after.starts[1:3]
     missed = [values.copy() for values in gaps.after.predicted]
     for values in missed:
-        values[width : 2 * width] *= 30.0
+        values[begin:end] *= 30.0
     beside = replace(gaps.after, predicted=tuple(missed))
     assert beside.gap.excess > gaps.retuned.gap.excess
     assert predicts_held_out(gaps.retuned, beside, price)

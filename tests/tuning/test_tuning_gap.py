@@ -1,4 +1,4 @@
-"""The gap by its definitions, and the blocks of held-out lines."""
+"""The gap by its definitions, and held-out lines."""
 
 from dataclasses import replace
 
@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from small_machine import virtual_campaign
 
-from mbmodel import modes_of_matrices
 from tuning import (
     STAGES,
-    block_width,
     channel_gaps,
     fit,
     fit_held_out,
@@ -19,7 +17,6 @@ from tuning import (
     summarise_gaps,
 )
 from tuning.assessment.gap import block_error_shares, reduce_campaign_to_bodies
-from tuning.assessment.held_out import assign_folds
 from tuning.misfit.misfit import Misfit
 
 
@@ -87,28 +84,6 @@ def test_numbers_that_do_not_exist_are_none(model, campaign):
     assert gap.noise == 0.0
 
 
-@pytest.mark.parametrize(
-    ("n_freq", "width", "folds"),
-    [(10, 2, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]), (13, 2, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 0, 0, 1])],
-)
-def test_block_i_belongs_to_fold_i_modulo_five(n_freq, width, folds):
-    assert assign_folds(n_freq, width).tolist() == folds
-
-
-def test_a_block_is_three_lower_quartiles_of_the_bandwidth_wide(model):
-    result = modes_of_matrices(model.matrices(model.drawn))
-    inside = (result.freq_hz > 5) & (result.freq_hz < 165) & (result.poles.imag > 0)
-    bandwidth = np.quantile(2 * result.damping[inside] * result.freq_hz[inside], 0.25)
-    freq = np.arange(5.0, 165.0, bandwidth / 10)  # so fine that neither bound acts
-    assert block_width(model, model.drawn, freq) == pytest.approx(30, abs=1)
-
-
-def test_a_block_is_at_least_eight_lines_and_at_most_a_fifteenth(model):
-    assert block_width(model, model.drawn, np.linspace(5, 165, 41)) == 8
-    assert block_width(model, model.drawn, np.linspace(5, 165, 300001)) <= 20000
-    assert block_width(model, model.drawn, np.linspace(500, 501, 3000)) == 200  # no mode inside
-
-
 def test_held_out_lines_come_from_fits_that_did_not_see_them(model, campaign, true_theta):
     result = fit(model, campaign)
     held = fit_held_out(model, result, campaign)
@@ -116,7 +91,7 @@ def test_held_out_lines_come_from_fits_that_did_not_see_them(model, campaign, tr
     tests = []
     for test in campaign.tests:
         frf = test.estimate.frf
-        values = np.where(spoiled_lines[:, None, None], 1.7 * frf.values, frf.values)
+        values = np.where(spoiled_lines[:, None, None], -frf.values, frf.values)
         tests.append(
             replace(test, estimate=replace(test.estimate, frf=replace(frf, values=values)))
         )
@@ -162,7 +137,7 @@ def test_held_out_fits_do_not_depend_on_the_number_of_processes(model, campaign)
 def test_block_shares_tell_where_the_error_lies(model, true_theta, campaign):
     predicted = [p.copy() for p in predict(model, true_theta, campaign)]
     predicted[0][30:40] *= 3
-    shares = block_error_shares(predicted, campaign, 10)
+    shares = block_error_shares(predicted, campaign, np.arange(0, 160, 10))
     assert len(shares) == 16
     assert shares.sum() == pytest.approx(1.0)
     assert np.argmax(shares) == 3

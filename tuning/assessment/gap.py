@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification import reduce_to_bodies
-from identification.words import Campaign, Complex, Dof, Real
+from identification.words import Campaign, Complex, Dof, Integers, Real
 
 MIN_VISIBLE_EXCESS = 1.1  # over the noise; less is next to nothing, in a tuning and in a verdict
 _MAX_NOISE_RATIO = 0.3  # noise_c of a channel whose error can be told from noise
@@ -162,13 +162,13 @@ def reduce_campaign_to_bodies(campaign: Campaign) -> Campaign:
     return replace(campaign, tests=tests)
 
 
-def block_error_shares(predicted: Sequence[Complex], campaign: Campaign, width: int) -> Real:
+def block_error_shares(predicted: Sequence[Complex], campaign: Campaign, starts: Integers) -> Real:
     """Return each block's share of the squared error; (n_block,), sum 1 or all zero.
 
     Args:
         predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
         campaign: measurements.
-        width: number of lines in a block.
+        starts: first line of each block; (n_block,).
     """
     lines = np.zeros(len(campaign.freq_hz))
     for model, test in zip(predicted, campaign.tests, strict=True):
@@ -176,7 +176,7 @@ def block_error_shares(predicted: Sequence[Complex], campaign: Campaign, width: 
         power = (np.abs(values) ** 2).sum(axis=0)
         relative_error = np.abs(model - values) ** 2 / np.where(power > 0, power, 1.0)
         lines += (relative_error * (test.estimate.measured & (power > 0))).sum(axis=(1, 2))
-    blocks = np.add.reduceat(lines, np.arange(0, len(lines), width))
+    blocks = np.add.reduceat(lines, starts)
     total = blocks.sum()
     shares: Real = blocks / total if total > 0 else blocks
     return shares

@@ -1,8 +1,8 @@
-"""Held-out lines: K-fold cross-validation with blocks as wide as resonances.
+"""Held-out lines: K-fold cross-validation with blocks from resonance to resonance.
 
 Neighbouring lines within a resonance predict each other. Folds therefore consist of contiguous
-blocks (Roberts et al. 2017, Ecography 40), which are assigned to five folds in turn. The gap of
-these predictions is computed by ``tuning.assessment.gap``.
+blocks (``held_out_blocks``), which are assigned to five folds in turn (Roberts et al. 2017,
+Ecography 40). The gap of these predictions is computed by ``tuning.assessment.gap``.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,8 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from identification.words import Campaign, Complex, Integers, Mask, Real
-from mbmodel import Model, model_modes
+from mbmodel import Model
+from tuning.assessment.held_out_blocks import assign_folds, find_blocks
 from tuning.fitting.checkpoint import Checkpoint
 from tuning.fitting.error_floor_fit import FloorSchedule
 from tuning.fitting.fitter import Fit
@@ -24,8 +25,6 @@ from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.misfit.residual_statistics import residual_statistics
 from tuning.solvers.nlopt_solver import Minimum, Outcome
 
-N_FOLDS = 5
-MIN_BLOCK_LINES = 8  # any shape along frequency fits fewer
 # Predicted gain of a step that ends the fit of a fold: a third of a standard deviation.
 _MIN_FOLD_GAIN_NATS = 0.05
 
@@ -38,14 +37,14 @@ class HeldOutFits:
         thetas: parameters of each fold's fit [SI]; (n_fold, n_parameter), 5 folds unless there are
             fewer blocks.
         outcomes: how each fold's search ended; n_fold.
+        starts: first line of each block, in ascending order; (n_block,).
         folds: fold of each line; (n_freq,).
-        width: number of lines in a block.
     """
 
     thetas: Real
     outcomes: tuple[Outcome, ...]
+    starts: Integers
     folds: Integers
-    width: int
 
     def predict(self, model: Model, campaign: Campaign) -> tuple[Complex, ...]:
         """Predict each test's FRFs in its labels, each line by the fit that left it out.
@@ -70,43 +69,12 @@ class HeldOutFits:
         return tuple(predicted)
 
 
-def block_width(model: Model, theta: Real, freq_hz: Real) -> int:
-    """Return the number of lines in a block: three lower quartiles of the modes' bandwidth.
-
-    The bandwidth of a mode is 2 zeta f; modes inside the band count. A block has at least 8 lines
-    and at most a fifteenth of the band; in a band of less than 120 lines, 8 lines take precedence.
-    Without a mode in the band, blocks are as wide as allowed.
-
-    Args:
-        model: tuned model.
-        theta: its parameters [SI]; (n_parameter,).
-        freq_hz: lines of the band; (n_freq,).
-    """
-    modes = model_modes(model, theta)
-    is_inside = (
-        (modes.freq_hz >= freq_hz[0]) & (modes.freq_hz <= freq_hz[-1]) & (modes.poles.imag > 0)
-    )
-    max_lines = len(freq_hz) // 15
-    if not is_inside.any() or len(freq_hz) < 2:
-        return max(MIN_BLOCK_LINES, max_lines)
-    bandwidth = np.quantile(2 * modes.damping[is_inside] * modes.freq_hz[is_inside], 0.25)
-    spacing = (freq_hz[-1] - freq_hz[0]) / (len(freq_hz) - 1)
-    return max(MIN_BLOCK_LINES, min(round(float(3 * bandwidth / spacing)), max_lines))
-
-
-def assign_folds(n_freq: int, width: int) -> Integers:
-    """Return the fold of each line, with block i in fold i mod 5; (n_freq,)."""
-    folds: Integers = (np.arange(n_freq) // width) % N_FOLDS
-    return folds
-
-
 def fit_held_out(
     model: Model,
     full_fit: Fit,
     campaign: Campaign,
     *,
     jobs: int = 1,
-    width: int | None = None,
     min_gain_nats: float = _MIN_FOLD_GAIN_NATS,
     report: Callable[[int], None] | None = None,
     checkpoint: Checkpoint | None = None,
@@ -121,7 +89,6 @@ def fit_held_out(
         full_fit: fit to all folds.
         campaign: tests on the lines of the band.
         jobs: threads; the result does not depend on it.
-        width: number of lines in a block; by the fitted model's modes if None.
         min_gain_nats: predicted decrease of J below which no further step is taken.
         report: called with the number of each finished fold.
         checkpoint: finished folds, which are not repeated.
@@ -132,9 +99,9 @@ def fit_held_out(
     Raises:
         KeyboardInterrupt: interrupted; there is no held-out prediction then.
     """
-    theta, parametrisation = full_fit.theta, full_fit.parametrisation
-    width = block_width(model, theta, campaign.freq_hz) if width is None else width
-    folds = assign_folds(len(campaign.freq_hz), width)
+    parametrisation = full_fit.parametrisation
+    starts = find_blocks(campaign)
+    folds = assign_folds(starts, len(campaign.freq_hz))
     if not folds.any():
         return None
     checkpoint = Checkpoint() if checkpoint is None else checkpoint
@@ -165,7 +132,7 @@ def fit_held_out(
                 report(fold)
     finished = [end for end in ends.values() if end is not None]
     thetas = np.array([parametrisation.theta(end.x) for end in finished])
-    return HeldOutFits(thetas, tuple(end.outcome for end in finished), folds, width)
+    return HeldOutFits(thetas, tuple(end.outcome for end in finished), starts, folds)
 
 
 def hold_out_lines(
@@ -174,7 +141,6 @@ def hold_out_lines(
     settled: Fit,
     schedule: FloorSchedule,
     *,
-    width: int | None = None,
     jobs: int = 1,
     report: Callable[[int], None] | None = None,
     checkpoint: Checkpoint | None = None,
@@ -188,7 +154,6 @@ def hold_out_lines(
         campaign: tests on the lines of the band.
         settled: fit to all folds at its own floor.
         schedule: schedule of that fit.
-        width: number of lines in a block; by the fitted model's modes if None.
         jobs: threads; the result does not depend on it.
         report: called with the number of each finished fold.
         checkpoint: finished folds, which are not repeated.
@@ -210,7 +175,6 @@ def hold_out_lines(
         replace(settled, last_stage=stage),
         campaign,
         jobs=jobs,
-        width=width,
         report=report,
         checkpoint=checkpoint,
     )

@@ -190,14 +190,15 @@ def _block_rows(tuned: CampaignTuning) -> list[BlockRow]:
     if held_out is None or sensors.held_out is None:
         return []
     freq = sensors.campaign.freq_hz
-    shares = block_error_shares(sensors.held_out, sensors.campaign, held_out.width)
+    starts = held_out.starts
+    shares = block_error_shares(sensors.held_out, sensors.campaign, starts)
     return [
         BlockRow(
             low=float(freq[start]),
-            high=float(freq[min(start + held_out.width, len(freq)) - 1]),
+            high=float(freq[stop - 1]),
             share=float(share),
         )
-        for start, share in zip(range(0, len(freq), held_out.width), shares, strict=True)
+        for start, stop, share in zip(starts, [*starts[1:], len(freq)], shares, strict=True)
     ]
 
 
