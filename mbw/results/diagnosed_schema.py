@@ -142,8 +142,7 @@ class ShownFile(ResultFile, _Row):
         quantity: quantity of all FRFs.
         band: first and last frequency line [Hz].
         lines: number of frequency lines.
-        block: number of neighbouring lines that are held out together; null if the band is too
-            narrow.
+        blocks: number of held-out blocks; null if the band is too narrow for more than one.
         tests: tests of the campaign.
         channels: columns of the arrays.
         corrected: channels whose measurement the effect corrects, in the order of the arrays.
