@@ -36,9 +36,9 @@ from identification.readers.file_kinds import (
     is_arrays,
     is_universal,
 )
+from identification.readers.frequency_lines import keep_common_lines, leave_out_lines
 from identification.readers.frf_table import FrfTable, set_zero_line
 from identification.readers.frf_units import parse_frf_units, refuse_signals_of_known_gain
-from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.several_inputs import CoherenceKind, resolve_several_inputs
 from identification.readers.uff_frfs import read_uff
 from identification.readers.uff_nodes import site_axes_remarks
@@ -93,12 +93,14 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
             of_file, of_table = _tests_of_file(path, entry, settings, layout)
             tests += of_file
             remarks += of_table
+    common, line_remarks = keep_common_lines(tests)
+    remarks += line_remarks
     try:
         tolerance = Tolerance(**settings.tolerance.model_dump())
         campaign = Campaign(
             path.resolve().parent.name,
             layout,
-            tuple(tests),
+            common,
             tolerance,
             unknown_gains=_unknown_gains(settings),
         )

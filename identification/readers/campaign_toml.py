@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, StrictInt, StrictStr
 
-from identification.readers.ignored_lines import FrequencyRanges
+from identification.readers.frequency_lines import FrequencyRanges
 from identification.readers.loop_toml import CampaignLoopTable
 from identification.readers.several_inputs import CoherenceKind
 from identification.readers.toml_files import FileName, TomlTable, Turn, load_toml, read_toml

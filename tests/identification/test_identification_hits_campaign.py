@@ -216,7 +216,7 @@ def test_averages_that_are_not_those_found_are_remarked(read, records):
 
 
 def test_records_and_frfs_on_other_lines_are_refused_with_the_key(refusal, records):
-    frf = Function(numbers(1), rsp=(7, 1), ref=(11, 3)).content()
+    frf = Function(numbers(1), 0.37 * np.arange(1, 10), rsp=(7, 1), ref=(11, 3)).content()
     text = TEST + '[[test]]\nfile = "b.uff"\n'
     message = refusal(text, a_uff=uff(records), b_uff=frf)
     assert "b.uff has another frequency axis" in message
