@@ -23,7 +23,7 @@ Factors of several Parts multiply. A delay tau of a reading, exp(-s tau), adds -
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -37,13 +37,15 @@ AXIS_NAMES = "xyz"  # ends of parameter names
 Slot = Literal["body", "joint", "path", "sensor", "hammer", "input", "output", "bodies_and_joints"]
 
 # How well the nominal model (the drawing) knows a number: not at all (``free``), exactly, but for a
-# gain that a campaign calls unknown, or within one of the tolerances of campaigns.
+# gain that a campaign calls unknown, damping that it leaves out, or within one of the tolerances of
+# campaigns.
 ToleranceKind = Literal[
     "free",
     "exactly",
     "unknown_gain",
     "stiffness",
     "damping",
+    "undrawn_damping",
     "mass",
     "inertia",
     "com",
@@ -70,8 +72,9 @@ class Parameter:
         unit: SI unit.
         positive: whether it is a size, tuned by its logarithm.
         known: kind of its prior: ``free`` for none, ``exactly`` for a fixed value,
-            ``unknown_gain`` for a wide one, else the name of the campaign's tolerance that is its
-            standard deviation.
+            ``unknown_gain`` for a wide one, ``undrawn_damping`` for a half-normal one, else the
+            name of the campaign's tolerance that is its standard deviation.
+        usual: size of undrawn damping that is usual: the scale of its half-normal prior.
     """
 
     name: str
@@ -79,6 +82,7 @@ class Parameter:
     unit: str
     positive: bool = True
     known: ToleranceKind = "free"
+    usual: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
-from typing import Literal
 
 import numpy as np
 
@@ -12,6 +11,8 @@ from mbmodel.linearisation.springs import DrawnLaw, Spring
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Edit, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, Slot
+
+_USUAL_DAMPING = 0.01  # of critical damping: that of bolted and guided metal, by order of magnitude
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,29 +26,47 @@ class SpringPart:
     stiffness. Both belong to one equilibrium; a machine whose equilibrium follows its parameters
     gives the Part other springs there (``mbmodel.moving_equilibrium``).
 
-    Coefficients that are zero on the drawing stay zero: they have no logarithm to tune.
+    Stiffness that is zero on the drawing stays zero. A spring that is drawn without damping has
+    some: the drawing leaves it out.
 
     Args:
         location: ``joint:<child body>`` or ``tendon:<name>``.
         springs: at least one.
+        usual_damping: of each spring, 1 % of its critical damping [N s/m or N m s/rad].
     """
 
     location: str
     springs: tuple[Spring, ...]
+    usual_damping: tuple[float, ...]
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Stiffness and damping of each spring, where they are not zero.
+        """Stiffness and damping of each spring, where there are any.
 
         A coupling between joints may be negative; it is tuned by the logarithm of its ratio to the
         drawing.
         """
-        return tuple(
-            Parameter(f"{spring.name}.{what}", value, unit, known=what)
-            for spring in self.springs
-            for what, value, unit in _coefficients(spring)
-            if value != 0
-        )
+        return tuple(parameter for _, _, parameter in self._coefficients)
+
+    @cached_property
+    def _coefficients(self) -> tuple[tuple[int, int, Parameter], ...]:
+        """Power of s, number of the spring and parameter of each coefficient."""
+        coefficients = []
+        for number, (spring, usual) in enumerate(
+            zip(self.springs, self.usual_damping, strict=True)
+        ):
+            units = ("N m/rad", "N m s/rad") if spring.angular else ("N/m", "N s/m")
+            if spring.stiffness != 0:
+                name = f"{spring.name}.stiffness"
+                stiffness = Parameter(name, spring.stiffness, units[0], known="stiffness")
+                coefficients.append((0, number, stiffness))
+            name, value = f"{spring.name}.damping", spring.damping
+            if value != 0:
+                coefficients.append((1, number, Parameter(name, value, units[1], known="damping")))
+            elif usual > 0:
+                damping = Parameter(name, 0.0, units[1], False, "undrawn_damping", usual)
+                coefficients.append((1, number, damping))
+        return tuple(coefficients)
 
     @cached_property
     def _slot(self) -> Slot:
@@ -63,12 +82,7 @@ class SpringPart:
     @cached_property
     def _parameter_places(self) -> tuple[Integers, Integers]:
         """Power of s and number of the spring for each parameter."""
-        places = [
-            (power, index)
-            for index, spring in enumerate(self.springs)
-            for power, (_, value, _) in enumerate(_coefficients(spring))
-            if value != 0
-        ]
+        places = [(power, number) for power, number, _ in self._coefficients]
         powers, springs = np.array(places, np.intp).reshape(-1, 2).T
         return powers, springs
 
@@ -178,15 +192,20 @@ class SpringPart:
         return theta
 
 
-def _coefficients(
-    spring: Spring,
-) -> tuple[tuple[Literal["stiffness"], float, str], tuple[Literal["damping"], float, str]]:
-    """Return name, value and unit of stiffness and damping."""
-    units = ("N m/rad", "N m s/rad") if spring.angular else ("N/m", "N s/m")
-    return ("stiffness", spring.stiffness, units[0]), ("damping", spring.damping, units[1])
-
-
 def spring_parts(machine: Machine) -> tuple[SpringPart, ...]:
-    """Return one Part for each joint and tendon of the machine, in the machine's order."""
+    """Return one Part for each joint and tendon of the machine, in the machine's order.
+
+    Critical damping is 2 sqrt(k m), with m = 1 / (g' M^-1 g) the mass that an elongation moves.
+    """
+    flexibility = np.linalg.pinv(machine.mass, hermitian=True)
     groups = groupby(machine.springs, key=lambda spring: spring.location)
-    return tuple(SpringPart(location, tuple(springs)) for location, springs in groups)
+    parts = []
+    for location, of_group in groups:
+        springs = tuple(of_group)
+        masses = [1 / float(s.direction @ flexibility @ s.direction) for s in springs]
+        usual = [
+            _USUAL_DAMPING * 2 * float(np.sqrt(abs(spring.stiffness) * mass))
+            for spring, mass in zip(springs, masses, strict=True)
+        ]
+        parts.append(SpringPart(location, springs, tuple(usual)))
+    return tuple(parts)

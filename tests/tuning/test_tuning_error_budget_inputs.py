@@ -134,6 +134,7 @@ def machine(tmp_path_factory):
         ('output = "acc2:+tx"', 'output = "acc9:+tx"', "acc9"),
         ('input = "drive"', 'input = "motor"', "motor"),
         ("csv = ", "cvs = ", "unknown key disturbance.floor.cvs"),
+        ('unit = "1^2/Hz"', "", r"unit is missing: state it, such as 1/sqrt"),
         ('"1^2/Hz"', '"m^2/Hz"', "a motor takes units of its control"),
         ('"1^2/Hz"', '"A^2/Hz"', "a motor takes units of its control"),
         ('"1^2/Hz"', '"(N m)^2/Hz"', "drive acts at head_tx in N: write N/"),

@@ -122,15 +122,14 @@ class ParameterPosterior:
                 "MJCF that was written beside the posterior"
             )
         indices = np.array([index_of[name] for name in self.parameters], np.intp)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            change = np.abs(model.drawn[indices] / self.values - 1)
-        pairs = zip(self.parameters, change, strict=True)
+        change = np.abs(model.drawn[indices] - self.values)
+        pairs = zip(self.parameters, change, np.abs(self.values), strict=True)
         if changed := [
             name
-            for name, size in pairs
+            for name, size, value in pairs
             if name.endswith((".stiffness", ".damping"))
             and name not in of_effects
-            and not size <= _MAX_VALUE_CHANGE
+            and not size <= _MAX_VALUE_CHANGE * value
         ]:
             raise InputError(
                 f"{source} was changed after the fit ({shorten_names(changed)}), so that its "
@@ -180,7 +179,8 @@ class PosteriorOfModel:
         theta[self.indices] += np.where(
             logarithmic, posterior.values * np.expm1(np.where(logarithmic, steps, 0.0)), steps
         )
-        return theta
+        is_damping = [p.known in ("damping", "undrawn_damping") for p in self.model.parameters]
+        return np.where(is_damping, np.maximum(theta, 0.0), theta)
 
     def sample(self, count: int, seed: int) -> Real:
         """Draw parameters of the model [SI]; (count, n_theta).

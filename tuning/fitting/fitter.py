@@ -255,7 +255,7 @@ def fit(  # noqa: PLR0913  # one for each option
     )
     checkpoint = Checkpoint() if checkpoint is None else checkpoint
     search = _Search(model, campaign, parametrisation, measured, algorithm, jobs, checkpoint)
-    begun = starts or (parametrisation.fixed,)
+    begun = starts or (parametrisation.start,)
     start_points = [parametrisation.coordinates(start) for start in begun]
     numbered = tuple(enumerate(stages))
     is_joint = [isinstance(stage, Stage) and stage.tolerances_vary for stage in stages]
@@ -390,5 +390,5 @@ def random_starts(
     normal = random.normal(0.0, spread, (max(count - 1, 0), int(free.sum())))
     factors = np.ones((len(normal), len(free)))
     factors[:, free] = np.exp(normal)
-    nominal = model.drawn if parametrisation is None else parametrisation.fixed
+    nominal = model.drawn if parametrisation is None else parametrisation.start
     return (nominal, *(nominal * factor for factor in factors))

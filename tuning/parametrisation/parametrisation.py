@@ -13,6 +13,9 @@ Stiffness and damping are known to a factor q only (3 and 4, unless a campaign s
 scale is 1, so that x is the logarithm of k / k_drawn, with the prior exp(-d x^2 / 2) of the
 precision d = (ln q)^-2 and bounds a factor of 100 away. What the data do not determine stays at the
 drawing. A parameter that the nominal model does not know at all has no prior (d = 0).
+
+Damping that a drawing leaves out is never negative, and usually of a known order c_u: its scale is
+c_u, its bound 0 and its prior half-normal, exp(-x^2 / 2) for x >= 0. Searches begin at c_u.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,6 +30,11 @@ from mbmodel import Parameter
 # Of a factor on a nominal value, in nats: searches that go astray keep finite numbers beyond it.
 _MAX_LOGARITHM = 100.0
 _BOUND_MARGIN = 1e-6  # distance in x below which a coordinate counts as at its bound
+
+
+def _is_undrawn(parameter: Parameter) -> bool:
+    """Return whether a parameter is damping that the drawing leaves out."""
+    return parameter.known == "undrawn_damping"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +62,13 @@ class Parametrisation:
     precision: Real
     lower: Real
     upper: Real
+
+    @property
+    def start(self) -> Real:
+        """Parameters at which searches begin: the nominal ones, with usual damping [SI]."""
+        undrawn = np.array([_is_undrawn(parameter) for parameter in self.parameters], bool)
+        start: Real = np.where(self.free & undrawn, self.fixed + self.scale, self.fixed)
+        return start
 
     @property
     def size(self) -> int:
@@ -305,7 +320,8 @@ class Parametrisation:
 
     @property
     def has_user_bounds(self) -> Mask:
-        """Whether the bounds of each coordinate differ from the default of tolerances; (n_x,)."""
+        """Whether the bounds of each coordinate differ from the default of its kind; (n_x,)."""
         is_default = (self.lower == -TOLERANCE_BOUND_SIGMA) & (self.upper == TOLERANCE_BOUND_SIGMA)
-        has_user_bounds: Mask = ~(self.is_tolerance & is_default)
+        is_undrawn = np.isin(self.names, [p.name for p in self.parameters if _is_undrawn(p)])
+        has_user_bounds: Mask = ~(self.is_tolerance & is_default) & ~is_undrawn
         return has_user_bounds

@@ -80,6 +80,7 @@ def parametrise(
     prior_sd[fixed] = 0.0
     varied = prior_sd > 0
     is_tolerance = np.isfinite(prior_sd)
+    usual = np.array([parameter.usual for parameter in model.parameters])
     width = np.array([_prior_width(parameter, tolerance) for parameter in model.parameters])
     precision = np.where(is_tolerance, 1.0, np.where(free, 0.0, width**-2))
     member = np.where(varied, np.cumsum(varied) - 1, -1)
@@ -87,7 +88,7 @@ def parametrise(
     parametrisation = Parametrisation(
         model.parameters,
         coordinate_of=member,
-        scale=np.where(varied & is_tolerance, prior_sd, 1.0),
+        scale=np.where(varied & is_tolerance, prior_sd, np.where(usual > 0, usual, 1.0)),
         fixed=model.drawn,
         is_tolerance=is_tolerance[varied],
         precision=precision[varied],
@@ -101,6 +102,8 @@ def _prior_sd(parameter: Parameter, tolerance: Tolerance) -> float:
     """Return the standard deviation of a tolerance: infinite if free, zero if known exactly."""
     if parameter.known == "free" or _has_default_width(parameter, tolerance):
         return np.inf
+    if parameter.known == "undrawn_damping":
+        return np.inf if tolerance.damping > 1 else 0.0
     if parameter.known == "exactly":
         return 0.0
     if parameter.known == "unknown_gain":
@@ -119,10 +122,13 @@ def _has_default_width(parameter: Parameter, tolerance: Tolerance) -> bool:
 
 
 def _prior_width(parameter: Parameter, tolerance: Tolerance) -> float:
-    """Return the standard deviation of the logarithm of a stiffness or damping of default width.
+    """Return the width of the prior of stiffness and damping that have no tolerance.
 
-    It is infinite for any other parameter.
+    It is the standard deviation of the logarithm, or 1 in units of usual damping, and infinite for
+    any other parameter.
     """
+    if parameter.known == "undrawn_damping":
+        return 1.0
     if not _has_default_width(parameter, tolerance):
         return np.inf
     return float(np.log(getattr(tolerance, parameter.known)))
@@ -136,7 +142,8 @@ def _bounds(
     widest = np.where(
         np.isfinite(prior_sd), TOLERANCE_BOUND_SIGMA, np.where(positive, FREE_RANGE_LOG, np.inf)
     )
-    lower, upper = -widest, widest.copy()
+    undrawn = np.array([parameter.known == "undrawn_damping" for parameter in model.parameters])
+    lower, upper = np.where(undrawn, 0.0, -widest), widest.copy()
     for pattern, (low, high) in specification.bounds.items():
         for place in match_pattern(pattern, names):
             drawn, scale = (

@@ -130,13 +130,14 @@ def _spectrum(
             "there or for the whole budget"
         )
     if table.unit is None or table.density is None:
-        raise InputError(f"{path}: {key}.unit is missing: state it, such as {port.unit}/sqrt(Hz)")
+        unit = "1" if port.unit == CONTROL else port.unit
+        raise InputError(f"{path}: {key}.unit is missing: state it, such as {unit}/sqrt(Hz)")
     try:
-        unit = parse_density_unit(table.unit)
+        density_unit = parse_density_unit(table.unit)
     except ValueError as error:
         raise InputError(f"{path}: {key}: {error}") from error
-    _check_kind(path, key, table.unit, unit.signal, port)
-    spectrum = constant_spectrum(table.density, unit, (limits[0], limits[1]))
+    _check_kind(path, key, table.unit, density_unit.signal, port)
+    spectrum = constant_spectrum(table.density, density_unit, (limits[0], limits[1]))
     factor = 2.0 if table.two_sided else 1.0
     return Spectrum(spectrum.freq_hz, factor * spectrum.density, spectrum.derivative)
 
