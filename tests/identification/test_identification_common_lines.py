@@ -1,4 +1,4 @@
-"""Tests on different frequency lines: those that all have count, unless axes only meet by chance."""
+"""Tests on different frequency lines: those that all have count, unless axes meet by chance."""
 
 import numpy as np
 import pytest
