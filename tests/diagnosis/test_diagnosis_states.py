@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 
 from diagnosis import build_verdict, diagnose
+from diagnosis.data_checks.check_data import check_data
+from diagnosis.null_model import fit_baseline
 from diagnosis.settings import SETTINGS
-from diagnosis.states import VISIT_PRIORS, vary_between_visits
+from diagnosis.states import (
+    VISIT_PRIORS,
+    check_data_after,
+    search_before,
+    vary_between_visits,
+)
 from identification.words import InputError
 from mbmodel import REST_FACTOR, Evaluator, FrfRequest, Model, RestPart
 from tests.helpers.changed_chain import BEFORE, write_chain
@@ -190,11 +197,19 @@ def test_beside_a_narrow_mode_the_rest_is_known_to_a_few_percent(heavier):
     assert (variance >= 0).all()
 
 
-def test_without_a_full_matrix_what_was_lacked_before_is_no_change(tmp_path):
-    # One reference: the mass on a spring is found in the tests before, and the spring after.
-    session = open_session(write_chain(tmp_path / "chain", (48000.0, 44100.0), references=1))
-    settings = replace(SETTINGS, max_causes=3)
-    verdict = build_verdict(diagnose(session, settings=settings))
-    named = [cause for cause in verdict.causes if cause.probability >= 0.5]
-    assert [(cause.effect, cause.location) for cause in named] == [("stiffness", "joint:high")]
-    assert named[0].parameters["change"] == pytest.approx(-18900.0, rel=0.1)
+def test_without_a_full_matrix_causes_of_the_state_before_are_part_of_the_machine(tmp_path):
+    settings = replace(SETTINGS, max_causes=1)
+    for references, is_held in ((2, True), (1, False)):
+        session = open_session(write_chain(tmp_path / f"chain{references}", references=references))
+        before = fit_baseline(check_data(session, settings), 1, settings)
+        found = search_before(before, settings, lambda _: None)
+        assert (found is before) == is_held
+    assert found.null.causes
+    assert found.null.floor < 0.7 * before.null.floor
+    after = check_data_after(session, found, settings).session
+    (remark,) = (text for text in after.campaign.remarks if "full matrix" in text)
+    assert remark.startswith("no full matrix of FRFs before the change")
+    of_causes = {p.name for c in found.null.causes for part in c.parts for p in part.parameters}
+    varying = set(after.parametrisation.names)
+    assert of_causes
+    assert not of_causes & varying
