@@ -22,7 +22,7 @@ from diagnosis.search.confounded import find_confounded
 from diagnosis.search.fitted_sets import Search
 from diagnosis.search.selection import admit_outliers_beside_causes, refit_null_model, select_causes
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-from diagnosis.states import check_data_after
+from diagnosis.states import check_data_after, search_before
 from tuning import Checkpoint, Gap, Session, channel_gaps, predict, summarise_gaps
 
 
@@ -134,7 +134,7 @@ def diagnose(
     record = None if checkpoint is None else RefitRecord(checkpoint)
     if session.campaign.has_states:
         say("the tests before the change")
-        before = fit_baseline(data, jobs, settings, record)
+        before = search_before(fit_baseline(data, jobs, settings, record), settings, say)
         data = check_data_after(session, before, settings)
     say("null model: stiffness, damping and tolerances")
     base = fit_baseline(data, jobs, settings, record)

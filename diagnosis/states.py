@@ -2,22 +2,30 @@
 
 1. The tests before are fitted alone, as a null model is.
 2. What the model lacks before is held as dynamic stiffness, where these tests give a full matrix
-   (``tuning.assessment.rest_estimate``). Otherwise the floor of the fit stands in for it.
+   (``tuning.assessment.rest_estimate``). Otherwise its causes are sought in the tests before, and
+   are part of the machine: they are no change. The floor of that fit stands in for the rest.
 3. The tests after meet that machine. Masses and geometry stay. What differs between two visits of
    itself varies under priors: the temperature, and all that is mounted or hit anew.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.data_checks.check_data import CheckedData, check_tests
 from diagnosis.null_model import Baseline
+from diagnosis.search.selection import select_causes
 from diagnosis.settings import DiagnosisSettings
 from identification.words import TOLERANCE_BOUND_SIGMA, Real
 from mbmodel import REST_FACTOR, Model, RestPart
 from tuning import Parametrisation, Session, parametrise
-from tuning.assessment.rest_estimate import add_variance, estimate_rest, shrink_rest
+from tuning.assessment.rest_estimate import (
+    add_variance,
+    estimate_rest,
+    find_known_lines,
+    shrink_rest,
+)
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,10 @@ class VisitPriors:
 
 
 VISIT_PRIORS = VisitPriors()
+_NO_MATRIX = (
+    "no full matrix of FRFs before the change: what the model lacks, beside causes that the tests "
+    "before show, counts as its error"
+)
 _REMOUNTED = {  # of a test: what is mounted, hit or switched on anew, and its prior
     "sensor_gain": "gain",
     "hammer_gain": "gain",
@@ -56,6 +68,24 @@ _PLACED = (  # anew, so that the campaign's tolerances hold
 )
 
 
+def search_before(
+    before: Baseline, settings: DiagnosisSettings, say: Callable[[str], None]
+) -> Baseline:
+    """Return the fit of the tests before with the causes of their gap, if no matrix holds the gap.
+
+    Args:
+        before: fit of the tests before.
+        settings: thresholds.
+        say: called with the current step.
+    """
+    scene = before.scene
+    if estimate_rest(scene.session.model, scene.theta, scene.session.campaign) is not None:
+        return before
+    refit = select_causes(before, settings, say).selected
+    scene = replace(scene, session=refit.session, theta=refit.fit.theta)
+    return replace(before, scene=scene, null=refit)
+
+
 def check_data_after(
     session: Session, before: Baseline, settings: DiagnosisSettings
 ) -> CheckedData:
@@ -68,20 +98,24 @@ def check_data_after(
     """
     fitted, theta = before.null.session, before.scene.theta
     checks, unsteady = check_tests(
-        replace(session, campaign=session.campaign.select_state("after")), settings
+        replace(session, campaign=session.campaign.select_state("after")),
+        settings,
+        before.scene.session.campaign,
     )
+    model, remark = fitted.model, _NO_MATRIX
+    alive, left = checks.alive, checks.campaign
     estimate = estimate_rest(fitted.model, theta, before.scene.session.campaign)
-    model, alive, left = fitted.model, checks.alive, checks.campaign
-    if estimate is None:
-        remark = (
-            "no full matrix of FRFs before the change: what the model lacks counts as its error"
-        )
-    else:
+    if estimate is not None:
         rest, variance = shrink_rest(
             estimate, checks.alive, before.null.floor, VISIT_PRIORS.stiffness
         )
         model = Model(replace(model.machine, rest=rest), (*model.parts, RestPart()))
-        alive, left = (add_variance(campaign, estimate, variance) for campaign in (alive, left))
+        alive, left = (
+            add_variance(campaign, estimate, variance).select_lines(
+                find_known_lines(campaign, estimate, variance)
+            )
+            for campaign in (alive, left)
+        )
         count = len(estimate.rest.outputs)
         remark = (
             f"what the model lacked before the change is known at {count} points and directions"
@@ -124,10 +158,11 @@ def vary_between_visits(
         is_varied = kind in ("stiffness", "damping", *_REMOUNTED, *_PLACED)
         if parameter.name == REST_FACTOR:
             group, deviation, old, is_varied = "stiffness", priors.stiffness, 0, True
-        if old < 0 or not is_varied:
+        is_narrow = varies.is_tolerance[old] and varies.scale[k] < deviation and group == old
+        # A place that a cause of the state before released has no tolerance, and stays.
+        if old < 0 or not is_varied or not (is_narrow or np.isfinite(deviation)):
             continue
         coordinate_of[k] = numbers.setdefault(group, len(numbers))
-        is_narrow = varies.is_tolerance[old] and varies.scale[k] < deviation and group == old
         scale[k] = varies.scale[k] if is_narrow else deviation
     size, bound = len(numbers), np.full(len(numbers), TOLERANCE_BOUND_SIGMA)
     return Parametrisation(

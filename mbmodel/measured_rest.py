@@ -79,10 +79,17 @@ class MeasuredRest:
         """Return D at each s, as ``at`` returns E; (m, n, n)."""
         return self._interpolate(self.drift, laplace)
 
+    def drift_entry_at(self, row: int, column: int, laplace: Complex) -> Complex:
+        """Return an entry of D at each s; (m,)."""
+        return self._interpolate(self.drift[:, row, column], laplace)
+
     def _interpolate(self, table: Complex, laplace: Complex) -> Complex:
         """Return a table at each s, conjugate where s has a negative imaginary part."""
-        freq = np.abs(laplace.imag) / (2 * np.pi)
-        flat = table.reshape(len(self.freq_hz), -1)
-        columns = [np.interp(freq, self.freq_hz, column) for column in flat.T]
-        between = np.array(columns, complex).T.reshape(-1, *table.shape[1:])
-        return np.asarray(np.where(laplace.imag[:, None, None] < 0, between.conj(), between))
+        freq, lines = np.abs(laplace.imag) / (2 * np.pi), self.freq_hz
+        place = np.interp(freq, lines, np.arange(len(lines)))
+        lower = np.minimum(place.astype(int), max(len(lines) - 2, 0))
+        upper = np.minimum(lower + 1, len(lines) - 1)
+        shape = (-1, *[1] * (table.ndim - 1))
+        share = (place - lower).reshape(shape)
+        between = (1 - share) * table[lower] + share * table[upper]
+        return np.asarray(np.where(laplace.imag.reshape(shape) < 0, between.conj(), between))

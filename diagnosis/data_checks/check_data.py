@@ -6,7 +6,7 @@ from diagnosis.data_checks.sensors import SensorChecks, check_sensors
 from diagnosis.released_session import release_session
 from diagnosis.settings import DiagnosisSettings
 from identification import find_overstated_noise, remove_overstated_noise
-from identification.words import UsageError
+from identification.words import Campaign, UsageError
 from mbmodel import RigidDirection
 from tuning import Session
 from tuning.assessment.held_out_blocks import MIN_BLOCK_LINES
@@ -53,14 +53,17 @@ def check_data(session: Session, settings: DiagnosisSettings) -> CheckedData:
     return CheckedData(released, checks, directions, unsteady)
 
 
-def check_tests(session: Session, settings: DiagnosisSettings) -> tuple[SensorChecks, int]:
+def check_tests(
+    session: Session, settings: DiagnosisSettings, before: Campaign | None = None
+) -> tuple[SensorChecks, int]:
     """Compare the channels of a campaign, and count the tests that change from hit to hit.
 
     Args:
         session: campaign and nominal model.
         settings: thresholds.
+        before: tests before a change, with which these are compared.
     """
     changing = find_overstated_noise(session.campaign)
     campaign = remove_overstated_noise(session.campaign, changing)
     doubt = "a control loop is closed" if session.model.machine.loops else ""
-    return check_sensors(campaign, settings, doubt), len(changing)
+    return check_sensors(campaign, settings, doubt, before), len(changing)

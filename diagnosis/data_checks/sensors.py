@@ -84,13 +84,19 @@ class SensorChecks:
         return tuple(dict.fromkeys(places))
 
 
-def check_sensors(campaign: Campaign, settings: DiagnosisSettings, doubt: str = "") -> SensorChecks:
+def check_sensors(
+    campaign: Campaign,
+    settings: DiagnosisSettings,
+    doubt: str = "",
+    before: Campaign | None = None,
+) -> SensorChecks:
     """Check every body by its redundant channels, all by reciprocity, and take gross faults out.
 
     Args:
         campaign: all that was measured.
         settings: probability of a proven fault, number of bodies that bend.
         doubt: why the machine need not be reciprocal; empty if it is.
+        before: tests before a change, whose reciprocity is that of these tests without it.
     """
     bodies, duplicates = check_bodies(campaign), duplicate_channels(campaign)
     silent = noise_only_channels(campaign)  # dead, or without motion: they show no other fault
@@ -116,7 +122,7 @@ def check_sensors(campaign: Campaign, settings: DiagnosisSettings, doubt: str = 
             for key, fault in proven.items()
             if key[0] in (BENDS, *GROSS) or key in constant
         }
-    reciprocity = check_reciprocity(campaign, doubt)
+    reciprocity = check_reciprocity(campaign, doubt, before)
     unreciprocal = () if reciprocity is None else reciprocity.faults(campaign)
     reciprocal = [fault for fault in unreciprocal if key_of(fault) not in proven]
     proven |= {key_of(fault): fault for fault in reciprocal}

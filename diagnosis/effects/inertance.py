@@ -6,8 +6,8 @@ An inertance b along the direction g of a joint answers the relative acceleratio
 
 b is fitted in units of the mass or moment of inertia that the direction moves. A refit begins from
 none and from that unit, as a Maxwell branch begins from one as stiff as its spring. An MJCF holds b
-as the joint's ``armature``. Along the only direction of a body on the ground, b is mass of the
-body.
+as the joint's ``armature``. Along the only direction in which a body on the ground moves, b is mass
+of the body, an effect of its own, and is not proposed.
 """
 
 from collections.abc import Iterator, Mapping
@@ -26,8 +26,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     mass, rigid = np.diag(machine.mass), {r.coordinate for r in scene.rigid_directions}
     for axle in machine.axles:
-        coordinate = axle.coordinate
-        if coordinate in rigid or not mass[coordinate] > 0:
+        coordinate, start = axle.coordinate, 6 * machine.layout.bodies.index(axle.stage)
+        moving = np.flatnonzero(machine.jacobian[start : start + 6].any(axis=0))
+        is_mass = set(moving.tolist()) - rigid == {coordinate}
+        if coordinate in rigid or is_mass or not mass[coordinate] > 0:
             continue
         inerter = _Inerter(machine, axle.joint, coordinate, float(mass[coordinate]))
         place = f"joint:{axle.stage}"

@@ -8,14 +8,17 @@ The ratio r is fitted as ln(1 + r), the logarithm of the stiffness at high frequ
 one, so that neither r nor its interval can be negative. The time constant is scanned and fitted.
 The scan goes from 1 / w of the highest line, above which the branch is a damper, to twice that of
 the lowest line, below which it is a spring. Its steps are at most a factor of e, less than a
-relaxation is wide. The scores choose direction and time constant; few of them are refitted.
+relaxation is wide. The scores choose direction and time constant; few of them are refitted. A fit
+whose time constant ends a step above the scan describes a stiffer spring, which is another effect.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
+from diagnosis.effects.scales import LOG_UNIT
 from diagnosis.effects.spring_laws import Law, Shape, TimedLaw
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.scene_points import find_own_springs, find_sprung_stages
@@ -50,7 +53,15 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 def state(fitted: Mapping[str, float], branch: Law = branch) -> dict[str, Value]:
                     return {"ratio": branch.read_size(fitted), "tau": branch.read_time(fitted)}
 
-                yield from branch.propose("viscoelastic", dof, state, otherwise=(1.0,))
+                longest_step = (1.0 + float(np.log(longest / law.tau))) / LOG_UNIT
+                for hypothesis in branch.propose("viscoelastic", dof, state, otherwise=(1.0,)):
+                    low, high = hypothesis.bounds[branch.time_name]
+                    ends = {branch.time_name: (low, min(high, longest_step))}
+                    yield replace(
+                        hypothesis,
+                        bounds={**hypothesis.bounds, **ends},
+                        valid_below_bound=(branch.time_name,),
+                    )
 
 
 @lru_cache(1024)  # all joints share it: their columns are formed together

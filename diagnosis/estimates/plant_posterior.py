@@ -47,7 +47,7 @@ def estimate_plant_posterior(
         plant.covariance,
         None if error is None or error.is_at_force_error else error.floor,
         plant.discrepancy,
-        held=[parameter.name for parameter in machine_model(written).parameters],
+        held={parameter.name: parameter.drawn for parameter in machine_model(written).parameters},
         effects=effects,
     )
 

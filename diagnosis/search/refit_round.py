@@ -24,16 +24,19 @@ def score_hypotheses(
     """Score all hypotheses about a refit, the most promising first.
 
     Against a state before a change, fits in dynamic stiffness score them where the tests allow it.
-    Where a law of a joint direction is a cause, no other law of it is sought.
+    Where a law of a joint direction is a cause, no other law of it is sought, and no effect whose
+    Part the machine before a change has.
     """
     inner = move_scene(scene, base)
     sites = {cause.site for cause in base.causes}
     with_law = {part.spring for part in base.session.model.parts if isinstance(part, LawPart)}
+    known = {parameter.name for parameter in base.session.model.parameters}
     hypotheses = [
         hypothesis
         for effect in load_catalogue().values()
         for hypothesis in effect(inner)
         if hypothesis.location not in excluded and hypothesis.site not in sites
+        if not any(p.name in known for part in hypothesis.parts for p in part.parameters)
         if hypothesis.spring is None or hypothesis.spring.spring not in with_law
     ]
     if inner.model.machine.rest is not None and has_square_matrix(inner.session.campaign):

@@ -23,7 +23,7 @@ from diagnosis.search.linearised_fit import Gained, find_signed, maximise_gain
 from diagnosis.search.score_test import Score, extend_model, rank_scores
 from identification.words import Campaign, Complex, Real, UsageError
 from tuning import Session, thin_lines
-from tuning.misfit.batch import batch_tests
+from tuning.misfit.batch import Batch, batch_tests
 from tuning.misfit.weights import point_power_of
 from tuning.parametrisation.parametrisation import Parametrisation
 
@@ -207,15 +207,13 @@ class _Problem:
     """Least squares in dynamic stiffness.
 
     Args:
-        session: model and parametrisation.
-        campaign: tests on the lines that count.
+        batches: tests on the lines that count, by what is evaluated at once.
         varies: coordinates.
         measured: Y; (n_freq, n, n).
         weight: 1 / standard deviation of each value; (n_freq, n, n).
     """
 
-    session: Session
-    campaign: Campaign
+    batches: Sequence[Batch]
     varies: Parametrisation
     measured: Complex
     weight: Real
@@ -226,12 +224,13 @@ class _Problem:
         campaign = thin_lines(session.campaign, stride)
         n, n_freq = len(campaign.tests), len(campaign.freq_hz)
         measured, variance = np.zeros((n_freq, n, n), complex), np.zeros((n_freq, n, n))
-        for batch in batch_tests(session.model, campaign):
+        batches = batch_tests(session.model, campaign)
+        for batch in batches:
             power = point_power_of(batch.values, batch.evaluator.request.outputs)
             measured[:, :, batch.tests] = batch.values
             variance[:, :, batch.tests] = batch.variance + _START_FLOOR**2 * power
         weight = 1 / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
-        return cls(session, campaign, varies, measured, weight)
+        return cls(batches, varies, measured, weight)
 
     def expand(self, x: Real) -> tuple[float, Real, Real]:
         """Return the cost at x, its gradient and the normal matrix, with the priors."""
@@ -255,7 +254,7 @@ class _Problem:
         values = np.zeros(self.measured.shape, complex)
         slopes = np.zeros((*self.measured.shape, len(x)), complex)
         rates, chosen = varies.rates(x), varies.free
-        for batch in batch_tests(self.session.model, self.campaign):
+        for batch in self.batches:
             lines = batch.evaluator.at(theta)
             values[:, :, batch.tests] = batch.select_inputs(lines.values)
             if not len(x):

@@ -19,6 +19,13 @@ Hits in several directions at one point may be tilted against the axes of the se
 along j then has parts along the others, H_ij + sum_k H_ik E_kj, which feigns gains; a machine of as
 few modes as directions cannot even tell both apart. Of such tests only exchanges and signs count.
 
+Of a machine that was tested before a change, too, both tests share what breaks reciprocity beside k
+in dynamic stiffness, and a change of a passive machine is symmetric. With Z = H^-1 of both,
+
+    H -> (Z - (Z_before - Z_before') / 2)^-1,
+
+k is then that of the change alone. It counts if it leaves a smaller e.
+
 Two exchanged channels make H reciprocal when they are put back. So do two exchanged hits: which of
 the two happened, only a model or the labels can tell. The same holds for a sign.
 """
@@ -47,7 +54,7 @@ _MIN_EXCHANGE_GAIN = 2.0
 _MAX_UNRECIPROCAL = 0.3  # over the motion of the drive points: 1 is that of unrelated FRFs
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Reading:
     """Channel or channels that read the motion along a reference.
 
@@ -82,6 +89,19 @@ class _Square:
         order[[first, second]] = second, first
         return replace(self, values=self.values[:, order], variance=self.variance[:, order])
 
+    def compare(self, before: "_Square") -> "_Square | None":
+        """Return it without what broke reciprocity before; None if a matrix is singular."""
+        try:
+            stiffness = np.linalg.inv(before.values)
+            broken = (stiffness - stiffness.swapaxes(1, 2)) / 2
+            values = np.asarray(np.linalg.inv(np.linalg.inv(self.values) - broken), np.complex128)
+        except np.linalg.LinAlgError:
+            return None
+        left = np.abs(self.values @ stiffness) ** 2
+        right = np.abs(stiffness @ self.values) ** 2
+        variance = self.variance + left @ before.variance @ right
+        return replace(self, values=values, variance=variance)
+
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
@@ -102,12 +122,15 @@ class _Fit:
     excess: float
 
 
-def check_reciprocity(campaign: Campaign, doubt: str = "") -> Reciprocity | None:
+def check_reciprocity(
+    campaign: Campaign, doubt: str = "", before: Campaign | None = None
+) -> Reciprocity | None:
     """Compare H_ij with H_ji between all references whose motion is read.
 
     Args:
         campaign: tests of one machine; of several tests at a reference the first counts.
         doubt: why reciprocity need not hold, such as a loop that was closed.
+        before: tests of the machine before a change; None to compare nothing.
 
     Returns:
         The ratios; None with fewer than two such references, with too few lines above the noise,
@@ -118,10 +141,11 @@ def check_reciprocity(campaign: Campaign, doubt: str = "") -> Reciprocity | None
         return None
     readings, square = measured
     exchanged: tuple[int, ...] = ()
-    fit = _fit(square)
+    earlier = None if before is None else _find_comparable(campaign, readings, before)
+    fit = _fit_best(square, earlier)
     is_suspect = len(readings) > 2 and (fit is None or fit.excess > _NOISY_EXCESS)
     for pair in combinations(range(len(readings)), 2) if is_suspect else ():
-        repaired = _fit(square.exchange(*pair))
+        repaired = _fit_best(square.exchange(*pair), earlier)
         if repaired and (fit is None or _MIN_EXCHANGE_GAIN * repaired.error < fit.error):
             fit, exchanged = repaired, pair
     if fit is None or fit.error > _MAX_UNRECIPROCAL:
@@ -176,6 +200,25 @@ def _read_square(campaign: Campaign) -> tuple[list[_Reading], _Square] | None:
         np.einsum("io,ojf->fij", weights**2, noise[:, :, lines]),
     )
     return readings, square
+
+
+def _find_comparable(
+    campaign: Campaign, readings: list[_Reading], before: Campaign
+) -> _Square | None:
+    """Return the FRFs before a change; None if references, lines or quantity differ."""
+    measured = _read_square(before)
+    quantities = {test.estimate.frf.quantity for each in (campaign, before) for test in each.tests}
+    is_alike = len(quantities) == 1 and np.array_equal(campaign.freq_hz, before.freq_hz)
+    if measured is None or not is_alike or measured[0] != readings:
+        return None
+    return measured[1]
+
+
+def _fit_best(square: _Square, before: _Square | None) -> _Fit | None:
+    """Return the fit that leaves least, of the FRFs and of what changed; None without one."""
+    compared = None if before is None else square.compare(before)
+    fits = [_fit(each) for each in (square, compared) if each is not None]
+    return min(filter(None, fits), key=lambda fit: fit.error, default=None)
 
 
 def _along_positive(test: Test, row: int) -> Complex:

@@ -3,8 +3,10 @@
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
-from identification.words import Complex, Real, UsageError
+from identification.words import Complex, Integers, Real, UsageError
 from mbmodel.assembly import Matrices
 from mbmodel.frf.modal_form import ModalForm, real_times
 
@@ -35,6 +37,14 @@ class Solver:
     def _kernels(self) -> Complex | None:
         """P and then N of the modal form at every line; (2 h, n_freq)."""
         return None if self.form is None else self.form.kernels(self.laplace)
+
+    @cached_property
+    def _blocks(self) -> tuple[Integers, ...]:
+        """Coordinates of each part of the machine that no entry of M, C, K couples to another."""
+        matrices = self.matrices
+        coupled = (matrices.mass != 0) | (matrices.damping != 0) | (matrices.stiffness != 0)
+        count, block_of = connected_components(csr_array(coupled), directed=False)
+        return tuple(np.flatnonzero(block_of == block) for block in range(count))
 
     def solve(
         self,
@@ -78,6 +88,8 @@ class Solver:
     ) -> Complex:
         """Return Z^-1 f, or Z^-T f, at some lines by Gaussian elimination at each line.
 
+        Coordinates that nothing couples to a force stand still, and are left out.
+
         Args:
             force: (nv, m, 1) if constant over lines, or (nv, m, n_freq).
             lines: numbers of the lines; (n_lines,).
@@ -89,26 +101,44 @@ class Solver:
         Raises:
             UsageError: Z(s) is singular at a line.
         """
-        matrices = self.matrices
-        mass, damping, stiffness = (
-            matrix.T if transposed else matrix
-            for matrix in (matrices.mass, matrices.damping, matrices.stiffness)
-        )
         size, m = force.shape[:2]
         forces = np.broadcast_to(force, (size, m, len(self.laplace)))
-        motion = np.empty((size, m, len(lines)), complex)
-        step = max(1, _MAX_CHUNK_BYTES // (16 * size * size))
-        for start in range(0, len(lines), step):
-            chosen = lines[start : start + step]
-            s = self.laplace[chosen][:, None, None]
-            try:
-                motions = np.linalg.solve(
-                    s**2 * mass + s * damping + stiffness, forces[..., chosen].transpose(2, 0, 1)
-                )
-            except np.linalg.LinAlgError as error:
-                raise UsageError(
-                    "the machine has no finite response at a frequency line, such as a free "
-                    "machine at 0 Hz: start the band above it"
-                ) from error
-            motion[..., start : start + step] = motions.transpose(1, 2, 0)
+        motion = np.zeros((size, m, len(lines)), complex)
+        for block in self._blocks:
+            if not force[block].any():
+                continue
+            step = max(1, _MAX_CHUNK_BYTES // (16 * len(block) ** 2))
+            for start in range(0, len(lines), step):
+                chosen = lines[start : start + step]
+                stiffness = self._find_dynamic_stiffness(block, chosen, transposed)
+                forced = np.asarray(forces[block][..., chosen].transpose(2, 0, 1), complex)
+                motion[block, :, start : start + step] = _eliminate(stiffness, forced)
         return motion
+
+    def _find_dynamic_stiffness(
+        self, block: Integers, lines: Integers, transposed: bool
+    ) -> Complex:
+        """Return Z(s), or its transpose, of some coordinates; (n_lines, n, n)."""
+        mass, damping, stiffness = (
+            (matrix.T if transposed else matrix)[np.ix_(block, block)]
+            for matrix in (self.matrices.mass, self.matrices.damping, self.matrices.stiffness)
+        )
+        s = self.laplace[lines][:, None, None]
+        total: Complex = s**2 * mass + s * damping + stiffness
+        return total
+
+
+def _eliminate(stiffness: Complex, forces: Complex) -> Complex:
+    """Return x of Z x = f at every line; (n, m, n_lines).
+
+    Args:
+        stiffness: Z; (n_lines, n, n).
+        forces: f; (n_lines, n, m).
+    """
+    try:
+        return np.asarray(np.linalg.solve(stiffness, forces), complex).transpose(1, 2, 0)
+    except np.linalg.LinAlgError as error:
+        raise UsageError(
+            "the machine has no finite response at a frequency line, such as a free machine at "
+            "0 Hz: start the band above it"
+        ) from error

@@ -1,11 +1,11 @@
 """The measured rest of a machine as a change of its equation of motion (``measured_rest``)."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
-from identification.words import Complex, Real
+from identification.words import Real
 from mbmodel.machine import Machine
 from mbmodel.measured_rest import MeasuredRest
 from mbmodel.mjcf.edit import MjcfLack, NotInMjcf
@@ -66,7 +66,7 @@ class RestPart:
                 force[:, row, None],
                 readout[:, column, None],
                 core,
-                shape=partial(_find_entry, rest, row, column),
+                shape=partial(rest.drift_entry_at, row, column),
             )
             for row in range(force.shape[1])
             for column in range(readout.shape[1])
@@ -87,6 +87,7 @@ def rest_lack(machine: Machine) -> tuple[NotInMjcf, ...]:
     return () if machine.rest is None else (NotInMjcf(REST, MjcfLack.FREQUENCY),)
 
 
+@lru_cache(maxsize=8)  # the geometry of a machine is that of many assemblies
 def _find_sides(machine: Machine, rest: MeasuredRest) -> tuple[Real, Real, Real]:
     """Return F, L' and a core of ones; (6 n_body, n), (6 n_body, n) and (3, n, n)."""
     ports = find_ports(machine, rest.outputs, rest.inputs)
@@ -96,9 +97,3 @@ def _find_sides(machine: Machine, rest: MeasuredRest) -> tuple[Real, Real, Real]
     core = np.zeros((3, len(rest.inputs), len(rest.outputs)))
     core[0] = 1.0
     return force, readout.T, core
-
-
-def _find_entry(rest: MeasuredRest, row: int, column: int, laplace: Complex) -> Complex:
-    """Return an entry of D; (n_freq,)."""
-    entry: Complex = rest.drift_at(laplace)[:, row, column]
-    return entry

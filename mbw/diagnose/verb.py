@@ -107,7 +107,9 @@ def run(
     SCREEN.say(f"verdict in {output.path / VERDICT}")
     effect = " with the effect" if diagnosis.present.established else ""
     SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
-    SCREEN.say(f"  {calibration_sentence(session.known_force_tolerance)}")
+    # With states, sizes are those in the units of the force channel before the change.
+    tolerance = 0.0 if session.campaign.has_states else session.known_force_tolerance
+    SCREEN.say(f"  {calibration_sentence(tolerance)}")
     for row in augmented.plant.alternatives:
         SCREEN.say(
             f"  {row.name} may be there instead ({format_percent(row.probability)}): {row.file}"

@@ -1,15 +1,23 @@
-"""Computed changes of one measured machine: the tower, against its drawing tuned before the change.
+"""Computed changes of one measured machine: the tower, by one state and before and after.
 
-Each case draws a change (``tests/helpers/changed_tower.py``), makes it in the measured matrix, and
-diagnoses the result against the tower tuned to the unchanged test. Where a change has a size, it is
-one that a refit leaves at 2 to 8 times what it leaves without it: sqrt(e1^2 - e0^2) / e0.
+Each case draws a change (``tests/helpers/changed_tower.py``) and makes it in the measured matrix.
+Two campaigns are diagnosed, so that the rates are paired:
 
-A cause counts as named with a probability of one half. It is right with effect and place of the
-truth, wrong otherwise. A leg is right if its stiffness differs from the tuned one by the drawn
-change within a quarter, and no cause is named; so is a common gain if it is named.
+- one state: the changed test, against the drawing tuned to the unchanged test;
+- before and after: both tests in one campaign, against the drawing.
+
+Where a change has a size, it is one that a refit leaves at 2 to 8 times what it leaves without it:
+sqrt(e1^2 - e0^2) / e0, with the tuned drawing.
+
+A cause counts as named with a probability of one half. A case is right if each change is named with
+effect and place and nothing else is, wrong if a cause is named that is no change. Two changes have
+another name that is as true (``_is_named``): a common gain is all masses at once, and a leg in one
+state is a row of the tuned parameters. Sizes are right within 10 %: gains by their distance from
+one, springs and legs by the change in N/m, appendages by mass and frequency.
 
 Seeds 470000 and up, none of which tuned anything. Rows that are done are kept: ``LIMIT=24`` for the
-first 24, ``JOBS=1`` for the number of processes.
+first 24, ``STATES=2`` for before and after alone, ``JOBS=1`` for the number of processes.
+All rows in ``results/real*.cases.jsonl`` are of one engine: that of the commit that adds them.
 """
 
 import json
@@ -17,6 +25,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +35,9 @@ from mbmodel import load_machine
 from tests.bench.kept import cases, of
 from tests.helpers.changed_tower import (
     ASSET,
+    GAIN_SD,
     KINDS,
+    Change,
     change_tower,
     draw_change,
     read_tower,
@@ -37,141 +48,225 @@ from tuning import channel_gaps, fit, open_session, predict, summarise_gaps
 
 CASES, FIRST = 216, 470_000
 RATIOS = (2.0, 8.0)
+STATES = {"1": "one state", "2": "before and after"}
 _TRIES = 8  # of sizes
 _NAMED = 0.5  # probability
-_LEG_ERROR = 0.25  # of the drawn change of stiffness
+_SIZE_ERROR = 0.1
 _SIZELESS = ("sign", "exchange", "nothing")
+_GRADED = ("mass", "frequency", "stiffness", "damping", "gain", "delay")  # sizes of a change
+COLUMNS = ("right", "wrong", "sizes")
 
 
 def run() -> list[dict[str, object]]:
-    """Draw, diagnose and grade what is missing; return the rates of each kind of change.
+    """Draw, diagnose and grade what is missing; return the rates of each number of states."""
+    numbers = range(min(int(os.environ.get("LIMIT", CASES)), CASES))
+    jobs = int(os.environ.get("JOBS", "1"))
+    for states in os.environ.get("STATES", "1 2").split():
+        cases(f"real.{states}", numbers, {"1": _diagnose_one, "2": _diagnose_both}[states], jobs)
+    return [
+        {"states": label, **rate_cases(kind, list(of(f"real.{states}").values()))}
+        for states, label in STATES.items()
+        for kind in (*KINDS, "all changes", "all")
+    ]
 
-    ``results/real_before.cases.jsonl`` has the same cases by the engine that knew no reciprocity.
+
+def rate_cases(kind: str, rows: list[dict]) -> dict[str, object]:
+    """Return how many cases of a kind are right and wrong, each with its 95 % interval.
+
+    Sizes count among the cases that are right and have one.
     """
-    limit = int(os.environ.get("LIMIT", CASES))
-    cases("real", range(min(limit, CASES)), _case, int(os.environ.get("JOBS", "1")))
-    rows = []
-    for engine, name in (("before", "real_before"), ("now", "real")):
-        kept = list(of(name).values())
-        for kind in (*KINDS, "all"):
-            chosen = [row for row in kept if kind in (row["kind"], "all")]
-            rows.append({"engine": engine, **_rates(kind, chosen)})
-    return rows
+    chosen = [
+        row
+        for row in rows
+        if kind in (row["kind"], "all") or (kind == "all changes" and row["kind"] != "nothing")
+    ]
+    result: dict[str, object] = {"change": kind, "n": len(chosen)}
+    for name in COLUMNS:
+        graded = [row[name] for row in chosen if row[name] is not None]
+        low, high = wilson(sum(graded), max(len(graded), 1))
+        result |= {name: sum(graded), f"{name} n": len(graded)}
+        result |= {f"{name} from": 100 * low, f"{name} to": 100 * high}
+    return result | {"seconds": float(np.median([row["seconds"] for row in chosen] or [0.0]))}
 
 
-def _rates(kind: str, rows: list[dict]) -> dict[str, object]:
-    """Return how many are named right and wrong, each with its 95 % interval."""
-    counts = {name: sum(row[name] for row in rows) for name in ("right", "wrong")}
-    intervals = {name: wilson(count, max(len(rows), 1)) for name, count in counts.items()}
-    return {
-        "change": kind,
-        "n": len(rows),
-        **counts,
-        **{f"{name} from": 100 * ends[0] for name, ends in intervals.items()},
-        **{f"{name} to": 100 * ends[1] for name, ends in intervals.items()},
-    }
-
-
-def _case(number: int) -> dict[str, object]:
-    """Return drawn change, verdict and grade of one case."""
-    kind = KINDS[number % len(KINDS)]
+def _draw(number: int) -> dict[str, object]:
+    """Return change, scale and survival ratio; sizes are drawn until the ratio is as wanted."""
+    kind, ratio, scale = KINDS[number % len(KINDS)], None, 1.0
+    without = 0.0
     with threadpool_limits(1), tempfile.TemporaryDirectory() as name:
+        for _ in range(_TRIES):
+            changes, values, unchanged = make_change(FIRST + number, kind, scale)
+            if kind in _SIZELESS:
+                break
+            without = without or _refit_excess(Path(name) / "without", unchanged)
+            excess = _refit_excess(Path(name) / "with", values)
+            ratio = float(np.sqrt(max(excess**2 - without**2, 0.0)) / without)
+            if RATIOS[0] <= ratio <= RATIOS[1]:
+                break
+            scale *= float(np.clip(4.0 / max(ratio, 0.5), 0.3, 2.0))
+    truth = [vars(each) for each in changes]
+    return {"seed": FIRST + number, "kind": kind, "scale": scale, "ratio": ratio, "truth": truth}
+
+
+def make_change(seed: int, kind: str, scale: float):
+    """Return changes, FRFs of the second visit with them, and FRFs of that visit without."""
+    freq_hz, frf = read_tower()
+    rng = np.random.default_rng(seed)
+    changes = draw_change(kind, rng, scale)
+    state = rng.bit_generator.state
+    values = change_tower(freq_hz, frf, changes, rng)
+    rng.bit_generator.state = state
+    return changes, values, change_tower(freq_hz, frf, [], rng)
+
+
+@cache
+def _tune_unchanged() -> bytes:
+    """Return the MJCF of the drawing tuned to the test before any change."""
+    freq_hz, frf = read_tower()
+    with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        model = _tune_unchanged(folder)
-        freq_hz, _ = read_tower()
-        changes, values, ratio = _draw(number, kind, folder, model)
-        write_tower(folder / "changed", model, freq_hz, values)
-        start = sum(os.times()[:4])
-        verdict = _diagnose(folder)
-        change = _leg_changes(folder, model)
-    return {
-        "seed": FIRST + number,
-        "kind": kind,
-        "truth": [vars(each) for each in changes],
-        "ratio": ratio,
-        "verdict": verdict,
-        "legs": change,
-        "seconds": sum(os.times()[:4]) - start,
-        **_grade(kind, changes, verdict, change),
-    }
+        write_tower(folder / "before", ASSET / "model.xml", freq_hz, frf)
+        _call("tune", folder / "before", "--out", folder / "tuned", "--no-pictures")
+        return (folder / "tuned" / "tuned.xml").read_bytes()
 
 
-def _tune_unchanged(folder: Path) -> Path:
-    """Return the drawing tuned to the test before any change."""
-    freq_hz, frf = read_tower()
-    write_tower(folder / "before", ASSET / "model.xml", freq_hz, frf)
-    _call("tune", folder / "before", "--out", folder / "tuned", "--no-pictures")
-    return folder / "tuned" / "tuned.xml"
+def _write_tuned(folder: Path) -> Path:
+    """Write the tuned drawing, and return its file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "tuned.xml"
+    file.write_bytes(_tune_unchanged())
+    return file
 
 
-def _draw(number: int, kind: str, folder: Path, model: Path):
-    """Return changes, FRFs and survival ratio; sizes are drawn until the ratio is between both."""
-    freq_hz, frf = read_tower()
-    ratio, scale = None, 1.0
-    for _ in range(_TRIES):
-        rng = np.random.default_rng(FIRST + number)
-        changes = draw_change(kind, rng, scale)
-        state = rng.bit_generator.state
-        values = change_tower(freq_hz, frf, changes, rng)
-        if kind in _SIZELESS:
-            break
-        rng.bit_generator.state = state
-        without = _refit_excess(folder / "without", model, change_tower(freq_hz, frf, [], rng))
-        excess = _refit_excess(folder / "with", model, values)
-        ratio = float(np.sqrt(max(excess**2 - without**2, 0.0)) / without)
-        if RATIOS[0] <= ratio <= RATIOS[1]:
-            break
-        scale *= float(np.clip(4.0 / max(ratio, 0.5), 0.3, 2.0))
-    return changes, values, ratio
-
-
-def _refit_excess(folder: Path, model: Path, values) -> float:
+def _refit_excess(folder: Path, values) -> float:
     """Return what stiffness, damping and tolerances leave, over the noise."""
-    freq_hz, _ = read_tower()
-    write_tower(folder, model, freq_hz, values)
+    write_tower(folder, _write_tuned(folder), read_tower()[0], values)
     session = open_session(folder)
     fitted = fit(session.model, session.campaign, parametrisation=session.parametrisation)
     gaps = channel_gaps(predict(session.model, fitted.theta, session.campaign), session.campaign)
     return float(summarise_gaps(gaps).excess)
 
 
-def _diagnose(folder: Path) -> dict[str, object]:
-    """Return the verdict on the changed tower."""
-    target = folder / "verdict.json"
-    _call("diagnose", folder / "changed", "--out", folder / "diagnosed", "--json", target)
-    return json.loads(target.read_text(encoding="utf-8"))
+def _diagnose_one(number: int) -> dict[str, object]:
+    """Return drawn change, verdict and grade of one state."""
+    return diagnose_case(_find_drawn(number), states=1)
+
+
+def _diagnose_both(number: int) -> dict[str, object]:
+    """Return drawn change, verdict and grade before and after."""
+    return diagnose_case(_find_drawn(number), states=2)
+
+
+def _find_drawn(number: int) -> dict[str, object]:
+    """Return the change of a case, from the other number of states if that was diagnosed."""
+    for states in STATES:
+        if row := of(f"real.{states}").get(number):
+            return {name: row[name] for name in ("seed", "kind", "scale", "ratio", "truth")}
+    return _draw(number)
+
+
+def diagnose_case(drawn: dict, states: int) -> dict[str, object]:
+    """Return a drawn change with verdict, change of each leg [N/m], seconds and grade."""
+    freq_hz, frf = read_tower()
+    changes, values, _ = make_change(drawn["seed"], drawn["kind"], drawn["scale"])
+    with threadpool_limits(1), tempfile.TemporaryDirectory() as name:
+        folder, legs = Path(name), {}
+        model = _write_tuned(folder) if states == 1 else ASSET / "model.xml"
+        write_tower(folder / "tower", model, freq_hz, values, frf if states == 2 else None)
+        target, start = folder / "verdict.json", sum(os.times()[:4])
+        _call("diagnose", folder / "tower", "--out", folder / "diagnosed", "--json", target)
+        seconds = sum(os.times()[:4]) - start
+        verdict = json.loads(target.read_text(encoding="utf-8"))
+        if states == 1:
+            legs = _find_leg_changes(model, folder / "diagnosed" / "augmented.xml")
+    return {
+        **drawn,
+        "verdict": verdict,
+        "legs": legs,
+        "seconds": seconds,
+        **grade(changes, verdict, legs),
+    }
 
 
 def _call(*words: object) -> None:
-    """Run the command; its exit codes below 2 leave results."""
+    """Run the command; "not converged" leaves results, too."""
     command = [sys.executable, "-m", "mbw", *map(str, words), "--quiet"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode not in (0, 1):
+    if done.returncode not in (0, 4):
         raise RuntimeError(f"{' '.join(command)}: {done.stderr}")
 
 
-def _leg_changes(folder: Path, model: Path) -> dict[str, float]:
-    """Return the stiffness of each leg in augmented.xml less that before the change [N/m]."""
-    files = model, folder / "diagnosed" / "augmented.xml"
+def _find_leg_changes(before: Path, after: Path) -> dict[str, float]:
+    """Return the stiffness of each leg in an MJCF less that in another [N/m]."""
     legs = [
-        {spring.name: spring.stiffness for spring in load_machine(file).springs} for file in files
+        {spring.name: spring.stiffness for spring in load_machine(file).springs}
+        for file in (before, after)
     ]
     return {name: legs[1].get(name, 0.0) - value for name, value in legs[0].items()}
 
 
-def _grade(kind: str, changes, verdict: dict, legs: dict[str, float]) -> dict[str, bool]:
-    """Return whether a true cause is named, and whether a wrong one is."""
+def grade(changes: list[Change], verdict: dict, legs: dict[str, float]) -> dict[str, bool | None]:
+    """Return whether all changes and nothing else are named, and whether their sizes are right.
+
+    Args:
+        changes: what was drawn.
+        verdict: verdict.json.
+        legs: change of the stiffness of each leg in the tuned parameters [N/m]; empty where states
+            make it a cause.
+    """
     named = {
-        (cause["effect"], cause["location"])
+        (cause["effect"], cause["location"]): cause["parameters"]
         for cause in verdict["causes"]
         if (cause["probability"] or 0.0) >= _NAMED
     }
-    true = {(change.effect, change.location) for change in changes}
-    wrong = bool(named - true)
-    if kind == "leg":
-        ((_, place),), size = true, changes[0].sizes["stiffness"]
-        error = abs(legs[place.partition(":")[2]] - size)
-        return {"right": error <= _LEG_ERROR * abs(size) and not wrong, "wrong": wrong}
-    if kind == "nothing":
-        return {"right": not named, "wrong": wrong}
-    return {"right": true <= named, "wrong": wrong}
+    found = [_find_named(change, named, legs) for change in changes]
+    true = {key for keys, _ in found for key in keys}
+    wrong = bool(set(named) - true)
+    right = all(sizes is not None for _, sizes in found) and not wrong
+    errors = [
+        _is_near(change, name, sizes or {})
+        for change, (_, sizes) in zip(changes, found, strict=True)
+        for name in (_list_sizes(change) if sizes != {} else ())
+    ]
+    return {"right": right, "wrong": wrong, "sizes": all(errors) if right and errors else None}
+
+
+def _find_named(
+    change: Change, named: dict, legs: dict
+) -> tuple[list[tuple[str, str]], dict | None]:
+    """Return the names under which a change is true, and the sizes named; None if it is not."""
+    keys = [(change.effect, change.location)]
+    if change.effect == "hammer_gain":  # there is one force channel, whatever its place is called
+        keys = [key for key in named if key[0] == change.effect]
+    if keys and keys[0] in named:
+        return keys, named[keys[0]]
+    if change.effect == "stiffness" and legs:
+        leg = legs[f"leg{change.location[-1]}"]
+        is_leg = abs(leg - change.sizes["stiffness"]) <= abs(change.sizes["stiffness"]) / 4
+        return [], {"change": leg} if is_leg else None
+    floors = [("mass_error", f"body:floor{number}") for number in (1, 2, 3)]
+    if change.effect == "hammer_gain" and all(floor in named for floor in floors):
+        return floors, {}
+    return [], None
+
+
+def _list_sizes(change: Change) -> list[str]:
+    """Return the sizes of a change that are graded: an appendage by mass and frequency."""
+    names = [name for name in _GRADED if abs(change.sizes.get(name, 0.0)) > 0]
+    if change.effect == "appendage":
+        names.remove("damping")
+    if change.effect == "parallel_path" and "damping" in names:
+        names.remove("stiffness")  # a damper has a spring of 1 N/m
+    return names
+
+
+def _is_near(change: Change, name: str, sizes: dict) -> bool:
+    """Return whether a size is within 10 %; of links, that along x."""
+    true, fitted = change.sizes[name], sizes.get(name, sizes.get("change"))
+    if isinstance(fitted, list):
+        fitted = fitted[0]
+    if fitted is None:
+        return False
+    if name == "gain":  # by the distance from one, to which a remount adds
+        return abs(float(fitted) - true) <= max(_SIZE_ERROR * abs(true - 1), 2 * GAIN_SD)
+    return abs(float(fitted) - true) <= _SIZE_ERROR * abs(true)

@@ -2,11 +2,16 @@
 
 import pytest
 
-from tests.bench import catalogue
+from tests.bench import catalogue, real
 from tests.bench.diagnosis import rejudged
 from tests.bench.doubt import reliability
 from tests.bench.kept import of
 from tests.bench.protocols import FIRST, TESTS, deck, precision
+from tests.helpers.changed_tower import Change
+
+MASS = Change("mass_error", "body:floor1", {"mass": 1.0})
+LEG = Change("stiffness", "joint:floor2", {"stiffness": -5000.0})
+GAIN = Change("hammer_gain", "hammer:default", {"gain": 1.1})
 
 
 def row(number, width, effect="appendage"):
@@ -38,3 +43,31 @@ def test_causes_are_true_as_often_as_answers_name_them():
     lies = [one | {"answer": 'effect = "none"\n'} for one in rows]
     assert [one["value"] for one in reliability(lies)] == [0.0] * len(found)
     assert reliability([{"verdict": None}]) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "causes", "legs", "expected"),
+    [
+        (MASS, {"body:floor1": ("mass_error", {"mass": 1.05})}, {}, (True, False, True)),
+        (MASS, {"body:floor1": ("mass_error", {"mass": 1.2})}, {}, (True, False, False)),
+        (MASS, {"body:floor2": ("mass_error", {"mass": 1.0})}, {}, (False, True, None)),
+        (LEG, {"joint:floor2": ("stiffness", {"change": -5100.0})}, {}, (True, False, True)),
+        (LEG, {}, {"leg2": -5600.0}, (True, False, False)),
+        (LEG, {}, {"leg2": -500.0}, (False, False, None)),
+        (GAIN, {"hammer:acc1": ("hammer_gain", {"gain": 1.11})}, {}, (True, False, True)),
+        (
+            GAIN,
+            {f"body:floor{k}": ("mass_error", {"mass": 0.5}) for k in (1, 2, 3)},
+            {},
+            (True, False, None),
+        ),
+    ],
+)
+def test_changes_of_the_tower_are_graded_by_one_rule(change, causes, legs, expected):
+    verdict = {
+        "causes": [
+            {"effect": effect, "location": place, "parameters": sizes, "probability": 0.9}
+            for place, (effect, sizes) in causes.items()
+        ]
+    }
+    assert tuple(real.grade([change], verdict, legs).values()) == expected

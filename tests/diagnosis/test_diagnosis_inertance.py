@@ -117,3 +117,8 @@ def test_an_inertance_is_proposed_for_each_direction_that_is_not_rigid(tmp_path)
     rigid = RigidDirection(last.stage, last.dof, last.coordinate, 1e8, 9e12, 1e-4)
     proposed = [h.key for h in EFFECTS["inertance"](Scene(session, session.model.drawn, (rigid,)))]
     assert proposed == [("inertance", f"joint:{axle.stage}", axle.dof) for axle in axles[:-1]]
+
+
+def test_along_the_only_direction_of_a_body_on_the_ground_an_inertance_is_a_mass(model):
+    proposed = [h.location for h in EFFECTS["inertance"](Drawn(model))]
+    assert proposed == ["joint:high"]

@@ -7,71 +7,29 @@ import numpy as np
 import pytest
 
 from diagnosis import build_verdict, diagnose
-from diagnosis.states import VISIT_PRIORS, vary_between_visits
+from diagnosis.data_checks.check_data import check_data
+from diagnosis.null_model import fit_baseline
+from diagnosis.settings import SETTINGS
+from diagnosis.states import (
+    VISIT_PRIORS,
+    check_data_after,
+    search_before,
+    vary_between_visits,
+)
 from identification.words import InputError
 from mbmodel import REST_FACTOR, Evaluator, FrfRequest, Model, RestPart
+from tests.helpers.changed_chain import BEFORE, write_chain
+from tests.helpers.changed_tower import Change, change_tower, read_tower, write_tower
 from tuning import open_session
-from tuning.assessment.rest_estimate import add_variance, estimate_rest, shrink_rest
+from tuning.assessment.gap import MAX_NOISE_RATIO
+from tuning.assessment.rest_estimate import (
+    add_variance,
+    estimate_rest,
+    find_known_lines,
+    shrink_rest,
+)
 
 TOWER = Path(__file__).resolve().parents[2] / "assets" / "tower"
-CHAIN = """
-<mujoco model="chain">
-  <option gravity="0 0 0"/>
-  <worldbody>
-    <body name="low">
-      <joint name="low_tx" type="slide" axis="1 0 0" stiffness="50000" damping="20"/>
-      <inertial pos="0 0 0" mass="5" diaginertia="0.1 0.1 0.1"/>
-      <site name="acc1"/>
-      <body name="high" pos="0 0 0.2">
-        <joint name="high_tx" type="slide" axis="1 0 0" stiffness="60000" damping="20"/>
-        <inertial pos="0 0 0" mass="4" diaginertia="0.1 0.1 0.1"/>
-        <site name="acc2"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
-FREQ = np.linspace(4.0, 40.0, 241)
-BEFORE, AFTER = (48000.0, 63000.0), (48000.0, 0.9 * 63000.0)  # N/m; the upper spring is softer
-
-
-def chain_accelerance(stiffness, factor=1.0):
-    """Accelerance of the chain with a mass on a spring at its top, which no drawing has."""
-    omega = 2 * np.pi * FREQ
-    low, high = (factor * k + 22j * omega for k in stiffness)
-    hung = 0.4 * (2 * np.pi * 24.0) ** 2 * (factor + 0.02j)
-    total = np.zeros((len(FREQ), 2, 2), complex)
-    total[:, 0, 0], total[:, 1, 1] = low + high - 5.1 * omega**2, high - 4.05 * omega**2
-    total[:, 0, 1] = total[:, 1, 0] = -high
-    total[:, 1, 1] -= 0.4 * omega**2 * hung / (hung - 0.4 * omega**2)
-    return -(omega[:, None, None] ** 2) * np.linalg.inv(total)
-
-
-def write_chain(folder, after=AFTER, *, factor=1.0, references=2):
-    """A campaign of two states; noise of 0.3 %."""
-    folder.mkdir()
-    (folder / "model.xml").write_text(CHAIN)
-    text, random = 'model = "model.xml"\n', np.random.default_rng(7)
-    for state, values in (
-        ("before", chain_accelerance(BEFORE)),
-        ("after", chain_accelerance(after, factor)),
-    ):
-        noise = 0.003 * np.abs(values)
-        drawn = random.standard_normal((2, *values.shape))
-        noisy = values + noise * (drawn[0] + 1j * drawn[1]) / np.sqrt(2)
-        np.savez(
-            folder / f"{state}.npz",
-            frf=noisy[..., :references],
-            freq_hz=FREQ,
-            variance=noise[..., :references] ** 2,
-        )
-        labels = ["acc1:+x", "acc2:+x"]
-        text += (
-            f'[[test]]\nfile = "{state}.npz"\nstate = "{state}"\nchannels = {labels}\n'
-            f'references = {labels[:references]}\nquantity = "accelerance"\nunit = "m/s^2/N"\n'
-        )
-    (folder / "campaign.toml").write_text(text)
-    return folder
 
 
 def answer(model, theta, campaign):
@@ -202,3 +160,56 @@ def test_states_that_are_not_whole_are_refused_in_one_sentence(tmp_path, old, ne
     file.write_text(file.read_text().replace(old, new))
     with pytest.raises(InputError, match=message):
         open_session(file.parent)
+
+
+@pytest.fixture(scope="module")
+def heavier(tmp_path_factory):
+    """The tower with 1 kg on floor 1 after the change, at a second visit."""
+    change = Change("mass_error", "body:floor1", {"mass": 1.0})
+    freq_hz, frf = read_tower()
+    values = change_tower(freq_hz, frf, [change], np.random.default_rng(4))
+    folder = tmp_path_factory.mktemp("heavier")
+    write_tower(folder, TOWER / "model.xml", freq_hz, values, before=frf)
+    return open_session(folder)
+
+
+def test_beside_a_narrow_mode_the_rest_is_known_to_a_few_percent(heavier):
+    # The first mode is at 6.5 Hz before and at 6.3 Hz after.
+    session, theta = heavier, heavier.model.drawn
+    before, after = map(session.campaign.select_state, ("before", "after"))
+    estimate = estimate_rest(session.model, theta, before)
+    rest, variance = shrink_rest(estimate, after, 0.3, VISIT_PRIORS.stiffness)
+    model = replace(session.model, machine=replace(session.model.machine, rest=rest))
+    theta = theta.copy()
+    theta[[p.name for p in model.parameters].index("floor1.mass")] += 1.0
+    predicted = answer(model, theta, after)
+    measured = np.concatenate([test.estimate.frf.values for test in after.tests], axis=2)
+    measured = measured / estimate.factor
+    error = (np.abs(predicted - measured) ** 2).sum(axis=(1, 2))
+    power = (np.abs(measured) ** 2).sum(axis=(1, 2))
+    near = ((after.freq_hz > 5.5) & (after.freq_hz < 6.0)) | (abs(after.freq_hz - 7.5) < 0.5)
+    assert np.sqrt(np.median((error / power)[near])) < 0.04
+    stated = variance.sum(axis=(1, 2))
+    assert np.median((error / stated)[near]) < 2
+    known = find_known_lines(after, estimate, variance)
+    assert known.mean() > 0.9
+    assert np.sqrt((stated / power)[known].max()) < MAX_NOISE_RATIO
+    assert (variance >= 0).all()
+
+
+def test_without_a_full_matrix_causes_of_the_state_before_are_part_of_the_machine(tmp_path):
+    settings = replace(SETTINGS, max_causes=1)
+    for references, is_held in ((2, True), (1, False)):
+        session = open_session(write_chain(tmp_path / f"chain{references}", references=references))
+        before = fit_baseline(check_data(session, settings), 1, settings)
+        found = search_before(before, settings, lambda _: None)
+        assert (found is before) == is_held
+    assert found.null.causes
+    assert found.null.floor < 0.7 * before.null.floor
+    after = check_data_after(session, found, settings).session
+    (remark,) = (text for text in after.campaign.remarks if "full matrix" in text)
+    assert remark.startswith("no full matrix of FRFs before the change")
+    of_causes = {p.name for c in found.null.causes for part in c.parts for p in part.parameters}
+    varying = set(after.parametrisation.names)
+    assert of_causes
+    assert not of_causes & varying

@@ -2,6 +2,8 @@
 
 import json
 
+from tests.bench import real
+from tests.bench.kept import of
 from tests.docs.formats import fixed, percent, table
 from tests.docs.grades import (
     calibration_table,
@@ -16,6 +18,7 @@ from tests.docs.grades import (
 )
 from tests.docs.results import (
     RESULTS,
+    Rate,
     bench_cases,
     bench_rows,
     bench_values,
@@ -196,6 +199,29 @@ def tower_table() -> str:
     return table(("Campaign", "Before", "Now", "Answer"), rows, text=4)
 
 
+def real_table() -> str:
+    """Rates on computed changes of the tower, by one state and before and after."""
+    rows = []
+    for states, label in real.STATES.items():
+        kept = list(of(f"real.{states}").values())
+        for kind in ("all changes", *real.KINDS):
+            row = real.rate_cases(kind, kept)
+            if not row["n"]:
+                continue
+            rates = [
+                Rate(
+                    100 * row[name] / max(row[f"{name} n"], 1),
+                    (row[f"{name} from"], row[f"{name} to"]),
+                    row[f"{name} n"],
+                )
+                for name in real.COLUMNS
+            ]
+            cells = [str(rate) if rate.n else "-" for rate in rates]
+            rows.append((label, kind.replace("_", " "), row["n"], *cells, rates[-1].n))
+    header = ("States", "Change", "n", "Right", "Wrong", "Sizes within 10 %", "n of sizes")
+    return table(header, rows, text=2)
+
+
 def reciprocity_table() -> str:
     """Ratios and differences by reciprocity on computed changes of the tower."""
     header = (
@@ -216,6 +242,7 @@ def reciprocity_table() -> str:
 
 FIGURES = {
     "reciprocity-table": reciprocity_table,
+    "real-table": real_table,
     "diagnosis-table": lambda: rate_table(DIAGNOSIS_ROWS),
     "diagnosis-campaigns": lambda: str(len(bench_cases("diagnosis.220000"))),
     "diagnosis-seeds": seeds_fragment("diagnosis.220000"),

@@ -30,7 +30,7 @@ KINDS = (
     "common_gain",
 )
 _BAND_HZ = (2.0, 60.0)
-_STIFFNESS_SD, _GAIN_SD, _DELAY_SD = 2e-3, 5e-3, 1e-5
+_STIFFNESS_SD, GAIN_SD, _DELAY_SD = 2e-3, 5e-3, 1e-5
 _LEG_STIFFNESS = 52460.9  # N/m, as drawn
 # Links that are no leg: between floors that no leg joins, and from the ground.
 _LINKS = ((0, 2), (None, 1), (None, 2))
@@ -80,7 +80,7 @@ def draw_change(kind, rng, scale=1.0):
         "appendage": Change("appendage", on_body, hung),
         "link": Change("parallel_path", pair, {"stiffness": size(1e3, 2e4), "damping": 0.0}),
         "damper": Change("parallel_path", pair, {"stiffness": 1.0, "damping": size(5.0, 100.0)}),
-        "leg": Change("stiffness", f"joint:leg{floor + 1}", {"stiffness": leg}),
+        "leg": Change("stiffness", f"joint:floor{floor + 1}", {"stiffness": leg}),
         "gain": Change("sensor_gain", at_sensor, {"gain": float(np.exp(size(0.05, 0.3)))}),
         "common_gain": Change(
             "hammer_gain", "hammer:default", {"gain": float(np.exp(size(0.05, 0.2)))}
@@ -113,9 +113,9 @@ def draw_visit(rng):
     """Draw what differs of itself at a second visit."""
     return Visit(
         1 + _STIFFNESS_SD * rng.standard_normal(),
-        np.exp(_GAIN_SD * rng.standard_normal(3)),
+        np.exp(GAIN_SD * rng.standard_normal(3)),
         _DELAY_SD * rng.standard_normal(3),
-        np.exp(_GAIN_SD * rng.standard_normal(3)),
+        np.exp(GAIN_SD * rng.standard_normal(3)),
     )
 
 
@@ -203,13 +203,24 @@ def _noise_of(values):
     return np.median(windows, axis=-1)
 
 
-def write_tower(folder, model, freq_hz, values):
-    """Write a campaign of the tower, against a model."""
+def write_tower(folder, model, freq_hz, values, before=None):
+    """Write a campaign of the tower, against a model.
+
+    Args:
+        folder: folder of the campaign.
+        model: file of the model.
+        freq_hz: frequencies [Hz]; (n_freq,).
+        values: accelerance; (n_freq, 3, 3).
+        before: accelerance before a change; None for a campaign without states.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    np.savez(folder / "frf.npz", frf=values.astype(np.complex64), freq_hz=freq_hz)
     labels = '["acc1:+x", "acc2:+x", "acc3:+x"]'
-    (folder / "campaign.toml").write_text(
-        f'model = "{model.as_posix()}"\n\n[[test]]\nfile = "frf.npz"\nchannels = {labels}\n'
-        f'references = {labels}\nquantity = "accelerance"\nunit = "m/s^2/N"\n',
-        encoding="utf-8",
-    )
+    states = {"frf": values} if before is None else {"before": before, "after": values}
+    text = f'model = "{model.as_posix()}"\n'
+    for name, frf in states.items():
+        np.savez(folder / f"{name}.npz", frf=frf.astype(np.complex64), freq_hz=freq_hz)
+        text += f'\n[[test]]\nfile = "{name}.npz"\n'
+        text += "" if before is None else f'state = "{name}"\n'
+        text += f"channels = {labels}\nreferences = {labels}\n"
+        text += 'quantity = "accelerance"\nunit = "m/s^2/N"\n'
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")

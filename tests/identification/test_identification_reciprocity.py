@@ -237,3 +237,26 @@ def test_ratios_of_a_changed_tower_are_within_their_deviations(number):
     assert np.abs(case["delay"]).max() < 3
     assert case["right"] == (case["kind"] in ("nothing", "gain", "delay"))
     assert not case["named"] or case["kind"] in ("gain", "delay")
+
+
+def test_what_broke_reciprocity_before_a_change_counts_no_more():
+    # Both visits have the same cross-talk as dynamic stiffness; a mass is added between them.
+    rng = np.random.default_rng(3)
+    scale = -((2 * np.pi * FREQ_HZ[:, None, None]) ** 2)
+    stiffness = scale * np.linalg.inv(chain(rng))
+    talk = 1e3 * np.array([[0, 1, -1], [-1, 0, 1], [1, -1, 0]])
+    added = scale * np.diag([0.8, 0.0, 0.0])
+    before = campaign_of(scale * np.linalg.inv(stiffness + talk), rng, noise=1e-4)
+    values = scale * np.linalg.inv(stiffness + talk + added)
+    after = campaign_of(read_by(values), rng, noise=1e-4)
+    alone, compared = check_reciprocity(after), check_reciprocity(after, before=before)
+    errors = [
+        max(
+            max(abs(row.gain / gain - 1), abs(row.delay - delay) / 1e-3)
+            for row, gain, delay in zip(found.rows, GAINS, DELAYS, strict=True)
+        )
+        for found in (alone, compared)
+    ]
+    assert compared.error < 0.02 * alone.error
+    assert errors[1] < 0.02  # the product of cross-talk and factors stays
+    assert errors[1] < 0.6 * errors[0]

@@ -16,7 +16,9 @@ from mbmodel_examples import (
 
 from identification.words import Dof
 from mbmodel import Evaluator, FrfRequest, as_drawn, linearise, modes_of_matrices
+from mbmodel.assembly import Matrices
 from mbmodel.frf.modal_form import modal_form
+from mbmodel.frf.solver import Solver
 
 # DESIGN: error of a fast FRF at most 1e-10. Relative to a channel's peak, as antiresonances are
 # differences of modes.
@@ -180,3 +182,25 @@ def test_a_machine_with_two_equal_modes_is_right(from_text):
     )
     assert modal
     assert error < AGREEMENT
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+def test_parts_that_nothing_couples_are_eliminated_apart(transposed):
+    rng = np.random.default_rng(5)
+    order = rng.permutation(5)
+    mass, damping, stiffness = (np.zeros((5, 5)) for _ in range(3))
+    for span, matrix in ((slice(0, 2), mass), (slice(2, 5), mass)):
+        count = span.stop - span.start
+        matrix[span, span] = np.eye(count) + 0.1 * rng.standard_normal((count, count))
+        stiffness[span, span] = 100 * np.eye(count) + rng.standard_normal((count, count))
+        damping[span, span] = rng.standard_normal((count, count))
+    mass, damping, stiffness = (m[np.ix_(order, order)] for m in (mass, damping, stiffness))
+    laplace, force = 1j * np.linspace(1.0, 30.0, 7), rng.standard_normal((5, 2, 1))
+    solver = Solver(Matrices(mass, damping, stiffness), laplace, None)
+    s = laplace[:, None, None]
+    whole = s**2 * mass + s * damping + stiffness
+    whole = whole.swapaxes(1, 2) if transposed else whole
+    expected = np.linalg.solve(whole, np.broadcast_to(force[..., 0], (7, 5, 2))).transpose(1, 2, 0)
+    np.testing.assert_allclose(
+        solver.solve(force, transposed=transposed), expected, rtol=1e-10, atol=1e-14
+    )

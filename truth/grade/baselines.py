@@ -16,7 +16,7 @@ from types import MappingProxyType
 from truth.errors import TruthError
 from truth.grade.compare import DrawingComparison
 from truth.grade.marks import SEEN, Excess
-from truth.grade.names import CATALOGUE, NONE, UNEXPLAINED
+from truth.grade.names import CATALOGUE, NONE, STATED, UNEXPLAINED
 from truth.grade.verdict import EXPLAINED, Row, StatedVerdict
 from truth.machine.station import AXES
 
@@ -100,7 +100,11 @@ def hypotheses_of(comparison: DrawingComparison) -> dict[str, tuple[str, ...]]:
             if stage.parent != lower
         ],
     }
-    hypotheses = {effect: tuple(places[entry.kind]) for effect, entry in CATALOGUE.items()}
+    hypotheses = {
+        effect: tuple(places[entry.kind])
+        for effect, entry in CATALOGUE.items()
+        if effect not in STATED  # no campaign that is drawn has states
+    }
     hypotheses["missing_dof"] = tuple(
         f"joint:{stage.name}" for stage in station.stages if len(stage.joints) < 6
     )

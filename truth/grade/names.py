@@ -40,6 +40,8 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
         "structural_damping": Entry("joint", "loss_factor"),
         "viscoelastic": Entry("joint", "ratio"),
         "inertance": Entry("joint", "inertance"),
+        "stiffness": Entry("joint", "factor", 1.0),
+        "damping": Entry("joint", "factor", 1.0),
         "feedback_delay": Entry("joint", "delay"),
         "support_loss": Entry("joint", "fraction", 1.0),
         "friction": Entry("joint", "k"),
@@ -60,6 +62,8 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
         "hammer_position": Entry("hammer", "offset"),
     }
 )
+
+STATED = ("stiffness", "damping")  # need a state before, or a stated prior
 
 
 def kind_of(location: str) -> str:

@@ -18,7 +18,7 @@ from identification import reduce_to_bodies
 from identification.words import Campaign, Complex, Dof, Integers, Real
 
 MIN_VISIBLE_EXCESS = 1.1  # over the noise; less is next to nothing, in a tuning and in a verdict
-_MAX_NOISE_RATIO = 0.3  # noise_c of a channel whose error can be told from noise
+MAX_NOISE_RATIO = 0.3  # noise_c of a channel whose error can be told from noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def channel_gaps(predicted: Sequence[Complex], campaign: Campaign) -> ChannelGap
 
 def summarise_gaps(gaps: ChannelGaps) -> Gap:
     """Summarise the gaps of channels in root mean squares."""
-    quiet = gaps.noise <= _MAX_NOISE_RATIO
+    quiet = gaps.noise <= MAX_NOISE_RATIO
     has_noise = bool(len(gaps.noise)) and bool((gaps.noise > 0).all())
     return Gap(
         error=_rms(gaps.error[quiet]),

@@ -5,9 +5,10 @@ Gains and delays of the instruments, as fitted, are divided out first.
 
 Noise n of the tests before a change enters the FRFs H' after it, to first order, as A n B with
 A = H' H^-1 and B = H^-1 H'. Its variance v adds to that of the tests after. E is a smooth course S
-and features N of few lines. What N has beyond noise is kept, the rest of it is noise:
+and features N of few lines. S alone has its own variance s and lacks features of power u. E and S
+are combined for the least variance (empirical Bayes):
 
-    u = max(|H' N H'|^2 - v, 0),   w = u / (u + v),   E -> S + w N   (empirical Bayes).
+    u = max(|H' N H'|^2 - v, 0),   w = (u + s) / (u + s + v),   E -> S + w N,   v -> w v.
 
 Where noise hides S too, as far below the first mode, the model is known better without it: with the
 floor a of the fit before and p = sum |H'|^2, E and v shrink by a^2 p / (a^2 p + sum v).
@@ -21,11 +22,11 @@ noise: where a mode is narrower than the lines, nothing tells how it looks betwe
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from identification import smooth_variance
-from identification.words import Campaign, Complex, Dof, Real, Test
+from identification.words import Campaign, Complex, Dof, Mask, Real, Test
 from mbmodel import Evaluator, FrfRequest, Linearised, MeasuredRest, Model, find_ports
+from tuning.assessment.gap import MAX_NOISE_RATIO
 from tuning.misfit.batch import evaluate_tests
 
 # Lines on each side of a line that give the slope of the rest: more than a sharp mode has, less
@@ -190,9 +191,11 @@ def shrink_rest(
     )
     raw, smooth = left @ estimate.variance @ right, size @ estimate.smooth_variance @ size
     features = _average_lines(np.abs(after @ estimate.narrow @ after) ** 2)
-    beyond, of_noise = (_add_cells(each) for each in (np.maximum(features - raw, 0.0), raw))
+    beyond, of_noise = (
+        _add_cells(each) for each in (np.maximum(features - raw, 0.0) + smooth, raw)
+    )
     kept = beyond / np.maximum(beyond + of_noise, np.finfo(float).tiny)
-    variance = kept * raw + (1 - kept) * smooth
+    variance = kept * raw
     allowed = floor**2 * _add_cells(size)
     weight = allowed / (allowed + _add_cells(variance))
     whole = estimate.rest
@@ -211,8 +214,13 @@ def shrink_rest(
 
 
 def _average_lines(power: Real) -> Real:
-    """Return the mean over the lines of a leaking mode; as the input."""
-    mean: Real = uniform_filter1d(power, _FEATURE_LINES, axis=0, mode="nearest")
+    """Return the mean over the lines of a leaking mode; as the input.
+
+    No running sum: its rounding can make small values beside large ones negative.
+    """
+    margin = _FEATURE_LINES // 2
+    around = np.pad(power, ((margin, margin), (0, 0), (0, 0)), mode="edge")
+    mean: Real = np.mean([around[k : k + len(power)] for k in range(_FEATURE_LINES)], axis=0)
     return mean
 
 
@@ -240,6 +248,28 @@ def add_variance(campaign: Campaign, estimate: RestEstimate, variance: Real) -> 
         total[lines, :, 0] += added[:, rows, column]
         tests.append(replace(test, estimate=replace(test.estimate, variance=total)))
     return replace(campaign, tests=tuple(tests))
+
+
+def find_known_lines(campaign: Campaign, estimate: RestEstimate, variance: Real) -> Mask:
+    """Return the lines on which the state before tells enough of the FRFs after a change.
+
+    Around a mode that is narrower than the lines it tells nothing. A few such lines would else be
+    all the noise of a channel.
+
+    Args:
+        campaign: tests after the change, on the lines of the tests before.
+        estimate: rest of the tests before.
+        variance: what it adds to that of the receptances after; (n_freq, n_out, n_in).
+
+    Returns:
+        Whether each line counts; (n_line,).
+    """
+    lines = np.isin(campaign.freq_hz, estimate.rest.freq_hz)
+    added = (variance * np.abs(estimate.factor) ** 2).sum(axis=(1, 2))
+    power = sum((np.abs(test.estimate.frf.values) ** 2).sum(axis=(1, 2)) for test in campaign.tests)
+    known = ~lines
+    known[lines] = added < MAX_NOISE_RATIO**2 * np.asarray(power)[lines]
+    return known
 
 
 def _smooth_lines(freq_hz: Real, values: Complex, variance: Real) -> tuple[Complex, Complex, Real]:

@@ -4,7 +4,7 @@ The measurement's own parameters (gains, angles, positions of sensors and hammer
 out: a plant from motor to encoder has none of them.
 """
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ def machine_posterior(
     error_floor: float | None = None,
     discrepancy: float = 0.0,
     *,
-    held: Collection[str] | None = None,
+    held: Mapping[str, float] | None = None,
     effects: EffectSlopes | None = None,
 ) -> ParameterPosterior:
     """Return the posterior of the machine's parameters.
@@ -40,7 +40,8 @@ def machine_posterior(
         covariance: of all coordinates; (n_x, n_x).
         error_floor: relative error of the model beside the noise; None if it shows none.
         discrepancy: relative error of the machine's forces; 0 if none shows.
-        held: names of the parameters that the MJCF of the machine has; None for all.
+        held: parameters that the MJCF of the machine has, by name; None for all. Its springs count
+            as they are there: a change of one has the relative deviation of the spring.
         effects: what parameters of effects change of that machine; None without effects.
     """
     is_of_machine = np.array(
@@ -51,10 +52,14 @@ def machine_posterior(
         is_of_machine = np.array([each.name in plant_names for each in model.parameters], bool)
     indices = np.flatnonzero(is_of_machine & parametrisation.free)
     kept: Integers = np.unique(parametrisation.coordinate_of[indices])
+    values = parametrisation.theta(x)
+    for k in indices:
+        if held and (each := model.parameters[k]).known in ("stiffness", "damping"):
+            values[k] = held.get(each.name, values[k])
     return ParameterPosterior(
         tuple(parametrisation.names[k] for k in kept),
         tuple(model.parameters[k].name for k in indices),
-        parametrisation.theta(x)[indices],
+        values[indices],
         np.searchsorted(kept, parametrisation.coordinate_of[indices]),
         parametrisation.scales[kept],
         parametrisation.is_logarithmic[kept],
