@@ -18,9 +18,9 @@ import numpy as np
 from diagnosis.decision.closed_by_proven import find_closed_by_proven
 from diagnosis.estimates.held_out_gap import GapEstimates
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.inference.evidence import Evidence, Key
+from diagnosis.inference.evidence import Evidence, Key, read_site
 from diagnosis.inference.places import compute_force_shares
-from diagnosis.inference.posterior import Posterior, read_site
+from diagnosis.inference.posterior import Posterior
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
 from diagnosis.search.fitted_sets import Search

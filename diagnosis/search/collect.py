@@ -4,6 +4,7 @@ from diagnosis.inference.calibration import find_variance_source
 from diagnosis.inference.evidence import Evidence, Scored
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import summarise_refit
+from diagnosis.search.confounded import find_interchangeable
 from diagnosis.search.fitted_sets import Search
 from diagnosis.search.free_force import fit_free_forces
 from diagnosis.search.refit_round import move_scene
@@ -44,4 +45,5 @@ def collect_evidence(
         variance=find_variance_source(null.session.campaign),
         unsteady=unsteady,
         scored=tuple(best_gain.values()),
+        interchangeable=find_interchangeable(search, base.scene.stride_factor, settings),
     )
