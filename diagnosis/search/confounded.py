@@ -81,9 +81,9 @@ def find_interchangeable(
         fits.setdefault(_list_sites(refit.keys), refit)
     pairs: dict[tuple[Site, Site], None] = {}
     for (sites, first), (rivals, second) in combinations(fits.items(), 2):
-        pair = *(sites - rivals), *(rivals - sites)
+        pair = tuple(sorted(sites ^ rivals))
         effects = {effect for effect, _ in pair}
-        if len(sites) != len(rivals) or len(pair) != 2 or len(effects) > 1:
+        if len(sites) != len(rivals) or len(pair) != 2 or len(effects) > 1 or pair in pairs:
             continue
         without = residual(fits.get(sites & rivals, search.null))
         weights = _weigh(first, stride, min(first.floor, second.floor))

@@ -180,14 +180,17 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
         SCREEN.say(f"  {difference}")
     established_rows = {row.cause for row in list_established(diagnosis, verdict)}
     closed = {key[:2]: share for key, share in present.closes.items()}
+    sized = {key[:2] for key in present.intervals}  # their sizes decided, all else being enough
     for number, row in enumerate(verdict.causes[:_MAX_LISTED_CAUSES]):
         name, sizes = key_words((row.effect, row.location, row.dof)), cause_parameters(row)
         name += "".join(f" or {place}" for place in other_places(row))
         sizes = f": {sizes}" if sizes else ""
         share = closed.get((row.effect, row.location))
         part = "" if share is None else f"; closes {format_closed(share)} of the fitted lines' gap"
+        part += " that the others leave" if part and joint_causes > 1 else ""
         if share is not None and number not in established_rows:
-            part += f", {unestablished_words(share)}"
+            has_size = (row.effect, row.location) not in sized
+            part += f", {unestablished_words(share, has_size=has_size)}"
         SCREEN.say(f"  {row.probability:.0%} {name}{sizes}{part}")
     rest = rest_sentence(verdict, diagnosis.evidence)
     for text in (rest, *level_sentences(verdict), *remark_sentences(verdict)):

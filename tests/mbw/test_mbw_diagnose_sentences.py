@@ -150,6 +150,7 @@ def test_a_share_beyond_0_to_100_per_cent_is_said_in_words(share, text):
 def test_a_cause_with_which_the_gap_grows_is_not_established_for_that():
     assert unestablished_words(-0.4) == "which grows with it, so it is not established"
     assert unestablished_words(0.1).startswith("less than 20 %")
+    assert "size holds no effect" in unestablished_words(0.9, has_size=False)
 
 
 def test_a_gap_that_held_out_lines_see_grow_is_not_said_to_close_by_less_than_nothing():
