@@ -25,6 +25,7 @@ from scipy.stats import chi2
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.calibration import load_calibration
+from diagnosis.levels.law_part import LawPart
 from diagnosis.refits.extended_parametrisation import hold_parameters
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.refits.refitting import RefitTask, run_refits
@@ -62,6 +63,7 @@ def find_named_size(
     """Return the intervals of a cause, that of its size by its profile where it is needed.
 
     Causes without a stated size, as exchanged channels or the mode of a body, have no such value.
+    Laws of a joint have none either: the coordinates of their parameters are logarithms.
 
     Args:
         scene: thinning of the lines, and processes.
@@ -72,9 +74,12 @@ def find_named_size(
     """
     intervals = parameters.estimate_intervals(cause)
     fitted = parameters.state_parameters(cause)
-    without = cause.state(map_values(parameters.parametrisation, _remove(parameters, cause)))
-    size = next((name for name in fitted if name in intervals), None)
-    if size is None or size != next(iter(fitted)) or not _differs(fitted[size], without[size]):
+    # An effect that is not there may state nothing, as a rigid mounting has no frequency.
+    at_zero = map_values(parameters.parametrisation, _remove(parameters, cause))
+    without = fitted | cause.state(at_zero)
+    size = next(iter(fitted), None)
+    is_law = any(isinstance(part, LawPart) for part in cause.parts)
+    if size not in intervals or is_law or not _differs(fitted[size], without[size]):
         return NamedSize(intervals, excludes_no_effect=True)
     if _excludes(intervals[size], without[size]):
         return NamedSize(intervals, excludes_no_effect=True)
@@ -149,10 +154,11 @@ class _Profile:
     ) -> "_Profile | None":
         """Return the profile of a size; None if no free coordinate of the cause makes it."""
         varies, x = refit.fit.parametrisation, refit.fit.x
+        fitted = cause.state(map_values(varies, varies.theta(x)))
 
         def state(coordinates: Real) -> Real:
             values = map_values(varies, varies.theta(coordinates))
-            return _list_components(cause.state(values)[size])
+            return _list_components((fitted | cause.state(values))[size])
 
         changes = {
             name: np.nan_to_num(np.abs(state(np.where(at == np.arange(len(x)), 0.0, x)) - state(x)))

@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from diagnosis import EFFECTS
 from diagnosis.estimates import profiled_sizes
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.estimates.profiled_sizes import find_named_size
-from diagnosis.hypothesis import Hypothesis
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.refits.refit import map_values
+from diagnosis.refits.refitting import add_hypothesis, find_start
 from diagnosis.settings import SETTINGS
+from tests.helpers.drawn import drawn
 
 COUNT = 50.0  # independent values
 QUANTILE = float(np.sqrt(chi2.ppf(0.95, 1)))
@@ -121,6 +125,26 @@ def test_a_link_that_may_be_far_stiffer_but_not_absent_is_named_and_a_lost_one_i
     between = prepare(lambda a: 3.0 * (1 - a / 2) ** 2)
     assert name_size(between, cause(signed=True)).excludes_no_effect
     assert not name_size(between, cause()).excludes_no_effect  # it may be negative: 3.84
+
+
+def test_what_states_nothing_without_the_effect_has_no_value_that_an_interval_could_hold(refits):
+    prepare, made = refits
+    rigid = cause(lambda found: {"frequency": 100.0 / found["a"]} if found["a"] > 0 else {})
+    assert name_size(prepare(lambda _: 0.0, deviation=(0.1, 1.0)), rigid).excludes_no_effect
+    assert not made
+
+
+def test_every_effect_has_a_state_without_itself(tmp_path):
+    session, _ = drawn(tmp_path, 72_012, lines=61, stages=4)
+    scene = Scene(session, session.model.drawn)
+    for effect in EFFECTS.values():
+        for hypothesis in list(effect(scene))[:1]:
+            whole = add_hypothesis(session, hypothesis)
+            varies = whole.parametrisation
+            x = varies.coordinates(find_start(scene, whole, hypothesis))
+            is_own = np.isin(np.array(varies.names), hypothesis.coordinates)
+            theta = varies.theta(np.where(is_own, 0.0, x))
+            assert isinstance(hypothesis.state(map_values(varies, theta)), dict)
 
 
 def test_a_factor_has_no_effect_at_one_and_of_a_vector_the_largest_component_decides(refits):
