@@ -111,12 +111,12 @@ def diagnose(
     6. Each earlier cause is left out in turn, and dropped if the others explain as much, or
        replaced if another cause explains more; all are moved to neighbouring bodies.
     7. A free force is fitted at every place: that with the largest gain locates the gap, or the
-       rest.
+       rest. Each round of the search refits the effects there, if it is at one place.
     8. The posterior weighs all sets of causes, by the number of independent values of the residual.
     9. The gap is estimated on held-out lines, without and with the causes; a set that does not
        predict them is rejected.
-    10. Causes that are probable and close a fifth of the gap are established; what remains is the
-        rest.
+    10. Causes that are probable, close a fifth of the gap and have a size are established; what
+        remains is the rest.
 
     Args:
         session: campaign and nominal model.

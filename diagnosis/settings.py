@@ -37,6 +37,8 @@ class DiagnosisSettings:
             tolerances four lie beyond 2.5, none beyond 4.5 (probability 0.002).
         min_twin_cosine: cosine of two signatures from which causes are confounded (FORMATS).
         twin_nats: difference in log probability below which causes are confounded (FORMATS).
+        min_place_cosine: cosine of what two refits take off the gap, from which one effect at
+            either place is one cause (FORMATS).
         min_row_probability: probability of a cause or place that the verdict lists (FORMATS).
         appendage_ends: ends of the frequencies of appendages that are scanned, relative to the
             highest line. Below, an appendage acts as a free mass; above, as a part of the body.
@@ -71,6 +73,7 @@ class DiagnosisSettings:
     outlier_sigma: float = 4.5
     min_twin_cosine: float = 0.9
     twin_nats: float = 3.0
+    min_place_cosine: float = 0.95
     min_row_probability: float = 0.01
     serial_lags: tuple[int, ...] = (3, 4, 5, 6)
     appendage_ends: tuple[float, float] = (1 / 40, 1.2)

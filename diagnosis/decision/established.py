@@ -1,30 +1,34 @@
 """Causes that the verdict names, what each closes, and what remains: the verdict's word.
 
-A cause is established if it is probable and closes a fifth of the gap: materiality, not
-significance. With e(S) the mean square of the gap of the set S over that of the noise, the cause
-c_k of the causes c_1 .. c_n of a set, in the order of their selection, closes the larger of
+A cause is established if it is probable, closes a fifth of the gap, and its size is one
+(``profiled_sizes``): materiality, not significance alone. With e(S) the mean square of the gap of
+the set S over that of the noise, the cause c_k of the causes c_1 .. c_n of a set, in the order of
+their selection, closes the larger of
 
-    [e(c_1 .. c_k-1) - e(c_1 .. c_k)] / e(null model),   [e(S without c_k) - e(S)] / e(null model).
+    1 - e(c_1 .. c_k) / e(c_1 .. c_k-1),    1 - e(S) / e(S without c_k)
 
-By the second alone, neither of two similar causes would close anything.
+of the gap that remains without it. By the second alone, neither of two similar causes would close
+anything. Where next to nothing remains without it, the gap of the null model counts.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from diagnosis.decision.closed_by_proven import find_closed_by_proven
 from diagnosis.estimates.held_out_gap import GapEstimates
+from diagnosis.estimates.profiled_sizes import find_named_size
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.inference.evidence import Evidence, Key
+from diagnosis.inference.evidence import Evidence, Key, read_site
 from diagnosis.inference.places import compute_force_shares
-from diagnosis.inference.posterior import Posterior, read_site
+from diagnosis.inference.posterior import Posterior
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
 from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import DiagnosisSettings
+from diagnosis.stated_values import Ends
 from tuning import is_gap_visible
 
 Word = Literal["none", "explained", "several", "partly", "unexplained"]
@@ -57,11 +61,12 @@ class Present:
     Args:
         word: verdict.
         causes: probable causes, those that redundant channels prove first.
-        closes: part of the gap that each closes, by its key.
+        closes: part of the gap that remains without it that each closes, by its key.
         established: keys of those that close enough.
         remarks: part of the gap that each proven fault closes that is not established; None if
             unknown.
         rest: what remains.
+        intervals: 95 % intervals of the parameters of the causes that close enough, by their keys.
     """
 
     word: Word
@@ -70,6 +75,7 @@ class Present:
     established: tuple[Key, ...]
     remarks: Mapping[Key, float | None]
     rest: Rest
+    intervals: Mapping[Key, Mapping[str, Ends]] = field(default_factory=dict)
 
 
 def find_present(
@@ -131,12 +137,22 @@ def describe_present(
     refit = find_present(search, evidence, posterior, settings)
     closes = find_closed_by_proven(base, gaps) | _find_closed_by_causes(search, refit)
     causes = (*base.proven, *refit.causes)
-    established = tuple(
-        cause.key
+    enough = [
+        cause
         for cause in causes
         if (closes.get(cause.key, 0.0) >= settings.min_closed or not cause.is_modelled)
         # What is proven without a model does not wait for a model that foretells held-out lines.
         and (cause in base.proven or _closes_held_out_gap(gaps, settings))
+    ]
+    sizes = {
+        cause.key: find_named_size(base.scene, gaps.after.refit, gaps.parameters, cause, settings)
+        for cause in enough
+        if gaps.after and gaps.parameters and cause not in base.proven
+    }
+    established = tuple(
+        cause.key
+        for cause in enough
+        if cause.key not in sizes or sizes[cause.key].excludes_no_effect
     )
     is_none = not established and is_nothing_missing(posterior)
     rest = _describe_rest(evidence, refit, gaps, settings, is_none=is_none)
@@ -155,22 +171,26 @@ def describe_present(
         for key in proven
         if key not in established and read_site(key) not in named
     }
-    return Present(word, causes, closes, established, remarks, rest)
+    intervals = {key: size.intervals for key, size in sizes.items()}
+    return Present(word, causes, closes, established, remarks, rest, intervals)
 
 
 def _find_closed_by_causes(search: Search, refit: Refit) -> dict[Key, float]:
-    """Return the part of the gap that each cause of a set closes."""
-    whole = max(search.null.gap, np.finfo(float).tiny)
+    """Return the part of the gap that remains without it that each cause of a set closes."""
 
-    def gap_of(keys: Sequence[Key]) -> float:
-        fitted = search.refit_of(keys) if keys else search.null
-        return search.null.gap if fitted is None else fitted.gap
+    def find_part(without: Sequence[Key], with_it: Sequence[Key]) -> float:
+        before, after = (
+            (search.refit_of(keys) or search.null) if keys else search.null
+            for keys in (without, with_it)
+        )
+        whole = before.gap if is_gap_visible(before.gap) else search.null.gap
+        return float((before.gap - after.gap) / max(whole, np.finfo(float).tiny))
 
     closed = {}
     for number, key in enumerate(refit.keys):
         remaining = [cause for cause in refit.keys if cause != key]
-        in_turn = gap_of(refit.keys[:number]) - gap_of(refit.keys[: number + 1])
-        closed[key] = float(max(in_turn, gap_of(remaining) - refit.gap) / whole)
+        in_turn = find_part(refit.keys[:number], refit.keys[: number + 1])
+        closed[key] = max(in_turn, find_part(remaining, refit.keys))
     return closed
 
 

@@ -12,9 +12,10 @@ is the number of independent values of the fit with the causes, and the rest as 
 chance, and pay nothing. The residuals on held-out lines are no measure of N, since they hold the
 errors of the parameters too.
 
-A set that fails is rejected, with every set that contains it, and the most probable one of the
-others is checked (cross-validation of a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap
-that is hardly visible on held-out lines, the fits alone decide.
+A set fails too if it closes nothing of the gap on these lines. A set that fails is rejected, with
+every set that contains it, and the most probable one of the others is checked (cross-validation of
+a log score: Stone 1974, Gneiting and Raftery 2007). Of a gap that is hardly visible on held-out
+lines, the fits alone decide.
 """
 
 from dataclasses import replace
@@ -81,6 +82,8 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bo
     excess = before.gap.excess
     if excess is None or not is_gap_visible(excess**2 - 1):
         return True
+    if after.gap.excess is not None and after.gap.excess >= excess:
+        return False
     first, last = (_mean_cost(gap) for gap in (before, after))
     if first is None or last is None:
         return True

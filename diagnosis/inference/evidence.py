@@ -15,7 +15,13 @@ from identification.words import VarianceSource
 from tuning import is_gap_visible
 
 Key = tuple[str, str, str | None]  # effect, location, dof
+Site = tuple[str, str]  # effect, location
 BENDS = "flexible_body"  # the effect on a body, not on a sensor, that redundant channels prove
+
+
+def read_site(key: Key) -> Site:
+    """Return effect and location, which several directions of one cause share."""
+    return key[0], key[1]
 
 
 class _Row(BaseModel):
@@ -199,6 +205,7 @@ class Evidence(ResultFile, _Row):
         unsteady: number of tests whose machine changed from hit to hit.
         scored: scores, the most promising first; the posterior does not need them.
         rejected: sets that do not predict held-out lines; none that contains one is admitted.
+        interchangeable: pairs of places of one effect whose refits take the same off the gap.
     """
 
     proven: tuple[Key, ...] = ()
@@ -213,6 +220,7 @@ class Evidence(ResultFile, _Row):
     unsteady: int = 0
     scored: tuple[Scored, ...] = ()
     rejected: tuple[tuple[Key, ...], ...] = ()
+    interchangeable: tuple[tuple[Site, Site], ...] = ()
 
     @property
     def admitted_sets(self) -> tuple[FittedSet, ...]:

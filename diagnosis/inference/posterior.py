@@ -29,10 +29,11 @@ levels. The empty set without a rest ("none") has odds of
 
 where ``hidden`` is the mean square of a gap that badly known noise may hide. A cause that only
 releases tolerances is none if they then shift by no more than an outlier. The probability of
-"unexplained" is divided among all places by a softmax of the gains of a free force.
+"unexplained" is divided among all places by a softmax of the gains of a free force. One effect at
+places that the test cannot tell apart is one cause, with the probability of all (``places``).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -41,14 +42,16 @@ from scipy.special import softmax
 
 from diagnosis.inference.between_levels import compare_between_levels
 from diagnosis.inference.calibration import Calibration, load_calibration
-from diagnosis.inference.evidence import Evidence, FittedSet, Key
-from diagnosis.inference.places import weigh_places
+from diagnosis.inference.evidence import Evidence, FittedSet, Key, Site, read_site
+from diagnosis.inference.places import (
+    Keys,
+    Shares,
+    group_places,
+    sum_presence,
+    weigh_places,
+)
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-
-Keys = tuple[Key, ...]
-Site = tuple[str, str]  # effect, location
-Shares = tuple[tuple[Key, float], ...]
 
 
 @dataclass(frozen=True)
@@ -59,9 +62,12 @@ class Posterior:
         none: probability of the empty set without a rest.
         unexplained: probability of the empty set with a rest.
         several: probability of several causes.
-        causes: causes with the probability that each is present, the most probable first.
+        causes: causes with the probability that each is present, the most probable first; each at
+            its likeliest place, with the probability of all places (``group_places``).
         where: places by their share.
         sets: sets of causes with their probabilities, the most probable first.
+        groups: effect and places of each cause with several places, the likeliest first.
+        apart: causes as above, each place by itself.
     """
 
     none: float
@@ -70,6 +76,14 @@ class Posterior:
     causes: Shares
     where: tuple[tuple[str, float], ...]
     sets: tuple[tuple[Keys, float], ...] = ()
+    groups: tuple[tuple[Site, ...], ...] = ()
+    apart: Shares = ()
+
+    def list_places(self, key: Key) -> list[str]:
+        """Return the places of a cause that this test cannot tell apart, the likeliest first."""
+        alone = (read_site(key),)
+        sites = next((group for group in self.groups if alone[0] in group), alone)
+        return [location for _, location in sites]
 
     def find_confounded_pairs(
         self, settings: DiagnosisSettings = SETTINGS
@@ -87,11 +101,6 @@ class Posterior:
                 (more_probable,), (other_site,) = first - second, second - first
                 pairs.append((more_probable, other_site))
         return tuple(dict.fromkeys(pairs))
-
-
-def read_site(key: Key) -> Site:
-    """Return effect and location, which several directions of one cause share."""
-    return key[0], key[1]
 
 
 def compute_posterior(
@@ -128,10 +137,18 @@ def compute_posterior(
         } | {evidence.proven: none + (0.0 if evidence.unknown else unexplained)}
         none, unexplained = NEGLIGIBLE_SHARE, unexplained if evidence.unknown else 0.0
     several = sum(share for keys, share in probabilities.items() if _count_causes(keys) > 1)
-    causes = _sum_presence(probabilities, settings.min_row_probability)
-    ordered = tuple(sorted(probabilities.items(), key=lambda row: -row[1]))
-    where = weigh_places(evidence, causes, unexplained, constants)
-    return Posterior(none, unexplained, several, causes, where, ordered)
+    groups = group_places(probabilities, evidence.interchangeable, settings.twin_nats)
+    apart = sum_presence(probabilities, [(site,) for group in groups for site in group], settings)
+    return Posterior(
+        none,
+        unexplained,
+        several,
+        causes=sum_presence(probabilities, groups, settings),
+        where=weigh_places(evidence, apart, unexplained, constants),
+        sets=tuple(sorted(probabilities.items(), key=lambda row: -row[1])),
+        groups=tuple(group for group in groups if len(group) > 1),
+        apart=apart,
+    )
 
 
 def compute_log_odds(
@@ -226,21 +243,3 @@ def _select_best_fits(sets: Sequence[FittedSet]) -> list[FittedSet]:
 def _count_causes(keys: Keys) -> int:
     """Return the number of causes of a set."""
     return len({read_site(key) for key in keys})
-
-
-def _sum_presence(sets: Mapping[Keys, float], min_probability: float) -> Shares:
-    """Return the probability that each effect is present at its place, in its best direction."""
-    present: dict[Site, float] = {}
-    directions: dict[Site, dict[Key, float]] = {}
-    for keys, share in sets.items():
-        for site in dict.fromkeys(map(read_site, keys)):
-            present[site] = present.get(site, 0.0) + share
-        for key in keys:
-            shares = directions.setdefault(read_site(key), {})
-            shares[key] = shares.get(key, 0.0) + share
-    rows = [
-        (max(directions[site], key=lambda key: directions[site][key]), probability)
-        for site, probability in present.items()
-        if probability >= min_probability
-    ]
-    return tuple(sorted(rows, key=lambda row: -row[1]))

@@ -28,7 +28,7 @@ from diagnosis.algorithm import Diagnosis
 from diagnosis.effects import PROVEN, load_catalogue
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Key
-from diagnosis.inference.posterior import Keys
+from diagnosis.inference.places import Keys
 from diagnosis.next_test.experiments import (
     Experiment,
     RivalModel,

@@ -1,12 +1,12 @@
 """Evidence of a verdict: plain numbers of everything that was fitted."""
 
 from diagnosis.inference.calibration import find_variance_source
-from diagnosis.inference.evidence import Evidence, Scored
+from diagnosis.inference.evidence import Evidence, ForceGain, Scored
 from diagnosis.null_model import Baseline
-from diagnosis.refits.refit import summarise_refit
+from diagnosis.refits.refit import Refit, summarise_refit
+from diagnosis.search.confounded import find_interchangeable
 from diagnosis.search.fitted_sets import Search
-from diagnosis.search.free_force import fit_free_forces
-from diagnosis.search.refit_round import move_scene
+from diagnosis.search.refit_round import push_about
 from diagnosis.settings import DiagnosisSettings
 from tuning import is_gap_visible
 
@@ -29,19 +29,21 @@ def collect_evidence(
         row = Scored(effect=effect, location=location, dof=dof, gain=score.gain)
         best_gain.setdefault(score.hypothesis.site, row)
     has_rest = bool(selected.causes) and is_gap_visible(selected.gap)
-    ratio = settings.force_floor_ratio
-    inner = move_scene(base.scene, selected)
-    rest = fit_free_forces(inner, selected.fit, ratio * selected.floor) if has_rest else ()
+
+    def push(refit: Refit) -> tuple[ForceGain, ...]:
+        return search.forces.get(refit) or push_about(base.scene, refit, settings)
+
     return Evidence(
         proven=tuple(hypothesis.key for hypothesis in base.proven),
         small_faults=search.small_faults,
         unknown=base.checks.unknown,
         null=summarise_refit(null),
         sets=tuple(summarise_refit(refit) for refit in search.refits),
-        pushed=fit_free_forces(base.scene, null.fit, ratio * null.floor),
-        rest_pushed=rest,
+        pushed=push(null),
+        rest_pushed=push(selected) if has_rest else (),
         hypotheses=len(best_gain),
         variance=find_variance_source(null.session.campaign),
         unsteady=unsteady,
         scored=tuple(best_gain.values()),
+        interchangeable=find_interchangeable(search, base.scene.stride_factor, settings),
     )

@@ -1,12 +1,12 @@
 """Sets of causes that the search has fitted, and which of two it prefers."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from diagnosis.inference.calibration import find_variance_source, load_calibration
-from diagnosis.inference.evidence import Evidence, Key
+from diagnosis.inference.evidence import Evidence, ForceGain, Key
 from diagnosis.inference.posterior import compute_log_odds, select_material_sets
 from diagnosis.refits.refit import Refit, summarise_refit
 from diagnosis.search.score_test import Score
@@ -23,6 +23,7 @@ class Search:
         refits: sets of causes in the order of their fits.
         selected: selected set of causes; the null model if no cause is probable.
         small_faults: faults that redundant channels prove, but for gross ones.
+        forces: free forces about some refits.
     """
 
     null: Refit
@@ -30,6 +31,7 @@ class Search:
     scores: tuple[Score, ...] = ()
     refits: tuple[Refit, ...] = ()
     small_faults: tuple[Key, ...] = ()
+    forces: Mapping[Refit, tuple[ForceGain, ...]] = field(default_factory=dict)
 
     @property
     def hypotheses(self) -> int:

@@ -7,10 +7,13 @@ from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.data_checks.candidates import build_candidates
 from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.inference.evidence import ForceGain
 from diagnosis.levels.law_part import LawPart
 from diagnosis.levels.refit_laws import refit_laws
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
+from diagnosis.search.free_force import fit_free_forces
+from diagnosis.search.local_gap import acts_at, list_further_peaks
 from diagnosis.search.one_level import CauseSearch, Trial
 from diagnosis.search.score_test import Score, scores, select_best_of_sites
 from diagnosis.search.stiffness_starts import has_square_matrix, rank_by_stiffness
@@ -55,18 +58,34 @@ def move_scene(scene: Scene, base: Refit) -> Scene:
     return replace(scene, session=base.session, theta=base.fit.theta)
 
 
+def push_about(scene: Scene, base: Refit, settings: DiagnosisSettings) -> tuple[ForceGain, ...]:
+    """Return the free force of each place that explains most of what a refit leaves."""
+    floor = settings.force_floor_ratio * base.floor
+    return fit_free_forces(move_scene(scene, base), base.fit, floor)
+
+
 def refit_round(
     base: Baseline,
     current: Refit,
     ranked: Sequence[Score],
     settings: DiagnosisSettings,
+    place: str | None = None,
 ) -> list[Refit]:
     """Refit the promising hypotheses; where a rest remains, others from distant starts.
 
     These are the best one, with its further shapes, and those without a slope.
+
+    Args:
+        base: null model, and what the data checks prove.
+        current: set beside which they are refitted.
+        ranked: their scores, the most promising first.
+        settings: sizes of the search.
+        place: where a force of any spectrum explains much of the gap: the best hypothesis of each
+            effect there is promising, whatever its score. So are the other peaks of the scans, if
+            a rest remains.
     """
     scene, search = base.scene, CauseSearch.beside(base.scene, current, settings)
-    promising = _select_promising(ranked, settings)
+    promising = _select_promising(ranked, place, settings)
     linear = [hypothesis for hypothesis in promising if hypothesis.spring is None]
     laws = _add_directions([law for law in promising if law not in linear], ranked, settings)
     trials: list[Trial] = [(hypothesis, ()) for hypothesis in linear]
@@ -80,12 +99,15 @@ def refit_round(
     best = min(refits, key=lambda refit: refit.objective, default=None)
     if best is not None and is_gap_visible(best.gap):
         distant = _list_without_slope(ranked, best.causes[-1])
-        refits += search.refit(
-            [
-                *_list_variants(best.causes[-1], ranked, refits, settings),
-                *(trial for rival in distant for trial in _list_distant_starts(rival, settings)),
-            ]
-        )
+        further = [
+            *_list_variants(best.causes[-1], ranked, refits, settings),
+            *(trial for rival in distant for trial in _list_distant_starts(rival, settings)),
+        ]
+        shapes = {hypothesis for hypothesis, _ in further}
+        # About the null model further peaks mostly belong to what a stronger cause explains.
+        count = settings.max_refits if current.causes else settings.max_variants
+        peaks = list_further_peaks(ranked, place, count)
+        refits += search.refit([*further, *((peak, ()) for peak in peaks if peak not in shapes)])
     if search.is_on_one_level:
         hypotheses = len({score.hypothesis.site for score in ranked})
         refits = search.finish(refits, trials, hypotheses, tuple(map(key_of, base.checks.small)))
@@ -109,8 +131,10 @@ def _list_variants(
     return [*_list_distant_starts(cause, settings), *((shape, ()) for shape in shapes)]
 
 
-def _select_promising(ranked: Sequence[Score], settings: DiagnosisSettings) -> list[Hypothesis]:
-    """Return the most promising hypotheses, one for each effect and place.
+def _select_promising(
+    ranked: Sequence[Score], place: str | None, settings: DiagnosisSettings
+) -> list[Hypothesis]:
+    """Return the most promising hypotheses, one for each effect and place, and those at a place.
 
     The laws of one joint count as one, since they have one score.
     """
@@ -123,7 +147,9 @@ def _select_promising(ranked: Sequence[Score], settings: DiagnosisSettings) -> l
         if len(slots) > settings.max_refits:
             break
         chosen.append(hypothesis)
-    return chosen
+    best = [score.hypothesis for score in select_best_of_sites(ranked)]
+    at_place = [hypothesis for hypothesis in best if acts_at(hypothesis, place)]
+    return list(dict.fromkeys((*chosen, *at_place)))
 
 
 def _add_directions(

@@ -39,11 +39,13 @@ class Score:
         hypothesis: the hypothesis.
         gain: predicted decrease of the cost at the model-error floor [nats].
         step: step of its coordinates; (n_coordinate,).
+        order: its number in the order of proposal, along which shapes are scanned.
     """
 
     hypothesis: Hypothesis
     gain: float
     step: Real
+    order: int = 0
 
 
 def scores(
@@ -68,8 +70,8 @@ def scores(
 def rank_scores(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[Score]:
     """Return the scores of hypotheses, the largest gain first; ties in the order of proposal."""
     scored = [
-        Score(hypothesis, gain, step)
-        for hypothesis, (gain, step) in zip(hypotheses, gained, strict=True)
+        Score(hypothesis, gain, step, order)
+        for order, (hypothesis, (gain, step)) in enumerate(zip(hypotheses, gained, strict=True))
     ]
     best: dict[Key, float] = {}
     for row in scored:
@@ -220,3 +222,19 @@ def select_best_of_sites(ranked: Sequence[Score]) -> list[Score]:
         if score.gain > 0 or score.hypothesis.otherwise:
             best.setdefault(score.hypothesis.key[:2], score)
     return list(best.values())
+
+
+def list_peaks(scanned: Sequence[Score]) -> list[Score]:
+    """Return the scores of one effect and place that no neighbour in its scan exceeds, best first.
+
+    The gain has several maxima along a scanned frequency: between two modes that have them both,
+    an appendage explains nothing. A fit that begins at one of them does not reach the next.
+
+    Args:
+        scanned: scores of the shapes of one effect and place.
+    """
+    rows = sorted(scanned, key=lambda score: score.order)
+    gains = np.array([0.0, *(score.gain for score in rows), 0.0])
+    is_peak = (gains[1:-1] > gains[:-2]) & (gains[1:-1] >= gains[2:])
+    peaks = [score for score, is_top in zip(rows, is_peak, strict=True) if is_top]
+    return sorted(peaks, key=lambda score: -score.gain)

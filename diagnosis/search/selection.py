@@ -9,8 +9,12 @@ ch. 15).
 
 While others are missing, an effect may be improbable or close little of the gap. The search
 therefore goes on as long as the last cause closes much or makes the set more probable, and a gap
-remains that a further one may close. It ends after two rounds in a row in which the set did not
+remains that a further one may close. The rounds end after two in a row in which the set did not
 become more probable: of two equal effects, the first alone explains too little.
+
+Where a force of any spectrum at one place explains much of what a set leaves, each effect at that
+place is refitted, whatever its score: a strong effect may score below weaker ones elsewhere. So is
+the place of what the most probable set leaves where the rounds ended with another one.
 """
 
 from collections.abc import Callable
@@ -31,8 +35,14 @@ from diagnosis.search.fitted_sets import (
     is_last_material,
     is_more_probable,
 )
+from diagnosis.search.local_gap import acts_at, find_local_place
 from diagnosis.search.moved_causes import move_causes
-from diagnosis.search.refit_round import list_excluded, refit_round, score_hypotheses
+from diagnosis.search.refit_round import (
+    list_excluded,
+    push_about,
+    refit_round,
+    score_hypotheses,
+)
 from diagnosis.settings import DiagnosisSettings
 from tuning import is_gap_visible
 
@@ -50,37 +60,79 @@ def select_causes(
     small_faults = tuple(map(key_of, base.checks.small))
     search, path = Search(base.null, base.null, small_faults=small_faults), base.null
     visited: set[frozenset[Key]] = set()
-    moved_sets: set[frozenset[Key]] = set()  # their last cause was moved to neighbours
-    stalled_before = is_stalled = False
-    while (
-        len(path.causes) < settings.max_causes
-        and frozenset(path.keys) not in visited
-        and not (stalled_before and is_stalled)
-    ):
+    moved: dict[frozenset[Key], set[Key]] = {}  # causes of sets that were moved to neighbours
+    stalled_before = is_stalled = has_ended = False
+    while len(path.causes) < settings.max_causes and frozenset(path.keys) not in visited:
+        search, place = _locate_gap(base, search, path, settings)
+        if has_ended and place is None:
+            break
         visited.add(frozenset(path.keys))
         say(f"score tests of all hypotheses for cause {len(path.causes) + 1}")
         ranked = score_hypotheses(base.scene, path, list_excluded(base), settings)
+        if has_ended:
+            ranked = [score for score in ranked if acts_at(score.hypothesis, place)]
         say("refits of the most promising hypotheses")
-        refits = refit_round(base, path, ranked, settings)
+        refits = refit_round(base, path, ranked, settings, place)
         search = replace(
             search, scores=search.scores or tuple(ranked), refits=(*search.refits, *refits)
         )
         promising = [refit for refit in refits if _is_promising(search, refit, path, settings)]
-        if not promising:
-            break
-        best = min(promising, key=lambda refit: refit.objective)
-        before, (search, path) = path, reconsider_causes(base, search, best, settings)
-        search, path = move_causes(base.scene, search, path, path.causes[-1:], settings)
-        moved_sets.add(frozenset(path.keys))
-        stalled_before, is_stalled = is_stalled, not is_more_probable(search, path, before)
-        if is_acceptable(search, path, settings):
-            search = replace(search, selected=path)
-        if not is_gap_visible(path.gap):
-            break
+        if promising:
+            best = min(promising, key=lambda refit: refit.objective)
+            before, (search, path) = path, reconsider_causes(base, search, best, settings)
+            search, path = move_causes(base.scene, search, path, path.causes[-1:], settings)
+            moved.setdefault(frozenset(path.keys), set()).add(path.keys[-1])
+            stalled_before, is_stalled = is_stalled, not is_more_probable(search, path, before)
+            if is_acceptable(search, path, settings):
+                search = replace(search, selected=path)
+        has_ended = (
+            not promising
+            or (stalled_before and is_stalled)
+            or not is_gap_visible(path.gap)
+            or len(path.causes) >= settings.max_causes
+            or frozenset(path.keys) in visited
+        )
+        if has_ended:
+            search, path = _settle(base, search, moved, settings)
+            stalled_before = is_stalled = False
+    return search
+
+
+def _locate_gap(
+    base: Baseline, search: Search, refit: Refit, settings: DiagnosisSettings
+) -> tuple[Search, str | None]:
+    """Return the place of what a set leaves, and the search with the free forces that show it.
+
+    There is none if next to nothing remains, or if it is everywhere.
+    """
+    if not is_gap_visible(refit.gap):
+        return search, None
+    forces = search.forces.get(refit) or push_about(base.scene, refit, settings)
+    search = replace(search, forces={**search.forces, refit: forces})
+    return search, find_local_place(forces, settings)
+
+
+def _settle(
+    base: Baseline,
+    search: Search,
+    moved: dict[frozenset[Key], set[Key]],
+    settings: DiagnosisSettings,
+) -> tuple[Search, Refit]:
+    """Return the search and its most probable set, whose causes were moved to neighbours.
+
+    Args:
+        base: null model, and what the data checks prove.
+        search: sets of causes that were fitted.
+        moved: causes of each set that were moved already.
+        settings: schedules and thresholds.
+    """
     best = find_most_probable(search, settings)
-    remaining = best.causes[:-1] if frozenset(best.keys) in moved_sets else best.causes
+    done = moved.setdefault(frozenset(best.keys), set())
+    remaining = [cause for cause in best.causes if cause.key not in done]
+    done.update(best.keys)
     search, _ = move_causes(base.scene, search, best, remaining, settings)
-    return replace(search, selected=find_most_probable(search, settings))
+    best = find_most_probable(search, settings)
+    return replace(search, selected=best), best
 
 
 def _is_promising(search: Search, refit: Refit, path: Refit, settings: DiagnosisSettings) -> bool:

@@ -161,6 +161,7 @@ def _build_row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
         parameters=refit.state_parameters(cause) if refit and cause else {},
         interval={},
         excess_after=None,
+        places=diagnosis.posterior.list_places(key),
         laws=list(entry.laws) if (entry := load_catalogue().get(effect)) else [],
     )
     present = next(
@@ -176,7 +177,7 @@ def _build_row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
         )
     update = {
         "parameters": parameters.state_parameters(present),
-        "interval": parameters.estimate_intervals(present),
+        "interval": diagnosis.present.intervals.get(key) or parameters.estimate_intervals(present),
         "excess_after": after.gap.excess,
     }
     return row.model_copy(update=update)

@@ -71,7 +71,8 @@ class Where(_Row):
 class CauseRow(_Row):
     """Cause: an effect at a place.
 
-    ``laws`` lists the laws that the effect stands for, where the data do not tell them apart.
+    ``places`` lists all places that the test cannot tell apart, the likeliest first. ``laws`` lists
+    the laws that the effect stands for, where the data do not tell them apart.
     """
 
     effect: str
@@ -81,6 +82,7 @@ class CauseRow(_Row):
     parameters: dict[str, Value]
     interval: dict[str, Ends]
     excess_after: float | None
+    places: list[str] = []
     laws: list[str] = []
 
 

@@ -34,12 +34,15 @@ def closed_words(closed: float, ends: tuple[float, float] | None) -> str:
     return f"{share} of the gap beyond noise is closed{interval}"
 
 
-def unestablished_words(closed: float) -> str:
+def unestablished_words(closed: float, *, has_size: bool = True) -> str:
     """Return why a probable cause is not established.
 
     Args:
         closed: part of the gap of the fitted lines that it closes.
+        has_size: whether the interval of its size leaves out no effect.
     """
+    if not has_size:
+        return "but the interval of its size holds no effect, so it is not established"
     if closed < 0:
         return "which grows with it, so it is not established"
     if closed < SETTINGS.min_closed:

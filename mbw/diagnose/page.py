@@ -194,7 +194,8 @@ def _places(result: StoredDiagnosis) -> list[dict[str, object]]:
     towards = {force.location: name_direction(force.dof) for force in forces}
     places = result.shown.places
     named = [name for name in shares if shares[name]]
-    named += [cause.location for cause in verdict.causes] + twin_locations(verdict)
+    named += [place for row in verdict.causes for place in (row.location, *row.places)]
+    named += twin_locations(verdict)
     kept = list(dict.fromkeys(named))
     forced = [name for name in gains if gains[name] and name not in kept]
     kept += forced[: max(_MAX_PLACE_BARS - len(kept), 0)]

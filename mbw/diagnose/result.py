@@ -60,6 +60,7 @@ def collect_result(
     frfs, corrected = _frfs(diagnosis, cells)
     machine_row, machine_arrays = machine_rows(machine.layout, machine_geometry(machine))
     locations = [cause.location for cause in verdict.causes]
+    locations += [place for cause in verdict.causes for place in cause.places]
     locations += [share.location for share in verdict.where]
     locations += twin_locations(verdict)
     locations += [remark.location for remark in verdict.remarks]

@@ -76,10 +76,28 @@ def place_phrase(location: str) -> str:
 
 
 def cause_words(row: CauseRow | RemarkRow) -> str:
-    """Return effect, place and direction of a cause."""
+    """Return effect, place and direction of a cause; all places that the test cannot tell apart."""
     towards = name_direction(row.dof)
     towards = f", {towards}" if towards else ""
-    return f"{effect_noun(row.effect)} {place_phrase(row.location)}{towards}"
+    places = " or ".join(map(place_phrase, [row.location, *other_places(row)]))
+    return f"{effect_noun(row.effect)} {places}{towards}"
+
+
+def other_places(row: CauseRow | RemarkRow) -> list[str]:
+    """Return the places of a cause that the test cannot tell from its likeliest one."""
+    places = row.places if isinstance(row, CauseRow) else []
+    return [place for place in places if place != row.location]
+
+
+def places_sentences(verdict: Verdict) -> list[str]:
+    """Return a sentence on each cause with several places, and on what its probability is."""
+    return [
+        f"{capitalise(effect_noun(row.effect))} {' or '.join(map(place_phrase, row.places))}: this "
+        "test cannot tell these places apart; they are one cause, with the sum of their "
+        "probabilities."
+        for row in verdict.causes
+        if other_places(row)
+    ]
 
 
 def cause_parameters(row: CauseRow) -> str:
@@ -133,7 +151,11 @@ def confounded_sentences(verdict: Verdict) -> list[str]:
     """Return a sentence on each set of confounded causes, and on a preference of the data."""
     shares = {f"{cause.effect}@{cause.location}": cause.probability for cause in verdict.causes}
     sentences = []
-    for confounded in _join_pairs(verdict.twins):
+    one_cause = [{f"{row.effect}@{place}" for place in row.places} for row in verdict.causes]
+    pairs = [
+        pair for pair in verdict.twins if not any(sites.issuperset(pair) for sites in one_cause)
+    ]
+    for confounded in _join_pairs(pairs):
         sites = sorted(confounded, key=lambda site: (-shares.get(site, 0.0), site))
         more, less, *_ = (shares.get(site, 0.0) for site in sites)
         names = _join_words([site_words(site) for site in sites])

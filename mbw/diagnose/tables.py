@@ -20,7 +20,9 @@ from mbw.diagnose.link_axis import axis_words
 from mbw.diagnose.sentences import (
     confounded_sentences,
     format_probability,
+    other_places,
     place_name,
+    places_sentences,
     sensor_check_sentences,
     serial_correlation_sentences,
     untested_sentences,
@@ -58,7 +60,7 @@ def causes_section(result: StoredDiagnosis) -> str:
         table = "<p>No effect of the catalogue is likely: none has a probability of 1 %.</p>"
     levels = len({test.level for test in result.shown.tests})
     correlation = serial_correlation_sentences(result.evidence)
-    confounded = confounded_sentences(verdict)
+    confounded = [*places_sentences(verdict), *confounded_sentences(verdict)]
     text = _paragraphs(
         [
             *level_sentences(verdict),
@@ -91,7 +93,7 @@ def _cause(
     sizes = [text for name in row.parameters for text in _parameter_texts(row, name)]
     bar = f'<span class="bar"><i style="left:0;width:{100 * row.probability:.1f}%"></i></span>'
     name = f"<b>{escape(row.effect.replace('_', ' '))}</b><br><small>{escape(meaning)}</small>"
-    place = escape(place_name(row.location))
+    place = escape(" or ".join(map(place_name, [row.location, *other_places(row)])))
     return (
         f'<tr><td class="name">{name}</td><td class="name whole">{place}</td>'
         f'<td class="name">{escape(_direction(row, places))}</td>'

@@ -23,6 +23,8 @@ from mbw.diagnose.sentences import (
     cause_parameters,
     confounded_sentences,
     noise_sentences,
+    other_places,
+    places_sentences,
     serial_correlation_sentences,
     swap_sentence,
     untested_sentences,
@@ -180,13 +182,17 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
         SCREEN.say(f"  {difference}")
     established_rows = {row.cause for row in list_established(diagnosis, verdict)}
     closed = {key[:2]: share for key, share in present.closes.items()}
+    sized = {key[:2] for key in present.intervals}  # their sizes decided, all else being enough
     for number, row in enumerate(verdict.causes[:_MAX_LISTED_CAUSES]):
         name, sizes = key_words((row.effect, row.location, row.dof)), cause_parameters(row)
+        name += "".join(f" or {place}" for place in other_places(row))
         sizes = f": {sizes}" if sizes else ""
         share = closed.get((row.effect, row.location))
         part = "" if share is None else f"; closes {format_closed(share)} of the fitted lines' gap"
+        part += " that the others leave" if part and joint_causes > 1 else ""
         if share is not None and number not in established_rows:
-            part += f", {unestablished_words(share)}"
+            has_size = (row.effect, row.location) not in sized
+            part += f", {unestablished_words(share, has_size=has_size)}"
         SCREEN.say(f"  {row.probability:.0%} {name}{sizes}{part}")
     rest = rest_sentence(verdict, diagnosis.evidence)
     for text in (rest, *level_sentences(verdict), *remark_sentences(verdict)):
@@ -219,7 +225,8 @@ def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
     for text in (*serial_correlation_sentences(evidence), *noise_sentences(evidence)):
         SCREEN.say(f"  {text}")
     levels = len({test.condition.level_n for test in diagnosis.session.campaign.tests})
-    for text in (*confounded_sentences(verdict), *untested_sentences(verdict, levels)):
+    confounded = (*places_sentences(verdict), *confounded_sentences(verdict))
+    for text in (*confounded, *untested_sentences(verdict, levels)):
         SCREEN.say(f"  {text}")
     if verdict.next_experiment:
         SCREEN.say(f"  next experiment: {verdict.next_experiment}")

@@ -9,6 +9,7 @@ from diagnosis import EFFECTS
 from diagnosis.hypothesis import Scene
 from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.scene_points import are_joined
+from diagnosis.search.confounded import compute_cosine, find_interchangeable
 from diagnosis.search.fitted_sets import Search
 from diagnosis.search.moved_causes import move_causes
 from diagnosis.settings import SETTINGS
@@ -102,6 +103,59 @@ def test_a_link_at_the_wrong_one_of_two_joined_bodies_is_moved_to_the_right_one(
     again, kept = move_causes(scene, search, moved, moved.causes, SETTINGS)
     assert kept.keys == moved.keys
     assert len(again.refits) > len(search.refits)
+
+
+def test_what_two_refits_take_off_the_gap_has_a_cosine_in_sigmas():
+    random = np.random.default_rng(3)
+    shapes = [(5, 2, 1), (5, 3, 1)]
+
+    def draw():
+        return [random.normal(size=shape) + 1j * random.normal(size=shape) for shape in shapes]
+
+    without, first, second = draw(), draw(), draw()
+    weights = [random.uniform(0.5, 2, shape) for shape in shapes]
+    by_hand = [
+        np.concatenate(
+            [(w * (r - e)).ravel() for w, r, e in zip(weights, without, end, strict=True)]
+        )
+        for end in (first, second)
+    ]
+    real = [np.concatenate([vector.real, vector.imag]) for vector in by_hand]
+    expected = real[0] @ real[1] / np.sqrt((real[0] @ real[0]) * (real[1] @ real[1]))
+    assert compute_cosine(without, first, second, weights) == pytest.approx(expected)
+    assert compute_cosine(without, first, first, weights) == pytest.approx(1.0)
+    weights[1][:] = 0.0  # channels that do not count
+    second[1] = second[1] + 7.0
+    counted = compute_cosine(without[:1], first[:1], second[:1], weights[:1])
+    assert compute_cosine(without, first, second, weights) == pytest.approx(counted)
+
+
+def test_a_link_to_either_of_two_bodies_that_move_as_one_is_interchangeable(tmp_path):
+    session, text = drawn(tmp_path, 72_520, "parallel_path", ratio=6.0, lines=161, stages=4)
+    location = text.partition('location = "')[2].partition('"')[0]
+    scene = early_scene(session)
+    null = refit_null(scene)
+    right = propose_at(scene, "parallel_path", location)[0]
+    fits = [refit_with(scene, null, right)]
+    far = [place for place in propose_places(scene) if place != location]
+    fits += [refit_with(scene, null, propose_at(scene, "parallel_path", place)[0]) for place in far]
+    search = Search(null, fits[0], refits=tuple(fits))
+    names = {
+        frozenset(place for _, place in pair) for pair in find_interchangeable(search, 1, SETTINGS)
+    }
+    gaps = {fit.causes[0].location: fit.gap for fit in fits}
+    for pair in names:  # who takes the same off leaves as much
+        first, second = (null.gap - gaps[place] for place in pair)
+        assert first == pytest.approx(second, rel=0.25)
+    weak = {
+        place for place, gap in gaps.items() if null.gap - gap < 0.5 * (null.gap - gaps[location])
+    }
+    assert not any(location in pair and pair & weak for pair in names)
+
+
+def propose_places(scene):
+    """The places of a link."""
+    return dict.fromkeys(link.location for link in EFFECTS["parallel_path"](scene))
 
 
 def test_causes_of_sensors_are_not_moved(scene):

@@ -299,6 +299,45 @@ def test_causes_within_three_nats_of_each_other_are_confounded():
     assert Posterior(0.1, 0.1, 0.9, (), (), both).find_confounded_pairs() == ((B[:2], C[:2]),)
 
 
+def one_effect(*costs, gap=5.0, **more):
+    """Posterior of one effect at the bodies a, b, c, each with its cost [nats per value]."""
+    sets = [fitted((key,), cost, gap) for key, cost in zip((A, B, C), costs, strict=False)]
+    return compute_posterior(evidence([*sets, *more.pop("sets", ())], **more), CONSTANTS)
+
+
+def test_one_effect_at_places_that_the_test_cannot_tell_apart_is_one_cause():
+    pair = (A[:2], B[:2])
+    apart = dict(one_effect(-0.20, -0.21, -0.17).causes)
+    posterior = one_effect(-0.20, -0.21, -0.17, interchangeable=(pair,))
+    (key, probability), *others = posterior.causes
+    assert key == B  # the likeliest place
+    assert probability == pytest.approx(apart[A] + apart[B])
+    assert posterior.list_places(B) == ["body:b", "body:a"]
+    assert [row[0] for row in others] == [C]
+    assert posterior.list_places(C) == ["body:c"]
+    # Each place keeps its share of where the cause is.
+    shares = dict(posterior.where)
+    assert shares["body:a"] / shares["body:b"] == pytest.approx(apart[A] / apart[B])
+    assert dict(posterior.apart) == pytest.approx(apart)
+
+
+def test_every_pair_of_places_of_one_cause_is_alike_and_within_three_nats():
+    costs = (-0.22, -0.21, -0.20)
+    two = one_effect(*costs, interchangeable=((A[:2], B[:2]), (B[:2], C[:2])))
+    assert two.groups == ((A[:2], B[:2]),)  # A and C are not alike
+    pairs = ((A[:2], B[:2]), (B[:2], C[:2]), (A[:2], C[:2]))
+    assert one_effect(*costs, interchangeable=pairs).groups == ((A[:2], B[:2], C[:2]),)
+    far = one_effect(-0.3, -0.2, interchangeable=pairs)  # about 80 values: 8 nats
+    assert far.groups == ()
+
+
+def test_places_that_the_most_probable_set_holds_together_are_two_causes():
+    both = fitted((A, B), -0.6, 0.0)
+    posterior = one_effect(-0.2, -0.2, sets=[both], interchangeable=((A[:2], B[:2]),))
+    assert posterior.groups == ()
+    assert posterior.several > 0.9
+
+
 def test_a_fault_that_redundant_channels_prove_pays_for_its_parameters_alone():
     alone = fitted((A,), -0.1, 5.0, parameters=(6,))
     beside = fitted((A, B), -0.6, 4.0, parameters=(6, 3))

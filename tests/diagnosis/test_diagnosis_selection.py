@@ -12,13 +12,17 @@ from diagnosis.data_checks.candidates import build_candidates
 from diagnosis.data_checks.sensors import check_sensors
 from diagnosis.decision import held_out_check
 from diagnosis.decision.closed_by_proven import divide_closed_gap
-from diagnosis.decision.established import describe_present
+from diagnosis.decision.established import _find_closed_by_causes, describe_present
 from diagnosis.decision.held_out_check import (
     admit_predictive_causes,
     predicts_held_out,
 )
+from diagnosis.inference.evidence import ForceGain
 from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import Search
+from diagnosis.search.local_gap import acts_at, find_local_place, list_further_peaks
+from diagnosis.search.refit_round import _select_promising
+from diagnosis.search.score_test import Score, list_peaks
 from diagnosis.settings import SETTINGS
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import draw_imperfect, early_scene, propose_at, refit_null, refit_with
@@ -61,14 +65,21 @@ def test_causes_that_predict_held_out_lines_no_better_are_not_admitted(two_effec
     assert not predicts_held_out(gaps.retuned, useless, price)
     assert predicts_held_out(gaps.after, gaps.after, price)  # not visible: the fits decide
 
-    # A block of lines that the fits predict badly does not decide: its floor is its own.
+    # A block of lines that the fits predict badly does not decide: its floor is its own. What
+    # closes less than nothing of the gap is none.
     begin, end = gaps.after.starts[1:3]
-    missed = [values.copy() for values in gaps.after.predicted]
-    for values in missed:
-        values[begin:end] *= 30.0
-    beside = replace(gaps.after, predicted=tuple(missed))
-    assert beside.gap.excess > gaps.retuned.gap.excess
+
+    def miss_block(factor):
+        missed = [values.copy() for values in gaps.after.predicted]
+        for values in missed:
+            values[begin:end] *= factor
+        return replace(gaps.after, predicted=tuple(missed))
+
+    beside = miss_block(1.03)
+    assert gaps.after.gap.excess < beside.gap.excess < gaps.retuned.gap.excess
     assert predicts_held_out(gaps.retuned, beside, price)
+    assert miss_block(30.0).gap.excess > gaps.retuned.gap.excess
+    assert not predicts_held_out(gaps.retuned, miss_block(30.0), price)
 
     def estimate(base, whole, null, chosen, settings):
         return replace(gaps, after=useless if chosen.causes else None)
@@ -88,12 +99,80 @@ def test_a_proven_fault_that_closes_little_beside_a_larger_gap_is_a_remark(two_e
     found, _ = two_effects
     swap = ("sensor_swap", "sensor:acc1", "tx+ty")
     fault = SimpleNamespace(effect=swap[0], location=swap[1], dof=swap[2])
-    base = SimpleNamespace(proven=(), checks=SimpleNamespace(faults=(fault,)))
+    base = SimpleNamespace(proven=(), checks=SimpleNamespace(faults=(fault,)), scene=found.scene)
     arguments = found.search, found.evidence, found.posterior, found.gaps, SETTINGS
     present = describe_present(base, *arguments)
     assert set(present.remarks) == {swap}
     assert swap not in present.established
     assert present.word == found.present.word
+
+
+def test_a_cause_closes_a_part_of_the_gap_that_remains_without_it():
+    def fit(gap, *names):
+        keys = tuple(("mass_error", f"body:{name}", None) for name in names)
+        return SimpleNamespace(keys=keys, gap=gap, objective=gap)
+
+    null, strong, weak, both = fit(40.0), fit(6.0, "a"), fit(35.0, "b"), fit(0.5, "a", "b")
+    search = Search(null, both, refits=(strong, weak, both))
+    closed = _find_closed_by_causes(search, both)
+    assert closed[both.keys[0]] == pytest.approx(34.5 / 35)
+    assert closed[both.keys[1]] == pytest.approx(5.5 / 6)  # 14 % of the null model's gap
+    # Of what is next to nothing no part counts, but that of the null model's gap.
+    nearly, all_but_none = fit(0.1, "a"), fit(0.01, "a", "b")
+    search = Search(null, nearly, refits=(nearly, all_but_none))
+    assert _find_closed_by_causes(search, all_but_none)[both.keys[1]] < 1.0
+    little = _find_closed_by_causes(Search(null, nearly, refits=(nearly,)), nearly)
+    assert little == pytest.approx({nearly.keys[0]: 39.9 / 40})
+
+
+def scored(effect, location, gain, order=0):
+    """A score of a hypothesis."""
+    return Score(Hypothesis(effect, location), gain, np.ones(1), order)
+
+
+def test_where_a_free_force_explains_much_each_effect_is_refitted_whatever_its_score():
+    def push(*shares):
+        return [
+            ForceGain(location=f"body:{name}", dof="tx", gain=1e3 * share, share=share)
+            for name, share in zip("ab", shares, strict=True)
+        ]
+
+    least = SETTINGS.min_local_share
+    assert find_local_place(push(least, 0.1), SETTINGS) == "body:a"
+    assert find_local_place(push(0.1, least + 0.1), SETTINGS) == "body:b"
+    assert find_local_place(push(0.9 * least, 0.1), SETTINGS) is None  # everywhere
+    assert find_local_place([], SETTINGS) is None
+    elsewhere = [scored("mass_error", f"body:{k}", 100.0 - k) for k in range(12)]
+    there = [
+        scored("appendage", "body:b", 3.0, 1),
+        scored("appendage", "body:b", 2.0, 2),  # beside the best shape
+        scored("appendage", "body:b", 1.5, 5),  # beyond a mode
+        scored("appendage", "body:b", 0.0, 3),
+        scored("appendage", "body:b", 0.1, 4),
+        scored("mass_error", "body:b", 1.0),
+        scored("parallel_path", "pair:world-b", 0.5),
+        scored("parallel_path", "pair:a-b", 0.4),  # pushes a as well
+        scored("gyroscopic", "body:b", 0.0),  # explains nothing
+    ]
+    ranked = [*elsewhere, *there]
+    most = [score.hypothesis for score in elsewhere[: SETTINGS.max_refits]]
+    assert _select_promising(ranked, None, SETTINGS) == most
+    at_place = [there[k].hypothesis for k in (0, 5, 6)]
+    assert _select_promising(ranked, "body:b", SETTINGS) == [*most, *at_place]
+    further = [there[2].hypothesis]
+    assert list_further_peaks(ranked, "body:b", 2) == further
+    assert list_further_peaks(ranked, "body:b", 0) == list_further_peaks(ranked, None, 2) == []
+    assert acts_at(Hypothesis("joint_coupling", "joint:b"), "joint:b")
+    assert not acts_at(Hypothesis("joint_coupling", "joint:b"), None)
+
+
+def test_peaks_of_a_scan_are_those_that_no_neighbour_exceeds():
+    gains = [0.0, 2.0, 5.0, 5.0, 1.0, 0.0, 0.0, 7.0, 0.5, 3.0]
+    rows = [scored("appendage", "body:b", gain, k) for k, gain in enumerate(gains)]
+    ranked = sorted(rows, key=lambda score: -score.gain)
+    assert [score.order for score in list_peaks(ranked)] == [7, 2, 9]
+    assert list_peaks(rows[5:7]) == []
+    assert list_peaks([]) == []
 
 
 def test_elimination_drops_a_proxy_and_keeps_the_cause(tmp_path):

@@ -10,10 +10,12 @@ from mbw.diagnose.effect_parameters import number, parameter_lines, parameter_wo
 from mbw.diagnose.gap_sentences import closed_words, held_out_sentence, unestablished_words
 from mbw.diagnose.sentences import (
     cause_parameters,
+    cause_words,
     confounded_sentences,
     noise_sentences,
     place_name,
     place_phrase,
+    places_sentences,
     serial_correlation_sentences,
     site_words,
     untested_sentences,
@@ -148,6 +150,7 @@ def test_a_share_beyond_0_to_100_per_cent_is_said_in_words(share, text):
 def test_a_cause_with_which_the_gap_grows_is_not_established_for_that():
     assert unestablished_words(-0.4) == "which grows with it, so it is not established"
     assert unestablished_words(0.1).startswith("less than 20 %")
+    assert "size holds no effect" in unestablished_words(0.9, has_size=False)
 
 
 def test_a_gap_that_held_out_lines_see_grow_is_not_said_to_close_by_less_than_nothing():
@@ -198,6 +201,21 @@ def test_confounded_causes_are_listed_with_the_preference_of_the_data():
         f"These data hardly distinguish {mass} top, {mass} rz and {mass} ty {end}"
     ]
     assert said() == [f"These data hardly distinguish {mass} rz and {mass} ty {end}"]
+
+
+def test_a_cause_with_several_places_names_all_and_no_twins_among_them():
+    here = row({}).model_copy(update={"places": ["body:ty", "body:rz"]})
+    other = row({}).model_copy(update={"location": "body:top", "places": ["body:top"]})
+    assert cause_words(here) == "mass beyond tolerance on body ty or on body rz"
+    assert cause_words(other) == "mass beyond tolerance on body top"
+    sites = [f"mass_error@body:{name}" for name in ("ty", "rz", "top")]
+    verdict = SimpleNamespace(causes=[here, other], twins=[(sites[0], sites[1])])
+    assert confounded_sentences(verdict) == []
+    (said,) = places_sentences(verdict)
+    assert said.startswith("Mass beyond tolerance on body ty or on body rz: this test cannot tell")
+    verdict.twins.append((sites[0], sites[2]))
+    assert len(confounded_sentences(verdict)) == 1
+    assert "body ty or body rz" in _cause(here, "a mass", {})
 
 
 def test_the_serial_correlation_is_stated_without_and_with_the_effect():

@@ -100,7 +100,7 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
     )  # fmt: skip
     causes = [*result.verdict.causes[:1], late]
     closes = {keys[0]: 0.9, ("hammer_delay", "hammer:acc11", None): 0.06}
-    present = SimpleNamespace(established=keys, closes=closes)
+    present = SimpleNamespace(established=keys, closes=closes, intervals={})
     remark = RemarkRow(effect="sensor_gain", location="sensor:acc11", dof="tx", closed=0.004)
     campaign = SimpleNamespace(name="here", tests=())
     verb._say(
@@ -118,10 +118,10 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
     said = capsys.readouterr().err
     assert "here: one effect is established, and a significant rest remains" in said
     assert "parallel_path at pair:stage1-stage3: stiffness" in said
-    assert "; closes 90 % of the fitted lines' gap\n" in said
+    assert "; closes 90 % of the fitted lines' gap that the others leave\n" in said
     assert (
-        "98% hammer_delay at hammer:acc11: delay -0.2 ms; closes 6 % of the fitted lines' gap, "
-        "less than 20 %, so it is not established\n" in said
+        "98% hammer_delay at hammer:acc11: delay -0.2 ms; closes 6 % of the fitted lines' gap "
+        "that the others leave, less than 20 %, so it is not established\n" in said
     )
     assert "\n  with the effects: " in said
     assert f"  what remains is {result.verdict.rest.excess:.3g} times the noise: the model" in said
@@ -141,7 +141,7 @@ def say_unexplained(result, capsys, monkeypatch, spread):
         result.verdict.model_copy(update=update),
         SimpleNamespace(
             session=SimpleNamespace(campaign=SimpleNamespace(name="here", tests=())),
-            present=SimpleNamespace(established=[], closes={}),
+            present=SimpleNamespace(established=[], closes={}, intervals={}),
             parameters=None,
             retuned=SimpleNamespace(unfinished=0, refit=REFIT),
             after=None,

@@ -102,6 +102,16 @@ def test_a_twin_of_the_first_counts_where_twins_count():
     assert (marks["both"], marks["both_or_twin"], marks["twin_set"]) == (0, 1, 2)
 
 
+def test_a_cause_is_at_each_of_the_places_that_the_test_cannot_tell_apart():
+    row = Row(*OTHER, probability=0.9, dof="tz", places=(OTHER[1], APPENDAGE[1]))
+    marks = marks_of(ONE, StatedVerdict("explained", causes=(row,)))
+    assert (marks["both"], marks["place_first"], marks["places"]) == (1, 1, 2)
+    assert marks["probability_of_truth"] == 0.9
+    assert marks_of(ONE, RIGHT)["places"] == 1
+    both = StatedVerdict("several", several=0.9, causes=(row, Row(*COUPLING, probability=0.9)))
+    assert marks_of(TWO, both)["both_found"] == 1
+
+
 def test_a_twin_at_another_place_or_of_another_cause_does_not_count():
     for group in ({OTHER, COUPLING}, {APPENDAGE, MASS}):
         marks = marks_of(ONE, said((COUPLING, 0.9), twins=(frozenset(group),)))

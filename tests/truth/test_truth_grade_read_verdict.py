@@ -80,6 +80,16 @@ def test_the_contracts_example_is_read_whole(tmp_path):
     assert verdict.twins == (frozenset({("joint_coupling", "joint:ty"), ("appendage", "body:ty")}),)
 
 
+def test_places_of_a_cause_are_read_and_its_location_is_one_of_them(tmp_path):
+    places = ["body:tilt", "body:ty"]
+    first = read(changed(("causes", 0, "places"), places), tmp_path).causes[0]
+    assert first.places == ("body:tilt", "body:ty")
+    assert all(first.is_at("appendage", place) for place in places)
+    assert not first.is_at("mass_error", "body:ty")
+    with pytest.raises(TruthError, match="body:ty is not among them"):
+        read(changed(("causes", 0, "places"), ["body:tilt"]), tmp_path)
+
+
 NOTHING = {
     **GOOD,
     "verdict": "none",

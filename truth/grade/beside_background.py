@@ -31,7 +31,7 @@ def is_established(verdict: StatedVerdict, row: Row) -> bool:
 
 def is_right(truth: Truth, verdict: StatedVerdict, row: Row) -> bool:
     """Tell whether a machine has a cause, among its faults or as an established item."""
-    is_item = (row.effect, row.location) in truth.background
+    is_item = any(row.is_at(effect, location) for effect, location in truth.background)
     return is_present(truth, row) or (is_item and is_established(verdict, row))
 
 
@@ -48,8 +48,10 @@ def right_first(truth: Truth, verdict: StatedVerdict) -> bool:
 def all_found(truth: Truth, verdict: StatedVerdict) -> bool:
     """Tell whether every fault is among as many of the first causes, and likely."""
     first = verdict.causes[: len(truth.causes)]
-    named = {(row.effect, row.location) for row in first if row.probability >= LIKELY}
-    return named == {(cause.effect, cause.location) for cause in truth.causes}
+    named = [row for row in first if row.probability >= LIKELY]
+    return len(named) == len(truth.causes) and all(
+        any(row.is_at(cause.effect, cause.location) for row in named) for cause in truth.causes
+    )
 
 
 def wrong_causes(truth: Truth, verdict: StatedVerdict) -> tuple[Row, ...]:
@@ -63,7 +65,9 @@ def probability_on(truth: Truth, verdict: StatedVerdict) -> float:
 
     Without faults it is that of none.
     """
-    stated = {(row.effect, row.location): row.probability for row in verdict.causes}
     if not truth.causes:
         return verdict.none
-    return min(stated.get((cause.effect, cause.location), 0.0) for cause in truth.causes)
+    return min(
+        sum(row.probability for row in verdict.causes if row.is_at(cause.effect, cause.location))
+        for cause in truth.causes
+    )

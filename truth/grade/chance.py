@@ -39,7 +39,7 @@ def chance_marks(truth: Truth, hypotheses: Hypotheses, excess: Excess = NO_EXCES
     labels, chances = list(drawn), np.array(list(drawn.values()))
     # A verdict without causes has every mark that cannot depend on what is drawn.
     marks = dict(marks_of(truth, StatedVerdict(EXPLAINED), excess))
-    marks |= {"verdict_is_first": 1.0, "twin_set": 1.0, "direction": None}
+    marks |= {"verdict_is_first": 1.0, "twin_set": 1.0, "places": 1.0, "direction": None}
     marks |= _where(truth, drawn)
     true = [labels.index(label) for label in _labels(truth) if label in drawn]
     on_truth, top = 0.0, 0.0

@@ -31,7 +31,8 @@ RATES: Mapping[str, str] = MappingProxyType(
     {
         "effect_first": "the most probable hypothesis names the true effect",
         "effect_or_twin": "the same, or the truth is in one set of twins with it",
-        "place_first": "its place is the true one (of several: one of them)",
+        "place_first": "its place, or one that the test cannot tell from it, is the true one (of "
+        "several: one of them)",
         "both": "effect and place of it are true",
         "both_or_twin": "the same, or the truth is in one set of twins with it",
         "top3": "one effect: it is among the three most probable causes, at its place",
@@ -54,6 +55,7 @@ MEANS: Mapping[str, str] = MappingProxyType(
         "brier": "sum over all hypotheses of (probability - 1 if true, else 0)^2; 0 to 2",
         "log_score": f"-ln(probability of the truth), at most -ln({FLOOR:g})",
         "twin_set": "size of the set of twins of the first cause, itself included",
+        "places": "number of places of the first cause that the test cannot tell apart",
         "shrink_share": "shrink of excess^2 by the verdict's cause over that by the true one",
     }
 )
@@ -86,6 +88,7 @@ def marks_of(truth: Truth, verdict: StatedVerdict, excess: Excess = NO_EXCESS) -
     fits = verdict.verdict != FAILED and is_word_of(verdict.verdict, first)
     marks["verdict_is_first"] = float(fits)
     marks["twin_set"] = float(len(twins_of(verdict, first.row))) if first.row else None
+    marks["places"] = float(len(first.places)) if first.row else None
     marks["shrink_share"] = shrink_share(verdict, excess)
     return MappingProxyType(marks)
 
@@ -118,12 +121,12 @@ def shrink_share(verdict: StatedVerdict, excess: Excess) -> float | None:
 
 
 def _is_at(cause: TrueCause | None, row: Row) -> bool:
-    return cause is not None and (cause.effect, cause.location) == (row.effect, row.location)
+    return cause is not None and row.is_at(cause.effect, cause.location)
 
 
 def _of_first(truth: Truth, verdict: StatedVerdict, first: First) -> dict[str, float | None]:
     effect = first.effect == truth.effect
-    place = first.place in truth.places
+    place = not set(first.places).isdisjoint(truth.places)
     both = effect and (place or not truth.places)
     only = truth.only
     twin = bool(only and first.row and (only.effect, only.location) in twins_of(verdict, first.row))
@@ -170,9 +173,9 @@ def _of_kind(truth: Truth, verdict: StatedVerdict, first: First) -> dict[str, fl
         marks["several_said"] = float(said)
         known = [cause for cause in truth.causes if cause.effect != UNEXPLAINED]
         if len(known) == len(truth.causes) == 2:
-            two = {(row.effect, row.location) for row in verdict.causes[:2]}
-            true = {(cause.effect, cause.location) for cause in known}
-            marks["both_found"] = float(said and two == true)
+            two = verdict.causes[:2]
+            both = len(two) == 2 and all(any(_is_at(cause, row) for row in two) for cause in known)
+            marks["both_found"] = float(said and both)
         if truth.causes[0] in known:
             marks["largest_first"] = float(
                 any(_is_at(truth.causes[0], row) for row in verdict.causes[:1])

@@ -69,7 +69,9 @@ def _check(verdict: StatedVerdict) -> None:
     least = {EXPLAINED: 1, PARTLY: 1, SEVERAL: 2}.get(verdict.verdict, 0)
     if len(rows) < least:
         raise TruthError(f"causes: {verdict.verdict!r} needs {least} at least, got {len(rows)}")
-    places = [(row.effect, row.location) for row in verdict.causes]
+    places = [
+        (row.effect, place) for row in verdict.causes for place in row.places or (row.location,)
+    ]
     if len(set(places)) < len(places):
         raise TruthError("causes: an effect is given twice at one location")
     if any(low < high for low, high in pairwise(rows)):
@@ -115,6 +117,12 @@ def _row(value: object, what: str) -> Row:
     given = table(value, what, "effect", "location", "probability", "parameters")
     effect = text(given["effect"], f"{what}.effect")
     location = check_place(effect, text(given["location"], f"{what}.location"))
+    places = tuple(
+        check_place(effect, text(place, f"{what}.places"))
+        for place in items(given.get("places", []), f"{what}.places")
+    )
+    if places and location not in places:
+        raise TruthError(f"{what}.places: {location} is not among them")
     dof = given.get("dof")
     parameters = table(given["parameters"], f"{what}.parameters")
     components = {
@@ -137,6 +145,7 @@ def _row(value: object, what: str) -> Row:
             if stated is not None and name in components
         },
         excess_after=None if after is None else number(after, f"{what}.excess_after", 0.0),
+        places=places,
     )
 
 

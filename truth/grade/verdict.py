@@ -25,6 +25,7 @@ class Row:
         parameters: SI, by name.
         interval: of parameters, by name.
         excess_after: excess with the cause in the model; None if it is not stated.
+        places: canonical locations that the test cannot tell apart, the location among them.
     """
 
     effect: str
@@ -34,6 +35,11 @@ class Row:
     parameters: Mapping[str, Numbers] = field(default_factory=dict)
     interval: Mapping[str, Interval] = field(default_factory=dict)
     excess_after: float | None = None
+    places: tuple[str, ...] = ()
+
+    def is_at(self, effect: str, location: str) -> bool:
+        """Tell whether this is an effect at a location, or at places of which that is one."""
+        return self.effect == effect and location in (self.location, *self.places)
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,11 @@ class First:
     place: str
     probability: float
     row: Row | None = None
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """All places of the cause that the test cannot tell apart."""
+        return (self.row.places if self.row else ()) or (self.place,)
 
 
 def alone(verdict: StatedVerdict) -> tuple[float, ...]:

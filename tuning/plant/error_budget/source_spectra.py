@@ -19,7 +19,7 @@ from tuning.plant.error_budget.spectral_units import (
     Kind,
     SignalUnit,
     fits,
-    parse_density_unit,
+    parse_unit,
     parse_signal_unit,
 )
 
@@ -63,7 +63,7 @@ def stated_kind(path: Path, table: SpectrumTable) -> Kind | None:
     """
     if table.csv is not None:
         return read_spectrum(path.parent / table.csv, table.column, table.unit)[1].signal.kind
-    for parse in (lambda text: parse_density_unit(text).signal, parse_signal_unit):
+    for parse in (lambda text: parse_unit(text).signal, parse_signal_unit):
         try:
             return parse(table.unit or "").kind
         except ValueError:
@@ -130,14 +130,14 @@ def _spectrum(
             "there or for the whole budget"
         )
     if table.unit is None or table.density is None:
-        unit = "1" if port.unit == CONTROL else port.unit
-        raise InputError(f"{path}: {key}.unit is missing: state it, such as {unit}/sqrt(Hz)")
+        example = "1" if port.unit == CONTROL else port.unit
+        raise InputError(f"{path}: {key}.unit is missing: state it, such as {example}/sqrt(Hz)")
     try:
-        density_unit = parse_density_unit(table.unit)
+        unit = parse_unit(table.unit)
     except ValueError as error:
         raise InputError(f"{path}: {key}: {error}") from error
-    _check_kind(path, key, table.unit, density_unit.signal, port)
-    spectrum = constant_spectrum(table.density, density_unit, (limits[0], limits[1]))
+    _check_kind(path, key, table.unit, unit.signal, port)
+    spectrum = constant_spectrum(table.density, unit, (limits[0], limits[1]))
     factor = 2.0 if table.two_sided else 1.0
     return Spectrum(spectrum.freq_hz, factor * spectrum.density, spectrum.derivative)
 

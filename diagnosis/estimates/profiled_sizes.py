@@ -1,0 +1,250 @@
+r"""Size of a cause with an interval that leaves out the value of no effect.
+
+A cause is named by its size: the mass of an appendage, the stiffness of a link, a gain. Without an
+effect all coordinates x of the cause are zero, and the stated size has a value s_0: 0, or 1 for
+factors and gains. An interval from the covariance at the minimum assumes a parabola. Where it holds
+s_0, because a link may be any stiff or sizes make up for each other, the profile decides instead
+(Venzon and Moolgavkar 1988): with everything else refitted at each value v of the coordinate that
+makes most of the size,
+
+    D(v) = 2 N [c(v) - c(v_fit)],
+
+c being the cost per value that a refit minimises and N the number of independent values. The ends
+of the interval are at D = 3.84, that towards no effect of a size that cannot be negative at 2.7.
+The size is one if D without an effect is more. The ends are found on r = sqrt(D), which is a
+straight line for a parabola, by a few steps of regula falsi (Illinois: an end that stays twice
+counts half, Dowell and Jarratt 1971).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from diagnosis.estimates.intervals import FittedParameters
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.inference.calibration import load_calibration
+from diagnosis.levels.law_part import LawPart
+from diagnosis.refits.extended_parametrisation import hold_parameters
+from diagnosis.refits.refit import Refit, map_values
+from diagnosis.refits.refitting import RefitTask, run_refits
+from diagnosis.settings import DiagnosisSettings
+from diagnosis.stated_values import Ends, Value, list_pairs
+from identification.words import Real
+
+_QUANTILE = float(chi2.ppf(0.95, 1))  # D at the ends of a 95 % interval
+_ONE_SIDED_QUANTILE = float(chi2.ppf(0.90, 1))  # of a size that cannot be negative: 2.7
+_MAX_SECANT_STEPS = 4  # of regula falsi to each end: D is then known to some tenths
+_MAX_DOUBLINGS = 3  # of the way to an upper end: a link far stiffer than the fit may do as well
+_ROOT_TOLERANCE = 0.15  # of sqrt(D): a twelfth of the interval's half width
+
+
+@dataclass(frozen=True, eq=False)
+class NamedSize:
+    """Intervals of the parameters of a cause, and whether its size is one.
+
+    Args:
+        intervals: 95 % intervals of its parameters, by name.
+        excludes_no_effect: whether the interval of its size leaves out the value of no effect.
+    """
+
+    intervals: Mapping[str, Ends]
+    excludes_no_effect: bool
+
+
+def find_named_size(
+    scene: Scene,
+    refit: Refit,
+    parameters: FittedParameters,
+    cause: Hypothesis,
+    settings: DiagnosisSettings,
+) -> NamedSize:
+    """Return the intervals of a cause, that of its size by its profile where it is needed.
+
+    Causes without a stated size, as exchanged channels or the mode of a body, have no such value.
+    Laws of a joint have none either: the coordinates of their parameters are logarithms.
+
+    Args:
+        scene: thinning of the lines, and processes.
+        refit: fit of the set with the cause.
+        parameters: its parameters with their confidence.
+        cause: the cause.
+        settings: schedule of the refits.
+    """
+    intervals = parameters.estimate_intervals(cause)
+    fitted = parameters.state_parameters(cause)
+    # An effect that is not there may state nothing, as a rigid mounting has no frequency.
+    at_zero = map_values(parameters.parametrisation, _remove(parameters, cause))
+    without = fitted | cause.state(at_zero)
+    size = next(iter(fitted), None)
+    is_law = any(isinstance(part, LawPart) for part in cause.parts)
+    if size not in intervals or is_law or not _differs(fitted[size], without[size]):
+        return NamedSize(intervals, excludes_no_effect=True)
+    if _excludes(intervals[size], without[size]):
+        return NamedSize(intervals, excludes_no_effect=True)
+    profile = _Profile.along(scene, refit, cause, size, settings)
+    if profile is None or not profile.shows_size:
+        return NamedSize(intervals, excludes_no_effect=False)
+    pairs = list_pairs(intervals[size])
+    pairs[profile.component] = profile.find_ends()
+    ends = tuple(pairs) if isinstance(fitted[size], tuple) else pairs[0]
+    kept = {name: each for name, each in intervals.items() if name != size}
+    return NamedSize(kept | ({} if ends is None else {size: ends}), excludes_no_effect=True)
+
+
+def _remove(parameters: FittedParameters, cause: Hypothesis) -> Real:
+    """Return the parameters [SI] with all coordinates of a cause at zero; (n_parameter,)."""
+    varies = parameters.parametrisation
+    x = varies.coordinates(parameters.theta)
+    return varies.theta(np.where(np.isin(np.array(varies.names), cause.coordinates), 0.0, x))
+
+
+def _list_components(value: Value) -> Real:
+    """Return a number or a vector as numbers; NaN where nothing shows a component."""
+    components = value if isinstance(value, tuple) else (value,)
+    return np.array([np.nan if number is None else number for number in components])
+
+
+def _differs(first: Value, second: Value) -> bool:
+    """Return whether a size depends on the coordinates of the cause."""
+    difference = np.abs(_list_components(first) - _list_components(second))
+    return bool(np.nanmax(difference, initial=0.0) > 0)
+
+
+def _excludes(ends: Ends, without: Value) -> bool:
+    """Return whether the interval of a component leaves out its value of no effect."""
+    values = _list_components(without).tolist()
+    return any(
+        pair is not None and not pair[0] <= value <= pair[1]
+        for pair, value in zip(list_pairs(ends), values, strict=True)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Profile:
+    """Profile of the coordinate that makes most of a size.
+
+    Args:
+        refit: fit of the set with the cause.
+        cause: the cause.
+        name: name of the coordinate.
+        size: name of the stated size.
+        component: its component that the coordinate makes most of.
+        root: returns sqrt(D) and the stated component with the coordinate held.
+        without: sqrt(D) without the coordinate.
+    """
+
+    refit: Refit
+    cause: Hypothesis
+    name: str
+    size: str
+    component: int
+    root: Callable[[float], tuple[float, float]]
+    without: float
+
+    @classmethod
+    def along(
+        cls,
+        scene: Scene,
+        refit: Refit,
+        cause: Hypothesis,
+        size: str,
+        settings: DiagnosisSettings,
+    ) -> "_Profile | None":
+        """Return the profile of a size; None if no free coordinate of the cause makes it."""
+        varies, x = refit.fit.parametrisation, refit.fit.x
+        fitted = cause.state(map_values(varies, varies.theta(x)))
+
+        def state(coordinates: Real) -> Real:
+            values = map_values(varies, varies.theta(coordinates))
+            return _list_components((fitted | cause.state(values))[size])
+
+        changes = {
+            name: np.nan_to_num(np.abs(state(np.where(at == np.arange(len(x)), 0.0, x)) - state(x)))
+            for at, name in enumerate(varies.names)
+            if name in cause.coordinates and x[at] != 0
+        }
+        name = max(changes, key=lambda each: changes[each].max(), default=None)
+        if name is None or not changes[name].max() > 0:
+            return None
+        component = int(changes[name].argmax())
+        count = refit.count_independent(load_calibration())
+
+        def root(value: float) -> tuple[float, float]:
+            at = np.where(np.array(varies.names) == name, value, x)
+            start = varies.theta(at)
+            held = hold_parameters(varies, start, (name,))
+            task = RefitTask(
+                refit.hypothesis, replace(refit.session, parametrisation=held), start, refit.floor
+            )
+            (end,) = run_refits(scene, [task], settings.schedule)
+            deviance = 2 * count * (end.objective - refit.objective)
+            return float(np.sqrt(max(deviance, 0.0))), float(
+                _list_components(end.state_parameters(cause)[size])[component]
+            )
+
+        return cls(refit, cause, name, size, component, root, root(0.0)[0])
+
+    @property
+    def _at(self) -> int:
+        """Number of the coordinate."""
+        return self.refit.fit.parametrisation.names.index(self.name)
+
+    @property
+    def _fitted(self) -> float:
+        return float(self.refit.fit.x[self._at])
+
+    @property
+    def _near_quantile(self) -> float:
+        """D at the end towards no effect: by one side where the size cannot be negative."""
+        bounds = self.cause.bounds.get(self.name, (-np.inf, np.inf))
+        is_one_sided = self.cause.signed or bounds[0] == 0.0
+        return _ONE_SIDED_QUANTILE if is_one_sided else _QUANTILE
+
+    @property
+    def shows_size(self) -> bool:
+        """Whether the interval of the size leaves out no effect."""
+        return self.without**2 > self._near_quantile
+
+    def find_ends(self) -> tuple[float, float] | None:
+        """Return the ends of the stated component; None if it has no end away from no effect."""
+        varies = self.refit.fit.parametrisation
+        limits = float(varies.lower[self._at]), float(varies.upper[self._at])
+        value = self._fitted
+        for _ in range(_MAX_DOUBLINGS):
+            value = float(np.clip(2 * value, *limits))
+            root, stated = self.root(value)
+            if root**2 >= _QUANTILE or value in limits:
+                break
+        else:
+            return None
+        far = stated if root**2 < _QUANTILE else self._find_end((value, root), _QUANTILE)
+        ends = sorted((self._find_end((0.0, self.without), self._near_quantile), far))
+        return ends[0], ends[1]
+
+    def _find_end(self, outside: tuple[float, float], deviance: float) -> float:
+        """Return the stated component where D has a value.
+
+        Args:
+            outside: a value of the coordinate beyond the end, and sqrt(D) there.
+            deviance: D at the end.
+        """
+        wanted = float(np.sqrt(deviance))
+        inside, outside = (self._fitted, -wanted), (outside[0], outside[1] - wanted)
+        stated, was_outside = 0.0, None
+        for _ in range(_MAX_SECANT_STEPS):
+            share = inside[1] / (inside[1] - outside[1])
+            value = inside[0] + share * (outside[0] - inside[0])
+            root, stated = self.root(value)
+            beyond = root - wanted
+            if abs(beyond) <= _ROOT_TOLERANCE:
+                break
+            is_outside = beyond > 0
+            shrink = 0.5 if is_outside == was_outside else 1.0
+            if is_outside:
+                inside, outside = (inside[0], shrink * inside[1]), (value, beyond)
+            else:
+                inside, outside = (value, beyond), (outside[0], shrink * outside[1])
+            was_outside = is_outside
+        return stated
