@@ -168,10 +168,13 @@ def test_a_part_writes_its_parameters_under_their_names(station_model):
     assert [v for edit in written for v in edit.values.values()] == list(range(1, 13))
 
 
-def test_coefficients_that_are_zero_on_the_drawing_are_no_parameters(from_text):
+def test_a_spring_without_damping_has_some_and_a_damper_has_no_stiffness(from_text):
     machine = from_text(WELDED)
-    names = [parameter.name for part in spring_parts(machine) for parameter in part.parameters]
-    assert names == ["a1.stiffness", "a1.damping", "a2.stiffness", "c1.damping"]
+    parameters = [parameter for part in spring_parts(machine) for parameter in part.parameters]
+    names = [parameter.name for parameter in parameters]
+    assert names == ["a1.stiffness", "a1.damping", "a2.stiffness", "a2.damping", "c1.damping"]
+    assert parameters[3].drawn == 0.0
+    assert parameters[3].known == "undrawn_damping"
 
 
 def test_armature_adds_to_its_own_coordinate(from_text):

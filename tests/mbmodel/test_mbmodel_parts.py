@@ -64,7 +64,9 @@ def off(model, seed=1, amount=1.0):
     """Theta off the drawing, every entry by its own part of its size."""
     rng = np.random.default_rng(seed)
     sizes = np.array([size_of(parameter) for parameter in model.parameters])
-    return model.drawn + amount * sizes * rng.uniform(-1, 1, len(sizes))
+    changes = amount * sizes * rng.uniform(-1, 1, len(sizes))
+    undrawn = [parameter.known == "undrawn_damping" for parameter in model.parameters]
+    return model.drawn + np.where(undrawn, np.abs(changes), changes)
 
 
 def sensors(machine, count=6, seed=3):

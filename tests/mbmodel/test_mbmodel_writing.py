@@ -139,7 +139,7 @@ def test_a_tendon_keeps_its_end_where_its_site_moves_as_a_sensor(tmp_path):
     theta = model.drawn.copy()
     theta[[p.name for p in model.parameters].index("acc1.position_x")] = 0.05
     assert write_model(model, theta, target).difference == ""
-    stiffness = as_drawn(load_machine(target)).matrices(theta[:3]).stiffness
+    stiffness = as_drawn(load_machine(target)).matrices(theta[:4]).stiffness
     np.testing.assert_allclose(stiffness, model.matrices(theta).stiffness, rtol=1e-9)
 
 

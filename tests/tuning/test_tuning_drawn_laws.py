@@ -105,8 +105,9 @@ def test_slopes_by_the_stiffness_are_those_of_differences(machine):
     lines = Evaluator(model, request).at(model.drawn)
     cost = np.exp(1j * FREQ)[:, None, None]  # any weights
     exact = lines.gradient(cost)
-    for k, value in enumerate(model.drawn):
-        step = 1e-4 * value * (np.arange(len(model.drawn)) == k)
+    for k, parameter in enumerate(model.parameters):
+        size = parameter.drawn or parameter.usual
+        step = 1e-4 * size * (np.arange(len(model.drawn)) == k)
         ends = [receptance(model, model.drawn + sign * step) for sign in (1, -1)]
         quotient = np.sum((cost[:, 0, 0].conj() * (ends[0] - ends[1])).real) / (2 * step[k])
         assert exact[k] == pytest.approx(quotient, rel=1e-5)

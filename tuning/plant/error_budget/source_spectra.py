@@ -19,7 +19,7 @@ from tuning.plant.error_budget.spectral_units import (
     Kind,
     SignalUnit,
     fits,
-    parse_unit,
+    parse_density_unit,
     parse_signal_unit,
 )
 
@@ -63,7 +63,7 @@ def stated_kind(path: Path, table: SpectrumTable) -> Kind | None:
     """
     if table.csv is not None:
         return read_spectrum(path.parent / table.csv, table.column, table.unit)[1].signal.kind
-    for parse in (lambda text: parse_unit(text).signal, parse_signal_unit):
+    for parse in (lambda text: parse_density_unit(text).signal, parse_signal_unit):
         try:
             return parse(table.unit or "").kind
         except ValueError:
@@ -133,7 +133,7 @@ def _spectrum(
         example = "1" if port.unit == CONTROL else port.unit
         raise InputError(f"{path}: {key}.unit is missing: state it, such as {example}/sqrt(Hz)")
     try:
-        unit = parse_unit(table.unit)
+        unit = parse_density_unit(table.unit)
     except ValueError as error:
         raise InputError(f"{path}: {key}: {error}") from error
     _check_kind(path, key, table.unit, unit.signal, port)
