@@ -119,11 +119,10 @@ def test_two_springs_side_by_side_are_seen_only_as_a_sum(tmp_path):
     _, confidence = fit_with_confidence(
         model, one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx")
     )
+    names = ["a_tx.stiffness", "leg.stiffness"]
     directions = confidence.unidentifiable_directions()
-    for kind in ("stiffness", "damping"):
-        names = [f"a_tx.{kind}", f"leg.{kind}"]
-        (direction,) = (d for d in directions if sorted(d.parameters) == names)
-        assert direction.sentence.endswith("are determined only as a sum")
+    (direction,) = (d for d in directions if sorted(d.parameters) == names)
+    assert direction.sentence.endswith("are determined only as a sum")
 
 
 def test_two_springs_in_a_row_are_seen_only_as_a_sum_of_compliances(tmp_path):
