@@ -190,13 +190,13 @@ def measured_table() -> str:
 
 
 def tower_table() -> str:
-    """Verdicts on the measured tower, before reciprocity and now, beside the answer."""
+    """Verdicts on the measured tower, by one state and before and after, beside the answer."""
     rows = [
-        (row["campaign"].removeprefix("tower."), row["before"], row["now"], row["answer"])
+        (row["campaign"].removeprefix("tower."), *list(row.values())[1:])
         for row in bench_rows("measured")
         if row["campaign"].startswith("tower.")
     ]
-    return table(("Campaign", "Before", "Now", "Answer"), rows, text=4)
+    return table(("Campaign", "One state", "Before and after", "Answer"), rows, text=4)
 
 
 def real_table() -> str:
