@@ -17,8 +17,8 @@ from diagnosis.data_checks.check_data import CheckedData, check_tests
 from diagnosis.null_model import Baseline
 from diagnosis.search.selection import select_causes
 from diagnosis.settings import DiagnosisSettings
-from identification.words import TOLERANCE_BOUND_SIGMA, Real
-from mbmodel import REST_FACTOR, Model, RestPart
+from identification.words import TOLERANCE_BOUND_SIGMA, Campaign, Dof, Real
+from mbmodel import REST_FACTOR, HammerGainPart, Model, RestPart
 from tuning import Parametrisation, Session, parametrise
 from tuning.assessment.rest_estimate import (
     add_variance,
@@ -106,10 +106,18 @@ def check_data_after(
     alive, left = checks.alive, checks.campaign
     estimate = estimate_rest(fitted.model, theta, before.scene.session.campaign)
     if estimate is not None:
+        tolerance = session.campaign.tolerance
+        if before.null.floor > min(tolerance.sensor_gain, tolerance.hammer_gain):
+            theta = _calibrate_nominally(before.null.fit.parametrisation, theta)
+            estimate = estimate_rest(fitted.model, theta, before.scene.session.campaign) or estimate
         rest, variance = shrink_rest(
             estimate, checks.alive, before.null.floor, VISIT_PRIORS.stiffness
         )
-        model = Model(replace(model.machine, rest=rest), (*model.parts, RestPart()))
+        rest = replace(
+            rest, scale_deviation=float(np.hypot(tolerance.hammer_gain, tolerance.sensor_gain))
+        )
+        machine = replace(model.machine, rest=rest)
+        model = Model(machine, (*model.parts, RestPart(), *_hit_gains(checks.alive)))
         alive, left = (
             add_variance(campaign, estimate, variance).select_lines(
                 find_known_lines(campaign, estimate, variance)
@@ -130,6 +138,37 @@ def check_data_after(
     )
     checks = replace(checks, alive=alive, campaign=left)
     return CheckedData(after, checks, before.scene.rigid_directions, unsteady)
+
+
+def _hit_gains(campaign: Campaign) -> tuple[HammerGainPart, ...]:
+    """Return the gain of the hits at each reference: no two averages are the same to 0.1 %.
+
+    Args:
+        campaign: tests after the change.
+    """
+    hits = {
+        (test.condition.instrument, test.condition.reference.positive): None
+        for test in campaign.tests
+        if isinstance(test.condition.reference, Dof)
+    }
+    return tuple(HammerGainPart(name, "hammer_gain", reference) for name, reference in hits)
+
+
+def _calibrate_nominally(varies: Parametrisation, theta: Real) -> Real:
+    """Return parameters with instruments as they are stated.
+
+    A model whose error exceeds the tolerance of gains tells nothing of them: its fit pulls
+    instruments to make up for what it lacks. The rest holds that, whatever the instruments are:
+    with their nominal calibration, sizes of changes are as right as that is.
+
+    Args:
+        varies: coordinates of the fit before; a parameter that a cause released is no tolerance.
+        theta: its parameters [SI]; (n_parameter,).
+    """
+    tolerances = np.append(varies.is_tolerance, False)[varies.coordinate_of]
+    kinds = {*_REMOUNTED, *_PLACED} - {"unknown_gain"}
+    of_instruments = np.array([parameter.known in kinds for parameter in varies.parameters])
+    return np.where(tolerances & of_instruments, varies.fixed, theta)
 
 
 def vary_between_visits(

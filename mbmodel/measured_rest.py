@@ -36,6 +36,8 @@ class MeasuredRest:
         values: E [N/m]; (n_freq, n, n), ``values[k, i, j]`` the force at reference i per motion of
             channel j.
         drift: D [N/m]; (n_freq, n, n).
+        scale_deviation: relative standard deviation of a factor on E that the tests cannot show:
+            that of the calibration of forces and motions.
 
     Raises:
         ValueError: arrays whose shapes do not fit.
@@ -48,6 +50,7 @@ class MeasuredRest:
     freq_hz: Real
     values: Complex
     drift: Complex
+    scale_deviation: float = 0.0
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""

@@ -25,6 +25,10 @@ from tuning import (
 from tuning.fitting.error_floor_fit import count_measured_values
 from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 
+DAMPING_RATIO_EFFECTS = ("appendage", "flexible_body", "mount_resonance")
+# Parameters that a factor on all FRFs scales: a mass, and whatever else adds to dynamic stiffness.
+_SCALED = ("mass", "stiffness", "damping", "change", "inertance", "angular_momentum", "k", "k3")
+
 
 @dataclass(frozen=True, eq=False)
 class FittedParameters:
@@ -38,6 +42,7 @@ class FittedParameters:
         settings: number of points of an interval.
         fit: the fit itself; None where parameters alone are known.
         stride: every ``stride``-th line counts for the confidence.
+        scale_deviation: relative standard deviation of the calibration beside that.
     """
 
     parametrisation: Parametrisation
@@ -47,6 +52,7 @@ class FittedParameters:
     settings: DiagnosisSettings = SETTINGS
     fit: Fit | None = None
     stride: int = 1
+    scale_deviation: float = 0.0
 
     def state_parameters(self, hypothesis: Hypothesis) -> dict[str, Value]:
         """Return the parameters of a hypothesis as the verdict states them."""
@@ -107,9 +113,13 @@ class FittedParameters:
             flatten_values(middle),
             *(state_at(sign * point) for point in farthest for sign in (-1, 1)),
         ]
-        return _drop_undetermined(
-            middle, pair_ends(middle, np.min(points, axis=0), np.max(points, axis=0))
+        low, high = np.min(points, axis=0), np.max(points, axis=0)
+        scale = NORMAL_QUANTILE_95 * self.scale_deviation * _find_scaled(hypothesis.effect, middle)
+        low, high = (
+            points[0] + sign * np.hypot(ends - points[0], scale)
+            for sign, ends in ((-1, low), (1, high))
         )
+        return _drop_undetermined(middle, pair_ends(middle, low, high))
 
     def _find_interior(self, stating: list[int]) -> Real:
         """Return a point inside the bounds at which no two coordinates are equal, in deviations."""
@@ -117,6 +127,17 @@ class FittedParameters:
         above = self.parametrisation.upper[stating] - x < x - self.parametrisation.lower[stating]
         away = 2 * _difference_step() * np.arange(1, len(stating) + 1)
         return np.where(above, -away, away)
+
+
+def _find_scaled(effect: str, middle: Mapping[str, Value]) -> Real:
+    """Return the numbers that scale with the calibration of a test, zero for all others."""
+    without = {"damping"} if effect in DAMPING_RATIO_EFFECTS else set()
+    return np.concatenate(
+        [
+            flatten_values({name: value}) * (name in _SCALED and name not in without)
+            for name, value in middle.items()
+        ]
+    )
 
 
 def _find_slopes(state_at: Callable[[Real], Real], units: Real) -> Real:
@@ -245,4 +266,5 @@ def fit_parameters(
         settings,
         fitted,
         stride,
+        0.0 if model.machine.rest is None else model.machine.rest.scale_deviation,
     )

@@ -11,22 +11,24 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.words import Complex, Condition, Real
+from identification.words import Complex, Condition, Dof, Real
 from mbmodel.mjcf.edit import Edit, MjcfLack, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind, drawn_values
 
 
 @dataclass(frozen=True, eq=False)
 class HammerGainPart:
-    """Gain and delay of one hammer or drive.
+    """Gain and delay of one hammer or drive, or the gain of its hits at one reference.
 
     Args:
         instrument: name of the hammer or drive, as ``Condition.instrument`` gives it.
         known: kind of the gain's prior.
+        reference: direction of a point that it hits; None for all that it drives.
     """
 
     instrument: str
     known: ToleranceKind
+    reference: Dof | None = None
 
     @property
     def location(self) -> str:
@@ -35,7 +37,10 @@ class HammerGainPart:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The gain and the delay."""
+        """The gain and the delay; the gain alone at one reference."""
+        if self.reference is not None:
+            name = f"hammer({self.reference.point}:{self.reference.direction[1:]})"
+            return (Parameter(f"{name}.gain", 1.0, "1", known=self.known),)
         name = f"hammer({self.instrument})"
         return (
             Parameter(f"{name}.gain", 1.0, "1", known=self.known),
@@ -43,12 +48,14 @@ class HammerGainPart:
         )
 
     def acts(self, condition: Condition | None) -> float:
-        """Return 1 in the tests that this hammer or drive made, else 0."""
-        return float(condition is not None and condition.instrument == self.instrument)
+        """Return 1 in the tests that this hammer or drive made, at its reference, else 0."""
+        if condition is None or condition.instrument != self.instrument:
+            return 0.0
+        return float(self.reference in (None, condition.reference.positive))
 
     def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
         """Return gain exp(-s delay) - 1, if this hammer made the test."""
-        gain, delay = theta
+        gain, delay = self._read(theta)
         if not self.acts(context.condition) or (gain == 1 and delay == 0):
             return ()
         if delay == 0:
@@ -60,10 +67,15 @@ class HammerGainPart:
 
     def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
         """Return exp(-s delay) and -s gain exp(-s delay), if this hammer made the test."""
-        gain, delay = theta
+        gain, delay = self._read(theta)
         if not self.acts(context.condition):
             return ()
-        return (_factor(np.array([[1.0, 0.0, 0.0], [0.0, -gain, 0.0]]), delay),)
+        slopes = np.array([[1.0, 0.0, 0.0], [0.0, -gain, 0.0]])
+        return (_factor(slopes[: len(self.parameters)], delay),)
+
+    def _read(self, theta: Real) -> tuple[float, float]:
+        """Return gain and delay."""
+        return float(theta[0]), float(theta[1]) if len(theta) > 1 else 0.0
 
     def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
         """Return that an MJCF holds neither gain nor delay."""

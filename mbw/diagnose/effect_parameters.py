@@ -4,12 +4,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from diagnosis.estimates.intervals import DAMPING_RATIO_EFFECTS
 from diagnosis.stated_values import Ends, Value, list_pairs, may_be_zero
 from mbw.page.numbers import format_four_digits
 
 _EXPONENT_FROM, _EXPONENT_BELOW = 1e5, 1e-3  # sizes beyond which numbers have an exponent
 NOT_SEEN = "not seen"  # a component that no motion of the machine shows
-_DAMPING_RATIO_EFFECTS = ("appendage", "flexible_body", "mount_resonance")
 _PARAMETER_UNITS = {  # factor from SI, unit
     "mass": (1.0, "kg"),
     "frequency": (1.0, "Hz"),
@@ -149,7 +149,7 @@ def interval_words(effect: str, dof: str | None, name: str, ends: tuple[float, f
 
 def unit_of(effect: str, dof: str | None, name: str) -> tuple[float, str]:
     """Return the factor from SI to the unit of the text, and that unit."""
-    if name == "damping" and effect in _DAMPING_RATIO_EFFECTS:
+    if name == "damping" and effect in DAMPING_RATIO_EFFECTS:
         return 100.0, "%"
     is_rotation = dof is not None and dof[:1] == "r" and name in _ROTATION_UNITS
     if is_rotation or name in _TRANSLATION_UNITS:

@@ -1,5 +1,7 @@
 """The gain of a force channel, and any other factor of the inputs: values and exact slopes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from mbmodel import (
     Change,
     Evaluator,
     FrfRequest,
+    HammerGainPart,
     Model,
     Parameter,
     hammer_gain_parts,
@@ -125,3 +128,18 @@ def test_nothing_acts_apart_from_a_test_and_an_mjcf_holds_no_gain(model):
     )
     assert model.acting_fractions(HIT) == (1.0, 0.0, 1.0)
     assert model.acting_fractions(DRIVEN) == (0.0, 1.0, 1.0)
+
+
+def test_the_gain_of_the_hits_at_one_reference_acts_there_alone(model):
+    part = HammerGainPart("default", "hammer_gain", HIT.reference.positive)
+    assert [parameter.name for parameter in part.parameters] == ["hammer(acc3:tx).gain"]
+    own = Model(model.machine, (*spring_parts(model.machine), part))
+    theta = np.where(np.arange(len(own.drawn)) == len(own.drawn) - 1, 1.3, own.drawn)
+    elsewhere = Condition("c", Dof("acc3", "+ty"))
+    other_hammer = replace(HIT, hammer="other")
+    for condition, gain in ((HIT, 1.3), (elsewhere, 1.0), (other_hammer, 1.0)):
+        at = evaluate(own, theta, condition)
+        plain = evaluate(own, own.drawn, condition).values
+        np.testing.assert_allclose(at.values, gain * plain, rtol=1e-12)
+        slope = at.columns()[..., -1]
+        np.testing.assert_allclose(slope, plain if gain > 1 else 0 * plain, rtol=1e-10, atol=1e-16)
