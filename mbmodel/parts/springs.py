@@ -193,19 +193,23 @@ class SpringPart:
 
 
 def spring_parts(machine: Machine) -> tuple[SpringPart, ...]:
-    """Return one Part for each joint and tendon of the machine, in the machine's order.
-
-    Critical damping is 2 sqrt(k m), with m = 1 / (g' M^-1 g) the mass that an elongation moves.
-    """
+    """Return one Part for each joint and tendon of the machine, in the machine's order."""
     flexibility = np.linalg.pinv(machine.mass, hermitian=True)
     groups = groupby(machine.springs, key=lambda spring: spring.location)
     parts = []
     for location, of_group in groups:
         springs = tuple(of_group)
-        masses = [1 / float(s.direction @ flexibility @ s.direction) for s in springs]
-        usual = [
-            _USUAL_DAMPING * 2 * float(np.sqrt(abs(spring.stiffness) * mass))
-            for spring, mass in zip(springs, masses, strict=True)
-        ]
-        parts.append(SpringPart(location, springs, tuple(usual)))
+        usual = tuple(_find_usual_damping(spring, flexibility) for spring in springs)
+        parts.append(SpringPart(location, springs, usual))
     return tuple(parts)
+
+
+def _find_usual_damping(spring: Spring, flexibility: Real) -> float:
+    """Return 1 % of the critical damping 2 sqrt(k m), m = 1 / (g' M^-1 g) the mass that g moves.
+
+    A spring that moves no mass, as a tendon between points of one body, has none.
+    """
+    mobility = float(spring.direction @ flexibility @ spring.direction)
+    if mobility <= 0:
+        return 0.0
+    return _USUAL_DAMPING * 2 * float(np.sqrt(abs(spring.stiffness) / mobility))
