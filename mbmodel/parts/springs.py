@@ -194,7 +194,7 @@ class SpringPart:
 
 def spring_parts(machine: Machine) -> tuple[SpringPart, ...]:
     """Return one Part for each joint and tendon of the machine, in the machine's order."""
-    flexibility = np.linalg.pinv(machine.mass, hermitian=True)
+    flexibility = np.asarray(np.linalg.pinv(machine.mass, hermitian=True), float)
     groups = groupby(machine.springs, key=lambda spring: spring.location)
     parts = []
     for location, of_group in groups:
