@@ -109,8 +109,9 @@ def run(
     SCREEN.say(f"verdict in {output.path / VERDICT}")
     effect = " with the effect" if diagnosis.present.established else ""
     SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
-    # With states, sizes are those in the units of the force channel before the change.
-    tolerance = 0.0 if session.campaign.has_states else session.known_force_tolerance
+    # Without a rest of the state before, sizes are in the units of its fitted force channel.
+    is_exact = session.campaign.has_states and diagnosis.session.model.machine.rest is None
+    tolerance = 0.0 if is_exact else session.known_force_tolerance
     SCREEN.say(f"  {calibration_sentence(tolerance)}")
     for row in augmented.plant.alternatives:
         SCREEN.say(
