@@ -81,9 +81,9 @@ def doubts(result: StoredDiagnosis) -> list[str]:
             "may be missing, the true cause may differ from this one, or a tolerance exceeds 2.5 "
             "standard deviations."
         )
-    if shown.blocks is not None and (difference := held_out_sentence(gap, result.evidence)):
+    if shown.block is not None and (difference := held_out_sentence(gap, result.evidence)):
         sentences.append(difference)
-    if shown.blocks is None:
+    if shown.block is None:
         sentences.append(
             "The band is too narrow to hold frequency lines out: all figures refer to fitted lines."
         )
@@ -235,4 +235,4 @@ def _shrinks(result: StoredDiagnosis) -> str:
 
 
 def _on(result: StoredDiagnosis) -> str:
-    return "on held-out frequency lines" if result.shown.blocks else "on the fitted frequency lines"
+    return "on held-out frequency lines" if result.shown.block else "on the fitted frequency lines"

@@ -73,7 +73,7 @@ def _count(number: int, what: str) -> str:
 def _lines(result: StoredDiagnosis) -> str:
     """Return the frequency lines to which the figures refer."""
     shown = result.shown
-    if shown.blocks is None:
+    if shown.block is None:
         return "all on the fitted frequency lines"
     noise, ends = result.verdict.gap.noise, shown.steps.noise
     noise_text = ""
@@ -82,9 +82,11 @@ def _lines(result: StoredDiagnosis) -> str:
             f"; the noise alone is an error of {format_percent(noise)}, 95 %: "
             f"{format_percent(ends[0])} to {format_percent(ends[1])}"
         )
+    width = shown.block * (shown.band[1] - shown.band[0]) / max(shown.lines - 1, 1)
     return (
         "as drawn on all frequency lines, the others on held-out lines by five-fold "
-        f"cross-validation over {shown.blocks} blocks from resonance to resonance{noise_text}"
+        f"cross-validation over blocks of {width:.3g} Hz in the mean, from resonance to "
+        f"resonance{noise_text}"
     )
 
 

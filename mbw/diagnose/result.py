@@ -75,7 +75,9 @@ def collect_result(
         quantity=campaign.tests[0].estimate.frf.quantity,
         band=(float(freq[0]), float(freq[-1])),
         lines=len(freq),
-        blocks=None if (held := diagnosis.retuned.held_out) is None else len(held.starts),
+        block=None
+        if (held := diagnosis.retuned.held_out) is None
+        else -(-len(freq) // len(held.starts)),
         tests=_tests(campaign),
         channels=[
             ChannelRow(output=str(dof), body=campaign.layout.owner_name(dof), test=test)

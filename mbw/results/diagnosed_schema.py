@@ -142,7 +142,8 @@ class ShownFile(ResultFile, _Row):
         quantity: quantity of all FRFs.
         band: first and last frequency line [Hz].
         lines: number of frequency lines.
-        blocks: number of held-out blocks; null if the band is too narrow for more than one.
+        block: mean number of neighbouring lines that are held out together; null if the band is too
+            narrow.
         tests: tests of the campaign.
         channels: columns of the arrays.
         corrected: channels whose measurement the effect corrects, in the order of the arrays.
@@ -169,7 +170,7 @@ class ShownFile(ResultFile, _Row):
     quantity: Quantity
     band: tuple[float, float]
     lines: int
-    blocks: int | None
+    block: int | None
     tests: list[DiagnosedTestRow]
     channels: list[ChannelRow]
     corrected: list[int]

@@ -256,7 +256,7 @@ def test_laws_of_one_joint_are_one_of_the_promising_hypotheses():
     ranked = [
         Score(h, 100.0 - k, np.ones(1)) for k, h in enumerate((*laws[:3], *masses, *laws[3:]))
     ]
-    chosen = _select_promising(ranked, replace(SETTINGS, max_refits=3))
+    chosen = _select_promising(ranked, None, replace(SETTINGS, max_refits=3))
     assert chosen == [*laws[:3], *masses[:2]]
 
 
