@@ -12,6 +12,10 @@ from identification.words import Real
 Value = float | tuple[float | None, ...]
 Ends = tuple[float, float] | tuple[tuple[float, float] | None, ...]  # one pair for each component
 
+DAMPING_RATIO_EFFECTS = ("appendage", "flexible_body", "mount_resonance")
+# Parameters that a factor on all FRFs scales: a mass, and whatever else adds to dynamic stiffness.
+_SCALED = ("mass", "stiffness", "damping", "change", "inertance", "angular_momentum", "k", "k3")
+
 
 class Vague(tuple[float | None, ...]):
     """Vector with a component that is a convention and not known: it has no interval."""
@@ -73,3 +77,28 @@ def may_be_zero(ends: Ends) -> bool:
     """
     pairs = [pair for pair in list_pairs(ends) if pair is not None]
     return bool(pairs) and all(low <= 0 <= high for low, high in pairs)
+
+
+def drop_undetermined(middle: Mapping[str, Value], intervals: dict[str, Ends]) -> dict[str, Ends]:
+    """Return the intervals without those of numbers that depend on a size that may be zero.
+
+    Of vectors only the size of the effect counts, its first parameter: a place may be zero.
+    """
+    size = next(iter(middle))
+    doubtful = {
+        name
+        for name, ends in intervals.items()
+        if may_be_zero(ends) and (name == size or not isinstance(middle[name], tuple))
+    }
+    return {name: ends for name, ends in intervals.items() if not doubtful or name in doubtful}
+
+
+def find_scaled(effect: str, middle: Mapping[str, Value]) -> Real:
+    """Return the numbers that scale with the calibration of a test, zero for all others."""
+    without = {"damping"} if effect in DAMPING_RATIO_EFFECTS else set()
+    return np.concatenate(
+        [
+            flatten_values({name: value}) * (name in _SCALED and name not in without)
+            for name, value in middle.items()
+        ]
+    )

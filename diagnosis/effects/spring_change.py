@@ -15,10 +15,10 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.stated_values import Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Edit, Parameter, Spring
+from tuning.parametrisation.user_specification import FREE_RANGE_LOG
 
 Coefficient = Literal["stiffness", "damping"]
 MAX_KNOWN_DEVIATION = 0.2  # of ln k under its prior: FORMATS, the effects
-_MAX_LOG_FACTOR = float(np.log(100.0))  # as far as a fit lets stiffness and damping go
 _START_FACTORS = (0.7, 1.4)  # narrow modes leave their bandwidth at smaller changes
 
 
@@ -84,7 +84,7 @@ def _propose_change(scene: Scene, spring: Spring, kind: Coefficient, dof: str | 
         parts=(AddedPart(spring.location, parameters, change, slopes, written=write),),
         scored=(size,),
         follow={follower: f"{spring.name}.{kind}"},
-        bounds={size: (-_MAX_LOG_FACTOR, _MAX_LOG_FACTOR)},
+        bounds={size: (-FREE_RANGE_LOG, FREE_RANGE_LOG)},
         otherwise=tuple({size: float(np.log(factor))} for factor in _START_FACTORS),
         state=state,
     )

@@ -9,7 +9,14 @@ from diagnosis.hypothesis import Hypothesis
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-from diagnosis.stated_values import Ends, Value, flatten_values, may_be_zero, pair_ends
+from diagnosis.stated_values import (
+    Ends,
+    Value,
+    drop_undetermined,
+    find_scaled,
+    flatten_values,
+    pair_ends,
+)
 from identification.words import Real
 from tuning import (
     NORMAL_QUANTILE_95,
@@ -24,10 +31,6 @@ from tuning import (
 )
 from tuning.fitting.error_floor_fit import count_measured_values
 from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
-
-DAMPING_RATIO_EFFECTS = ("appendage", "flexible_body", "mount_resonance")
-# Parameters that a factor on all FRFs scales: a mass, and whatever else adds to dynamic stiffness.
-_SCALED = ("mass", "stiffness", "damping", "change", "inertance", "angular_momentum", "k", "k3")
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +117,12 @@ class FittedParameters:
             *(state_at(sign * point) for point in farthest for sign in (-1, 1)),
         ]
         low, high = np.min(points, axis=0), np.max(points, axis=0)
-        scale = NORMAL_QUANTILE_95 * self.scale_deviation * _find_scaled(hypothesis.effect, middle)
+        scale = NORMAL_QUANTILE_95 * self.scale_deviation * find_scaled(hypothesis.effect, middle)
         low, high = (
             points[0] + sign * np.hypot(ends - points[0], scale)
             for sign, ends in ((-1, low), (1, high))
         )
-        return _drop_undetermined(middle, pair_ends(middle, low, high))
+        return drop_undetermined(middle, pair_ends(middle, low, high))
 
     def _find_interior(self, stating: list[int]) -> Real:
         """Return a point inside the bounds at which no two coordinates are equal, in deviations."""
@@ -127,17 +130,6 @@ class FittedParameters:
         above = self.parametrisation.upper[stating] - x < x - self.parametrisation.lower[stating]
         away = 2 * _difference_step() * np.arange(1, len(stating) + 1)
         return np.where(above, -away, away)
-
-
-def _find_scaled(effect: str, middle: Mapping[str, Value]) -> Real:
-    """Return the numbers that scale with the calibration of a test, zero for all others."""
-    without = {"damping"} if effect in DAMPING_RATIO_EFFECTS else set()
-    return np.concatenate(
-        [
-            flatten_values({name: value}) * (name in _SCALED and name not in without)
-            for name, value in middle.items()
-        ]
-    )
 
 
 def _find_slopes(state_at: Callable[[Real], Real], units: Real) -> Real:
@@ -173,20 +165,6 @@ def _find_root(matrix: Real) -> Real:
 def _draw_directions(points: int, count: int) -> Real:
     """Return random directions by a fixed seed; (points, count)."""
     return np.random.default_rng(0).standard_normal((points, count))
-
-
-def _drop_undetermined(middle: Mapping[str, Value], intervals: dict[str, Ends]) -> dict[str, Ends]:
-    """Return the intervals without those of numbers that depend on a size that may be zero.
-
-    Of vectors only the size of the effect counts, its first parameter: a place may be zero.
-    """
-    size = next(iter(middle))
-    doubtful = {
-        name
-        for name, ends in intervals.items()
-        if may_be_zero(ends) and (name == size or not isinstance(middle[name], tuple))
-    }
-    return {name: ends for name, ends in intervals.items() if not doubtful or name in doubtful}
 
 
 class _ReadRecord(dict[str, float]):

@@ -12,8 +12,7 @@ makes most of the size,
 c being the cost per value that a refit minimises and N the number of independent values. The ends
 of the interval are at D = 3.84, that towards no effect of a size that cannot be negative at 2.7.
 The size is one if D without an effect is more. The ends are found on r = sqrt(D), which is a
-straight line for a parabola, by a few steps of regula falsi (Illinois: an end that stays twice
-counts half, Dowell and Jarratt 1971).
+straight line for a parabola, by a few steps of regula falsi (Dowell and Jarratt 1971).
 """
 
 from collections.abc import Callable, Mapping
@@ -32,8 +31,9 @@ from diagnosis.refits.refitting import RefitTask, run_refits
 from diagnosis.settings import DiagnosisSettings
 from diagnosis.stated_values import Ends, Value, list_pairs
 from identification.words import Real
+from tuning import NORMAL_QUANTILE_95
 
-_QUANTILE = float(chi2.ppf(0.95, 1))  # D at the ends of a 95 % interval
+_QUANTILE = NORMAL_QUANTILE_95 * NORMAL_QUANTILE_95  # D at the ends of a 95 % interval
 _ONE_SIDED_QUANTILE = float(chi2.ppf(0.90, 1))  # of a size that cannot be negative: 2.7
 _MAX_SECANT_STEPS = 4  # of regula falsi to each end: D is then known to some tenths
 _MAX_DOUBLINGS = 3  # of the way to an upper end: a link far stiffer than the fit may do as well
@@ -102,14 +102,14 @@ def _remove(parameters: FittedParameters, cause: Hypothesis) -> Real:
 
 def _list_components(value: Value) -> Real:
     """Return a number or a vector as numbers; NaN where nothing shows a component."""
-    components = value if isinstance(value, tuple) else (value,)
-    return np.array([np.nan if number is None else number for number in components])
+    row = value if isinstance(value, tuple) else (value,)
+    return np.array([np.nan if each is None else each for each in row])
 
 
 def _differs(first: Value, second: Value) -> bool:
     """Return whether a size depends on the coordinates of the cause."""
-    difference = np.abs(_list_components(first) - _list_components(second))
-    return bool(np.nanmax(difference, initial=0.0) > 0)
+    change = np.abs(_list_components(first) - _list_components(second))
+    return bool(np.nanmax(change, initial=0.0) > 0)
 
 
 def _excludes(ends: Ends, without: Value) -> bool:

@@ -4,8 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from diagnosis.estimates.intervals import DAMPING_RATIO_EFFECTS
-from diagnosis.stated_values import Ends, Value, list_pairs, may_be_zero
+from diagnosis.stated_values import DAMPING_RATIO_EFFECTS, Ends, Value, list_pairs, may_be_zero
 from mbw.page.numbers import format_four_digits
 
 _EXPONENT_FROM, _EXPONENT_BELOW = 1e5, 1e-3  # sizes beyond which numbers have an exponent

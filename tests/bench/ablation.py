@@ -47,7 +47,13 @@ STEPS: dict[str, tuple[str, Callable[..., object]]] = {  # steps without a setti
 }
 KEPT = {
     **dict.fromkeys(
-        ("min_probability", "min_row_probability", "min_twin_cosine", "twin_nats"),
+        (
+            "min_probability",
+            "min_row_probability",
+            "min_twin_cosine",
+            "min_place_cosine",
+            "twin_nats",
+        ),
         "contract of the verdict",
     ),
     **dict.fromkeys(
