@@ -49,7 +49,7 @@ def test_an_interrupted_diagnosis_of_states_ends_with_the_same_bits(
 def test_the_plant_after_a_change_has_bands_about_the_changed_spring(diagnosed, tmp_path):
     _, whole, result = diagnosed
     assert result.exit_code == 0
-    assert "which the intervals take as exact" in result.output
+    assert "its tolerance of 2 % is in the intervals" in result.output
     cause = json.loads((whole / VERDICT).read_text())["causes"][0]
     assert cause["effect"] == "stiffness"
     bands = mbw("predict", whole, "--bands", "--out", tmp_path / "predicted")
