@@ -1,4 +1,4 @@
-r"""What a model lacks in one state of a machine, as dynamic stiffness at the measured points.
+r"""Dynamic stiffness that a model lacks at the measured points, in one state of a machine.
 
 With the receptance H of all measured points in the state before a change, and that of the model,
 

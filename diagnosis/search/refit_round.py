@@ -33,13 +33,13 @@ def score_hypotheses(
     inner = move_scene(scene, base)
     sites = {cause.site for cause in base.causes}
     with_law = {part.spring for part in base.session.model.parts if isinstance(part, LawPart)}
-    known = {parameter.name for parameter in base.session.model.parameters}
+    present_names = {parameter.name for parameter in base.session.model.parameters}
     hypotheses = [
         hypothesis
         for effect in load_catalogue().values()
         for hypothesis in effect(inner)
         if hypothesis.location not in excluded and hypothesis.site not in sites
-        if not any(p.name in known for part in hypothesis.parts for p in part.parameters)
+        if not any(p.name in present_names for part in hypothesis.parts for p in part.parameters)
         if hypothesis.spring is None or hypothesis.spring.spring not in with_law
     ]
     if inner.model.machine.rest is not None and has_square_matrix(inner.session.campaign):

@@ -97,9 +97,9 @@ class _Square:
             values = np.asarray(np.linalg.inv(np.linalg.inv(self.values) - broken), np.complex128)
         except np.linalg.LinAlgError:
             return None
-        left = np.abs(self.values @ stiffness) ** 2
-        right = np.abs(stiffness @ self.values) ** 2
-        variance = self.variance + left @ before.variance @ right
+        row_power = np.abs(self.values @ stiffness) ** 2
+        column_power = np.abs(stiffness @ self.values) ** 2
+        variance = self.variance + row_power @ before.variance @ column_power
         return replace(self, values=values, variance=variance)
 
 

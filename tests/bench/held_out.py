@@ -52,7 +52,7 @@ _MIN_GAIN_NATS = 0.05  # as for the folds of the product
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class HeldOutPart:
     """Data that are left out together: lines, tests, or the channels of a body.
 
     Args:
@@ -116,9 +116,9 @@ def _row(way: str, rows: list[dict]) -> dict[str, object]:
     """Return the rates of a way, each with its 95 % interval."""
     row: dict[str, object] = {"held out": way, "n": len(rows)}
     for name in ("true set admitted", "largest cause needed"):
-        told = [each[name] for each in rows if each[name] is not None]
-        low, high = wilson(sum(told), max(len(told), 1))
-        row |= {name: sum(told), f"{name}, n": len(told), f"{name} from": low, f"{name} to": high}
+        marks = [each[name] for each in rows if each[name] is not None]
+        low, high = wilson(sum(marks), max(len(marks), 1))
+        row |= {name: sum(marks), f"{name}, n": len(marks), f"{name} from": low, f"{name} to": high}
     ratios = [each["excess"] / each["fitted"] for each in rows] or [np.nan]
     row |= {f"excess over fitted, {q} %": float(np.percentile(ratios, q)) for q in (50, 90)}
     return row
@@ -133,16 +133,16 @@ def _case(number: int) -> dict[str, object]:
         return row | {"left out": "no place"}
     with threadpool_limits(1):
         diagnosis = diagnose(open_session(stored.folder))
-        found = _find_sets(diagnosis, stored.answer)
-        if found is None:
+        sets = _find_sets(diagnosis, stored.answer)
+        if sets is None:
             return row | {"left out": "the true set was not fitted"}
-        return row | {way: judged for way in WAYS if (judged := _judge(way, diagnosis, *found))}
+        return row | {way: judged for way in WAYS if (judged := _judge(way, diagnosis, *sets))}
 
 
 def _find_sets(diagnosis: Diagnosis, answer: str) -> tuple[Refit, Refit] | None:
     """Return the refits of the true set, and of it without its largest cause."""
-    told = answer_from(tomllib.loads(answer), "answer")
-    wanted = {(cause.effect, cause.location) for cause in told.causes}
+    truth = answer_from(tomllib.loads(answer), "answer")
+    wanted = {(cause.effect, cause.location) for cause in truth.causes}
     sets: dict[frozenset, Refit] = {frozenset(): diagnosis.search.null}
     for refit in sorted(diagnosis.search.refits, key=lambda refit: -refit.objective):
         sets[frozenset(map(read_site, refit.keys))] = refit
@@ -176,7 +176,7 @@ def _judge(way: str, diagnosis: Diagnosis, whole: Refit, less: Refit) -> dict | 
     }
 
 
-def _split(way: str, refit: Refit) -> list[Part]:
+def _split(way: str, refit: Refit) -> list[HeldOutPart]:
     """Return the parts that are held out in turn."""
     campaign = refit.session.campaign
     count = len(campaign.freq_hz)
@@ -185,14 +185,16 @@ def _split(way: str, refit: Refit) -> list[Part]:
         folds = assign_folds(starts, count)
         blocks = np.searchsorted(starts, np.arange(count), side="right")
         return [
-            Part(lines=folds == fold, blocks=blocks)
+            HeldOutPart(lines=folds == fold, blocks=blocks)
             for fold in range(int(folds.max(initial=0)) + 1)
         ]
     if way == "references":
         names = [str(test.condition.reference.positive) for test in campaign.tests]
-        return [Part(tests=np.array(names) == name) for name in sorted(set(names))]
+        return [HeldOutPart(tests=np.array(names) == name) for name in sorted(set(names))]
     layout = campaign.layout
-    return [Part(body=name) for name in sorted({layout.owner_name(d) for d in campaign.outputs})]
+    return [
+        HeldOutPart(body=name) for name in sorted({layout.owner_name(d) for d in campaign.outputs})
+    ]
 
 
 def _start_by_bandwidth(refit: Refit) -> Integers:
@@ -206,7 +208,7 @@ def _start_by_bandwidth(refit: Refit) -> Integers:
 
 
 def _predict_parts(
-    refit: Refit, parts: Sequence[Part], schedule: FloorSchedule
+    refit: Refit, parts: Sequence[HeldOutPart], schedule: FloorSchedule
 ) -> tuple[float, float]:
     """Return mean -ln L and excess on what fits without each part foretell."""
     model, varies = refit.session.model, refit.fit.parametrisation
@@ -224,6 +226,6 @@ def _predict_parts(
             whole[row][np.ix_(lines, outputs)] = values[np.ix_(lines, outputs)]
         for piece in part.hold(campaign):
             statistics.append(residual_statistics(predict(model, theta, piece), piece))
-    known = [piece for piece in statistics if piece is not None]
-    cost = np.average([piece.cost for piece in known], weights=[piece.values for piece in known])
+    moving = [piece for piece in statistics if piece is not None]
+    cost = np.average([piece.cost for piece in moving], weights=[piece.values for piece in moving])
     return float(cost), float(summarise_gaps(channel_gaps(whole, campaign)).excess)

@@ -219,13 +219,13 @@ def grade(changes: list[Change], verdict: dict, legs: dict[str, float]) -> dict[
         for cause in verdict["causes"]
         if (cause["probability"] or 0.0) >= _NAMED
     }
-    found = [_find_named(change, named, legs) for change in changes]
-    true = {key for keys, _ in found for key in keys}
+    matches = [_find_named(change, named, legs) for change in changes]
+    true = {key for keys, _ in matches for key in keys}
     wrong = bool(set(named) - true)
-    right = all(sizes is not None for _, sizes in found) and not wrong
+    right = all(sizes is not None for _, sizes in matches) and not wrong
     errors = [
         _is_near(change, name, sizes or {})
-        for change, (_, sizes) in zip(changes, found, strict=True)
+        for change, (_, sizes) in zip(changes, matches, strict=True)
         for name in (_list_sizes(change) if sizes != {} else ())
     ]
     return {"right": right, "wrong": wrong, "sizes": all(errors) if right and errors else None}

@@ -23,7 +23,7 @@ QUANTILE = float(np.sqrt(chi2.ppf(0.95, 1)))
 
 @dataclass(frozen=True)
 class Session:
-    """What a refit needs of a session here."""
+    """Stand-in for a session: the part of it that a refit reads."""
 
     parametrisation: object
 
@@ -31,7 +31,7 @@ class Session:
 @pytest.fixture
 def refits(monkeypatch):
     """Refits of coordinates that are parameters themselves, by the deviance of the held one."""
-    made = []
+    refitted_at = []
 
     def prepare(deviance, x=(2.0, 0.5), deviation=(10.0, 1.0), lower=-np.inf, upper=np.inf):
         names = tuple("ab"[: len(x)])
@@ -51,7 +51,7 @@ def refits(monkeypatch):
             (task,) = tasks
             theta, held = task.session.parametrisation
             value = float(theta[names.index(held[0])])
-            made.append((held[0], value))
+            refitted_at.append((held[0], value))
 
             def state(cause):
                 return cause.state(dict(zip(names, theta.tolist(), strict=True)))
@@ -71,7 +71,7 @@ def refits(monkeypatch):
         )
         return refit, FittedParameters(varies, fitted, confidence)
 
-    return prepare, made
+    return prepare, refitted_at
 
 
 def cause(state=lambda found: {"stiffness": found["a"]}, **more):
@@ -84,25 +84,25 @@ def name_size(case, one):
 
 
 def test_an_interval_without_no_effect_is_left_as_it_is(refits):
-    prepare, made = refits
+    prepare, refitted_at = refits
     case = prepare(lambda _: 0.0, deviation=(0.5, 1.0))
     named = name_size(case, cause())
     assert named.excludes_no_effect
     assert named.intervals["stiffness"] == pytest.approx((2 - 0.5 * QUANTILE, 2 + 0.5 * QUANTILE))
     gain = name_size(prepare(lambda _: 0.0, (0.0,), (0.1,)), cause(lambda found: {"gain": 1.0}))
     assert gain.excludes_no_effect  # nothing stated depends on the coordinates
-    assert not made
+    assert not refitted_at
 
 
 def test_where_the_profile_is_a_parabola_its_ends_are_those_of_the_parabola(refits):
-    prepare, made = refits
+    prepare, refitted_at = refits
     sigma = 0.7
     named = name_size(prepare(lambda a: ((a - 2) / sigma) ** 2), cause())
     assert named.excludes_no_effect
     ends = (2 - sigma * QUANTILE, 2 + sigma * QUANTILE)
     assert named.intervals["stiffness"] == pytest.approx(ends, abs=0.15 * sigma)
-    assert {name for name, _ in made} == {"a"}
-    assert len(made) <= 5
+    assert {name for name, _ in refitted_at} == {"a"}
+    assert len(refitted_at) <= 5
 
 
 def test_a_link_that_may_be_far_stiffer_but_not_absent_is_named_and_a_lost_one_is_not(refits):
@@ -128,10 +128,10 @@ def test_a_link_that_may_be_far_stiffer_but_not_absent_is_named_and_a_lost_one_i
 
 
 def test_what_states_nothing_without_the_effect_has_no_value_that_an_interval_could_hold(refits):
-    prepare, made = refits
+    prepare, refitted_at = refits
     rigid = cause(lambda found: {"frequency": 100.0 / found["a"]} if found["a"] > 0 else {})
     assert name_size(prepare(lambda _: 0.0, deviation=(0.1, 1.0)), rigid).excludes_no_effect
-    assert not made
+    assert not refitted_at
 
 
 def test_every_effect_has_a_state_without_itself(tmp_path):
@@ -148,17 +148,17 @@ def test_every_effect_has_a_state_without_itself(tmp_path):
 
 
 def test_a_factor_has_no_effect_at_one_and_of_a_vector_the_largest_component_decides(refits):
-    prepare, made = refits
+    prepare, refitted_at = refits
     factor = cause(lambda found: {"factor": float(np.exp(found["a"]))})
     named = name_size(prepare(lambda a: 4 * (a - 2) ** 2, deviation=(1.5, 1.0)), factor)
     assert named.excludes_no_effect
     assert np.log(named.intervals["factor"]) == pytest.approx(
         (2 - QUANTILE / 2, 2 + QUANTILE / 2), abs=0.1
     )
-    made.clear()
+    refitted_at.clear()
     vector = cause(lambda found: {"stiffness": (None, found["b"], found["a"])}, release=("a", "b"))
     named = name_size(prepare(lambda a: 9 * (a - 2) ** 2, deviation=(9.0, 9.0)), vector)
-    assert {name for name, _ in made} == {"a"}
+    assert {name for name, _ in refitted_at} == {"a"}
     nothing, other, largest = named.intervals["stiffness"]
     assert nothing is None
     assert other[0] < 0 < other[1]

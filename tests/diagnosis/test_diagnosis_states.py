@@ -194,9 +194,9 @@ def test_beside_a_narrow_mode_the_rest_is_known_to_a_few_percent(heavier):
     assert np.sqrt(np.median((error / power)[near])) < 0.04
     stated = variance.sum(axis=(1, 2))
     assert np.median((error / stated)[near]) < 2
-    known = find_known_lines(after, estimate, variance)
-    assert known.mean() > 0.9
-    assert np.sqrt((stated / power)[known].max()) < MAX_NOISE_RATIO
+    well_known_lines = find_known_lines(after, estimate, variance)
+    assert well_known_lines.mean() > 0.9
+    assert np.sqrt((stated / power)[well_known_lines].max()) < MAX_NOISE_RATIO
     assert (variance >= 0).all()
 
 
@@ -223,14 +223,16 @@ def test_without_a_full_matrix_causes_of_the_state_before_are_part_of_the_machin
     for references, is_held in ((2, True), (1, False)):
         session = open_session(write_chain(tmp_path / f"chain{references}", references=references))
         before = fit_baseline(check_data(session, settings), 1, settings)
-        found = search_before(before, settings, lambda _: None)
-        assert (found is before) == is_held
-    assert found.null.causes
-    assert found.null.floor < 0.7 * before.null.floor
-    after = check_data_after(session, found, settings).session
+        with_causes = search_before(before, settings, lambda _: None)
+        assert (with_causes is before) == is_held
+    assert with_causes.null.causes
+    assert with_causes.null.floor < 0.7 * before.null.floor
+    after = check_data_after(session, with_causes, settings).session
     (remark,) = (text for text in after.campaign.remarks if "full matrix" in text)
     assert remark.startswith("no full matrix of FRFs before the change")
-    of_causes = {p.name for c in found.null.causes for part in c.parts for p in part.parameters}
+    of_causes = {
+        p.name for c in with_causes.null.causes for part in c.parts for p in part.parameters
+    }
     varying = set(after.parametrisation.names)
     assert of_causes
     assert not of_causes & varying
