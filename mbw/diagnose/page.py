@@ -215,8 +215,13 @@ def _places(result: StoredDiagnosis) -> list[dict[str, object]]:
 
 
 def located_rest(result: StoredDiagnosis) -> tuple[ForceGain, ...]:
-    """Return the free forces of what is to be located: the rest, or the gap of the null model."""
+    """Return the free forces of what is to be located: the rest, or the gap of the null model.
+
+    Empty where nothing is missing: what a free force then takes up is noise.
+    """
     evidence = result.evidence
+    if result.verdict.verdict == "none":
+        return ()
     return evidence.rest_pushed if result.verdict.verdict == "partly" else evidence.pushed
 
 
