@@ -6,18 +6,22 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test quick check docs figures bench field same versions sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
+.PHONY: demo test long quick check docs figures bench field same versions sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
 
 test: check docs
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	PART=usual $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+# The tests that `make test` leaves out: whole diagnoses, for the most part.
+long: $(VENV)/.installed-test
+	PART=long $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # The quick tests of each room, for an inner loop.
 quick: $(VENV)/.installed-test
 	$(BIN)/ruff check .
-	QUICK=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	PART=quick $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 check: $(VENV)/.installed-test
 	$(BIN)/ruff check .

@@ -7,6 +7,9 @@ Files with the slowest tests come first, so that no worker ends with one of them
 The slowest tests are listed at the end by the time of their processors, which other work on the
 machine changes little. ``CORE_SECONDS=1`` writes that of every file into ``core_seconds.csv``.
 
+``PART`` in the environment chooses files by that table: ``quick`` for an inner loop, ``usual`` for
+``make test``, ``long`` for the others, which are whole diagnoses for the most part.
+
 Property tests try 25 examples each; ``make bench ONLY=properties`` tries 200, with the profile that
 ``HYPOTHESIS_PROFILE`` names.
 """
@@ -34,20 +37,22 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
 # Core seconds of each file, as a whole run with ``CORE_SECONDS=1`` found them.
 TABLE = Path(__file__).parent / "core_seconds.csv"
-QUICK_S = 300.0  # of all tests of ``make quick``
+# Core seconds of all cheaper files, between which the files of a part lie.
+PARTS = {"quick": (-1.0, 300.0), "usual": (-1.0, 1300.0), "long": (1300.0, float("inf"))}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Move the slowest files to the front; with ``QUICK=1`` leave the slowest out."""
+    """Move the slowest files to the front, and leave out those of another part."""
     folder = Path(__file__).parent
     with TABLE.open(encoding="utf-8", newline="") as stream:
         seconds = {folder / name: float(value) for name, value in csv.reader(stream)}
     items.sort(key=lambda item: -seconds.get(item.path, 0.0))
-    if os.environ.get("QUICK"):
+    if part := os.environ.get("PART"):
+        least, most = PARTS[part]
         files = sorted({item.path for item in items}, key=lambda path: seconds.get(path, 0.0))
         ends = accumulate(seconds.get(path, 0.0) for path in files)
-        quick = {path for path, end in zip(files, ends, strict=True) if end <= QUICK_S}
-        items[:] = [item for item in items if item.path in quick]
+        chosen = {path for path, end in zip(files, ends, strict=True) if least < end <= most}
+        items[:] = [item for item in items if item.path in chosen]
 
 
 LISTED = 20  # slowest tests

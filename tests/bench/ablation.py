@@ -1,6 +1,6 @@
 """Each rung of the search turned off in turn, on calibration campaigns.
 
-The campaigns are the first designs of ``dirty_campaigns`` with seeds 420000 and up, which no
+The campaigns are the first designs of ``scorecard_draws`` with seeds 420000 and up, which no
 reported figure uses; faults that dirt hides are left out. ``LIMIT`` in the environment says how
 many designs there are; rows that are done are kept. The difference of a rate is that of the same
 campaigns, with Newcombe's interval for paired proportions. A rung whose absence moves neither the
@@ -12,21 +12,18 @@ without a rung have their reason in ``KEPT``; rules of the posterior need no new
 import os
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from unittest.mock import patch
 
-from threadpoolctl import threadpool_limits
-
-from diagnosis import build_verdict, diagnose
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-from tests.bench.dirty import LEAST_RATIO, core_seconds, dirt_items, weakest_ratio
-from tests.bench.dirty_campaigns import ensure, reported_designs
-from tests.bench.dirty_rates import graded, is_right_row
 from tests.bench.kept import cases, of
+from tests.bench.scorecard import diagnosed
+from tests.bench.scorecard_draws import ensure, reported_designs
+from tests.bench.scorecard_rates import read_rows
 from truth.grade.paired import paired_difference
 from truth.grade.rates import wilson
-from tuning import FloorSchedule, open_session
+from tuning import FloorSchedule
 
 FIRST = 420_000
 DEFAULT_LIMIT = 12
@@ -109,10 +106,10 @@ def rung_figures(
         rows: its rows, by number.
         complete: rows with all rungs.
     """
-    read = {number: case for number, row in rows.items() if (case := graded(row)) is not None}
+    read = {number: case for number, row in rows.items() for case in read_rows([row])}
     if not read:
         return []
-    hits, count = sum(map(is_right_row, read.values())), len(read)
+    hits, count = sum(case.is_right for case in read.values()), len(read)
     low, high = wilson(hits, count)
     seconds = sum(case.row["seconds"] for case in read.values()) / count
     interval = f"{count} [{100 * low:.1f}, {100 * high:.1f}]"
@@ -120,11 +117,11 @@ def rung_figures(
         {"figure": f"{rung}: right, %", "value": 100 * hits / count, "n": interval},
         {"figure": f"{rung}: core seconds, mean", "value": seconds, "n": count},
     ]
-    base = {number: graded(complete[number]) for number in read if number in complete}
     pairs = [
-        (is_right_row(read[number]), is_right_row(case))
-        for number, case in base.items()
-        if case is not None
+        (read[number].is_right, case.is_right)
+        for number in read
+        if number in complete
+        for case in read_rows([complete[number]])
     ]
     if rung == "all" or not pairs:
         return figures
@@ -142,25 +139,7 @@ def _case(rung: str, number: int) -> dict[str, object]:
     """Diagnose one campaign with one rung turned off."""
     design = reported_designs()[number]
     stored = ensure(design, FIRST + number)
-    if stored.answer is None:
-        return {"left_out": "no place"}
-    ratio = weakest_ratio(stored.answer)
-    if ratio is not None and ratio < LEAST_RATIO:
-        return {"left_out": "hidden"}
-    began = core_seconds()
-    with threadpool_limits(1), ExitStack() as changes:
+    with ExitStack() as changes:
         if rung in STEPS:
             changes.enter_context(patch(*STEPS[rung]))
-        diagnosis = diagnose(open_session(stored.folder), settings=RUNGS[rung])
-    return {
-        "seed": stored.seed,
-        "cell": design.cell,
-        "dirt": design.dirt,
-        "effects": list(design.effects),
-        "parameter": design.parameter,
-        "drawn_ratio": ratio,
-        "answer": stored.answer.partition("\n[dirt]")[0],
-        "items": dirt_items(stored.answer),
-        "verdict": build_verdict(diagnosis).model_dump(mode="json"),
-        "seconds": core_seconds() - began,
-    }
+        return {"seed": stored.seed, **asdict(design), **diagnosed(stored, RUNGS[rung])}

@@ -1,11 +1,11 @@
 """Evidence of the calibration: campaigns that no reported figure uses, diagnosed one by one.
 
-The designs are those of the reported campaigns (``dirty_campaigns``) with other seeds: the first
+The designs are those of the reported campaigns (``scorecard_draws``) with other seeds: the first
 designs from 430000 and from 540000 on, the latter with exact machines of the catalogue, and further
 ones that have nothing but small errors from 431000 on. Force channels are left out.
 
 ``python -m tests.bench.calibration_rows`` goes on from where it was, then packs the rows for
-``calibrate``. ``CAMPAIGNS`` and ``JOBS`` as in ``dirty``.
+``calibrate``. ``CAMPAIGNS`` and ``JOBS`` as in ``scorecard``.
 """
 
 import gzip
@@ -17,15 +17,23 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis import diagnose
 from tests.bench.calibrate import ROWS
-from tests.bench.dirty import LEAST_RATIO, dirt_items, weakest_ratio
-from tests.bench.dirty_campaigns import Stored, ensure, reported_designs
 from tests.bench.kept import cases
+from tests.bench.scorecard import LEAST_RATIO
+from tests.bench.scorecard_draws import Stored, ensure, reported_designs
 from tuning import open_session
 
-DIRTY = ("single", "several", "alone", "nothing")
+DIRTY = (
+    "dirt 5 %",
+    "dirt 15 %",
+    "dirt 30 %",
+    "dirt alone",
+    "2 effects",
+    "3 effects",
+    "nothing",
+)
 SERIES = {  # first seed: designs from which campaigns are chosen, and their cells
     430_000: (48, DIRTY),
-    431_000: (120, ("alone",)),
+    431_000: (120, ("dirt alone",)),
     540_000: (127, (*DIRTY, "clean")),
 }
 
@@ -45,19 +53,19 @@ def make(seed: int) -> dict[str, object]:
     """Return truth, small errors and evidence of a campaign; no evidence if none can be judged."""
     first = max(first for first in SERIES if first <= seed)
     stored = ensure(reported_designs()[seed - first], seed)
-    ratio = None if stored.answer is None else weakest_ratio(stored.answer)
+    ratio = stored.weakest_ratio
     if stored.answer is None or (ratio is not None and ratio < LEAST_RATIO):
         return {"seed": seed}
-    return {"seed": seed, **describe_truth(stored.answer), "evidence": _evidence(stored)}
+    return {"seed": seed, **describe_truth(stored), "evidence": _evidence(stored)}
 
 
-def describe_truth(answer: str) -> dict[str, object]:
+def describe_truth(stored: Stored) -> dict[str, object]:
     """Return effects with their places, and those of all small errors."""
-    truth = tomllib.loads(answer)
+    truth = tomllib.loads(stored.answer or "")
     causes = [cause for cause in truth.get("cause", [truth]) if cause["effect"] != "none"]
     return {
         "truth": [[cause["effect"], cause["location"]] for cause in causes],
-        "items": [item.split("@") for item in dirt_items(answer)],
+        "items": [item.split("@") for item in stored.dirt_items],
     }
 
 

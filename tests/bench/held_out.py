@@ -29,8 +29,8 @@ from diagnosis.inference.posterior import read_site
 from diagnosis.refits.refit import Refit
 from identification.words import Campaign, Integers, Mask
 from mbmodel import model_modes
-from tests.bench.dirty_campaigns import ensure, reported_designs
 from tests.bench.kept import cases
+from tests.bench.scorecard_draws import ensure, reported_designs
 from truth.grade.answer import answer_from
 from truth.grade.rates import wilson
 from tuning import (
@@ -46,7 +46,7 @@ from tuning.fitting.stage_search import minimise_stage
 from tuning.misfit.residual_statistics import residual_statistics
 
 FIRST, CASES = 720_000, 60
-CELLS = ("single", "several", "clean")
+CELLS = ("dirt 5 %", "dirt 15 %", "2 effects", "clean")
 WAYS = ("peaks", "bandwidths", "references", "bodies")
 _MIN_GAIN_NATS = 0.05  # as for the folds of the product
 

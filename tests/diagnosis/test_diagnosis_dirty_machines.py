@@ -1,16 +1,15 @@
-"""The bench of real machines in small: a random tree of three stages, real instruments, 5 % dirt.
+"""The scorecard in small: a random tree of three stages, real instruments, 5 % dirt.
 
-One campaign has a spinning rotor beside the dirt, the other has the dirt alone. What the engine of
-today gives is asserted. One test is marked as an expected failure: it states what the model-error
-floor has to bring, that the verdict is ``partly`` or ``explained`` and names the rotor alone. When
-it does, the strict mark fails: remove it, and assert that ``rest`` states what remains.
+One campaign has a spinning rotor beside the dirt, the other has the dirt alone.
 """
+
+from dataclasses import asdict
 
 import pytest
 
-from tests.bench.dirty import diagnosed, dirt_items, weakest_ratio
-from tests.bench.dirty_campaigns import Stored
-from tests.bench.dirty_rates import graded, has_wrong_cause
+from tests.bench.scorecard import diagnosed
+from tests.bench.scorecard_draws import Design, Stored
+from tests.bench.scorecard_rates import graded
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
 from truth.campaign.draw import REAL_INSTRUMENTS
 from truth.grade.beside_background import right_first
@@ -27,11 +26,9 @@ def row_of(folder, *effects):
     plan = Plan(SEED, Cause(wanted), protocol, REAL_INSTRUMENTS, dirt=DIRT)
     campaign = draw_campaign(tree, plan)
     write_campaign(campaign, folder, sealed=True)
-    answer = campaign.answer.decode()
-    stored = Stored(folder, answer, SEED, 0.0)
-    told = {"cell": "single" if effects else "alone", "effects": effects, "dirt": DIRT}
-    told |= {"drawn_ratio": weakest_ratio(answer), "items": dirt_items(answer)}
-    return told | {"seed": SEED, "answer": answer.partition("\n[dirt]")[0]} | diagnosed(stored)
+    stored = Stored(folder, campaign.answer.decode(), SEED, 0.0)
+    design = Design("dirt 5 %" if effects else "dirt alone", effects, 6.0, DIRT)
+    return {"seed": SEED, **asdict(design), **diagnosed(stored)}
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +50,7 @@ def test_the_rotor_is_first_beside_the_dirt(rotor):
 
 def test_the_rotor_is_the_only_cause_and_a_rest_remains(rotor):
     assert rotor.verdict.verdict in ("partly", "explained")
-    assert not has_wrong_cause(rotor)
+    assert not rotor.wrong_causes
 
 
 def test_the_dirt_leaves_a_gap(alone):
@@ -63,4 +60,4 @@ def test_the_dirt_leaves_a_gap(alone):
 
 
 def test_dirt_alone_is_no_wrong_cause(alone):
-    assert not has_wrong_cause(alone)
+    assert not alone.wrong_causes

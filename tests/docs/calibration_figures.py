@@ -1,56 +1,9 @@
-"""Figures on stated probabilities: how often they are true, and the constants behind them."""
-
-import re
-from collections.abc import Sequence
-from functools import cache
-from importlib import import_module
+"""Figures on what stands behind stated probabilities: constants, rules and steps of the search."""
 
 from diagnosis.inference.calibration import load_calibration
 from tests.bench.calibrate import log_likelihood
-from tests.docs.formats import fixed, percent, significant, table
-from tests.docs.grades import seeds_fragment
-from tests.docs.results import bench_cases, bench_values, grade_tables
-
-STATED = re.compile(
-    r"true of causes stated (?P<low>[\d.]+) to (?P<high>[\d.]+), (?P<mean>[\d.]+) in the mean, "
-    r"of doubt, catalogue and protocols, % \[(?P<least>[\d.]+), (?P<most>[\d.]+)\]"
-)
-
-
-@cache
-def stated_rates() -> Sequence[tuple[str, str, str, int]]:
-    """Return how often causes are true that three benches state with some probability.
-
-    The bench itself counts them in the kept cases: ``doubt.json`` is older than some of these.
-
-    Returns:
-        For each range of stated probabilities: the range, its mean, the rate and n.
-    """
-    doubt = import_module("tests.bench.doubt")  # loads the diagnosis, which no other figure needs
-    cases = [
-        row for bench, first in doubt.REPORTED for row in doubt.of(f"{bench}.{first}").values()
-    ]
-    rows = []
-    for row in doubt.reliability(cases):
-        match = STATED.fullmatch(row["figure"])
-        if match is not None:
-            interval = f"[{100 * float(match['least']):.1f}, {100 * float(match['most']):.1f}]"
-            stated = f"{match['low']} to {match['high']}"
-            rows.append((stated, match["mean"], f"{row['value']:.1f} % {interval}", row["n"]))
-    return rows
-
-
-def doubt_table() -> str:
-    """How often causes are true that three benches state with some probability."""
-    return table(("Stated probability", "Mean", "True [95 % interval]", "n"), stated_rates())
-
-
-def doubt_hidden() -> str:
-    """Number of weak effects that the verdict calls nothing missing."""
-    said = grade_tables("doubt")["confusion of effects"].values()
-    hidden = sum(int(row["none"]) for row in said if row["none"] != ".")
-    count = len(bench_cases("doubt.330000"))
-    return f"{hidden} of {count} ({percent(hidden / count, 0)})"
+from tests.docs.formats import fixed, significant, table
+from tests.docs.results import bench_values
 
 
 def constants_table() -> str:
@@ -128,11 +81,6 @@ def _interval(count: str) -> str:
 FIGURES = {
     "posterior-rules-table": posterior_rules_table,
     "search-rungs-table": search_rungs_table,
-    "doubt-table": doubt_table,
-    "doubt-campaigns": lambda: str(len(bench_cases("doubt.330000"))),
-    "doubt-seeds": seeds_fragment("doubt.330000"),
-    "doubt-stated-sure": lambda: "{2} (n = {3})".format(*stated_rates()[-1]),
-    "doubt-hidden": doubt_hidden,
     "calibrate-constants-table": constants_table,
     "calibrate-campaigns": calibration_campaigns,
     "calibrate-nats": calibration_surprise,

@@ -10,13 +10,11 @@ from collections.abc import Callable, Mapping
 
 from tests.docs import (
     calibration_figures,
-    diagnosis_figures,
-    dirty_figures,
     headline_figures,
-    level_figures,
+    measured_figures,
     model_figures,
     modes_figures,
-    robustness_figures,
+    scorecard_figures,
     simulation_figures,
     truth_figures,
     tuning_figures,
@@ -24,14 +22,12 @@ from tests.docs import (
 
 FIGURES: Mapping[str, Callable[[], str]] = {
     **headline_figures.FIGURES,
-    **diagnosis_figures.FIGURES,
-    **dirty_figures.FIGURES,
+    **scorecard_figures.FIGURES,
+    **measured_figures.FIGURES,
     **calibration_figures.FIGURES,
     **model_figures.FIGURES,
     **modes_figures.FIGURES,
     **tuning_figures.FIGURES,
     **truth_figures.FIGURES,
-    **robustness_figures.FIGURES,
     **simulation_figures.FIGURES,
-    **level_figures.FIGURES,
 }

@@ -2,32 +2,35 @@
 
 from collections.abc import Sequence
 
-from tests.docs.formats import code_span, significant, table
+from tests.bench.kept import of
+from tests.bench.scorecard_rates import rate_rows
+from tests.docs.formats import code_span, table
 from tests.docs.model_figures import frf_gradient_ms, frf_ratio
 from tests.docs.modes_figures import identify_extra, identify_found
-from tests.docs.results import RESULTS, bench_rows
+from tests.docs.results import bench_rows
+from tests.docs.scorecard_figures import NAME, rate_text
 
-# Question; figure of the bench of real machines.
-DIRTY = (
+# Question; cell of the scorecard; its rate.
+SCORECARD = (
     (
         "One fault beside 5 or 15 % of small errors, ratio 4: first",
-        "dirt 5 and 15 % together, ratio 4: effect and place first, %",
+        "beside 5 or 15 % of dirt, ratio 4",
+        "right",
     ),
     (
         "One fault beside 5 or 15 % of small errors, ratio 2: first",
-        "dirt 5 and 15 % together, ratio 2: effect and place first, %",
+        "beside 5 or 15 % of dirt, ratio 2",
+        "right",
     ),
-    ("One fault of an exact machine: first", "clean: effect and place first, %"),
-    ("Nothing missing: false alarms", "nothing: false alarms, %"),
-    ("Small errors alone: a wrong cause is named", "alone: wrong cause with p of 0.5 or more, %"),
-    ("Two effects at once: both found", "2 effects: all found, %"),
-    ("Core seconds per diagnosis, median", "all: core seconds, median"),
+    ("One fault of an exact machine: first", "clean", "right"),
+    ("Nothing missing, and the verdict says so", "nothing missing, all", "right"),
+    ("A wrong cause is named, all campaigns", "all", "wrong cause"),
 )
 
 
 def headlines_table() -> str:
     """Headline figures of all benches, with n and the bench that makes each."""
-    rows: list[Sequence[object]] = [*_dirty_rows()]
+    rows: list[Sequence[object]] = [*_scorecard_rows()]
     slycot = frf_ratio("the same by 73 evaluations of python-control with slycot")
     rows += [
         _intervals_row(),
@@ -53,19 +56,13 @@ def _benches(names: str) -> str:
     return ", ".join(map(code_span, names.split(", ")))
 
 
-def _dirty_rows() -> list[Sequence[object]]:
-    """Return the rows of the bench of real machines that has figures."""
-    if not (RESULTS / "dirty.json").is_file():
-        return []
-    values = {row["figure"]: row for row in bench_rows("dirty")}
-    rows: list[Sequence[object]] = []
-    for label, figure in DIRTY:
-        if figure in values:
-            count, _, interval = str(values[figure]["n"]).partition(" ")
-            unit = " %" if figure.endswith("%") else ""
-            text = f"{significant(values[figure]['value'], 3)}{unit} {interval}".rstrip()
-            rows.append((label, text, count, "dirty"))
-    return rows
+def _scorecard_rows() -> list[Sequence[object]]:
+    """Return the rows of the scorecard."""
+    cells = {row["cell"]: row for row in rate_rows(list(of(NAME).values()))}
+    return [
+        (label, rate_text(cells[cell], rate), cells[cell][f"{rate} n"], "scorecard")
+        for label, cell, rate in SCORECARD
+    ]
 
 
 def _intervals_row() -> Sequence[object]:

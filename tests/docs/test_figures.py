@@ -11,7 +11,7 @@ from tests.docs.markers import (
     unmarked_table_lines,
 )
 from tests.docs.pages import DOCS, markdown_pages
-from tests.docs.results import ROOT, grade_rate, grade_tables
+from tests.docs.results import ROOT
 
 PAGES = [str(page.relative_to(ROOT)) for page in markdown_pages()]
 
@@ -100,10 +100,3 @@ def test_numbers_are_rounded_to_significant_digits():
     values = [0.0, 0.05, 9.996, 17.39, 21628.9, -3.099, 5.3e-13, None]
     texts = ["0", "0.0500", "10.0", "17.4", "21600", "-3.10", "5.30e-13", ""]
     assert list(map(significant, values)) == texts
-
-
-def test_grade_tables_are_read():
-    assert set(grade_tables("catalogue")) >= {"verdicts", "number", "by tag", "sizes", "intervals"}
-    rate = grade_rate("silence", "by tag", "nothing", "false_alarm")
-    assert (rate.percent, rate.interval, rate.n) == (0.0, (0.0, 3.7), 100)
-    assert grade_rate("catalogue", "baselines", "random", "both").interval is None

@@ -1,4 +1,4 @@
-"""Figures of the benches of the withheld truth, and of the property tests."""
+"""Figures of the benches of the withheld truth, of property tests and of mutated files."""
 
 from tests.docs.formats import code_span, fixed, significant, table
 from tests.docs.results import bench_rows
@@ -68,38 +68,6 @@ def leaks_table() -> str:
     return table(header, rows)
 
 
-def machine_kinds_table() -> str:
-    """Grades of blind tests on machines of every kind."""
-    rows = [
-        (
-            row["machine"] if row["machine"] != "all" else "All",
-            row["cases"],
-            _rate(row, "both_or_twin"),
-            _rate(row, "place_first"),
-            _rate(row, "false_alarm"),
-            fixed(row["core s"], 0),
-        )
-        for row in bench_rows("machine_kinds")
-    ]
-    header = (
-        "Machine",
-        "Cases",
-        "Cause and place",
-        "Place",
-        "False alarms",
-        "Core seconds per case",
-    )
-    return table(header, rows)
-
-
-def _rate(row: dict, mark: str) -> str:
-    """Return hits, number of cases and 95 % interval of a mark."""
-    if not row[f"{mark} of"]:
-        return ""
-    low, high = (100 * row[f"{mark} {end}"] for end in ("from", "to"))
-    return f"{row[mark]} of {row[f'{mark} of']} ({low:.0f} to {high:.0f} %)"
-
-
 def smallest_sizes_table() -> str:
     """Rates at which predicted smallest sizes are found."""
     rows = [
@@ -117,11 +85,19 @@ def smallest_sizes_table() -> str:
     return table(header, rows, 3)
 
 
+def fuzz_table() -> str:
+    """Mutations of every reader, and how many ended in anything but a sentence."""
+    rows = [
+        (row["target"].capitalize(), row["mutations"], row["faults"]) for row in bench_rows("fuzz")
+    ]
+    return table(("Reader", "Mutations", "Faults"), rows)
+
+
 FIGURES = {
-    "machine-kinds-table": machine_kinds_table,
     "smallest-sizes-table": smallest_sizes_table,
     "survival-table": survival_table,
     "truth-table": truth_table,
     "leaks-table": leaks_table,
     "properties-passed": properties_passed,
+    "fuzz-table": fuzz_table,
 }

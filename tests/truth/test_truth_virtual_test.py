@@ -235,21 +235,3 @@ def test_a_failure_on_the_way_leaves_the_old_campaign(small, tmp_path, monkeypat
         write_campaign(small, folder, overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     assert (folder / "campaign.toml").read_bytes() == b"old"
-
-
-def test_sized_by_one_test_the_machine_is_the_same_in_another(nominal):
-    first, second = (next(one.node for one in stage.sensors) for stage in nominal.stages[:2])
-    plain = Protocol(nodes=(first,), lines=41, resolution_hz=4.0)
-    cause = Cause((Wanted("mass_error", "body:ty", 2.0),))
-    more = replace(plain, nodes=(first, second), coherence=False)
-    one, other, own = (
-        tomllib.loads(draw_campaign(nominal, Plan(13, cause, *rest)).answer.decode())
-        for rest in (
-            (plain,),
-            (more, Tolerances(), 0, plain),
-            (more,),
-        )
-    )
-    assert one["parameters"] == other["parameters"]
-    assert one["ratio"] == other["ratio"]
-    assert own["parameters"] != one["parameters"]  # two points see more of it

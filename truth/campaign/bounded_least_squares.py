@@ -3,15 +3,12 @@
 import numpy as np
 import scipy.linalg
 from scipy.linalg import blas
-from scipy.optimize import lsq_linear
 
 from truth.campaign.frf_sensitivities import Jacobian
 from truth.machine.station import Mask, Real
 
 BOUND = 2.5  # standard deviations within which a tolerance is kept
-_BLOCK_ROUNDS = 30  # changes of whole blocks
-_BVLS_TOLERANCE = 1e-14  # of slope and relative decrease: rounding alone ends it
-_BVLS_STEPS = 5000  # changes of one coordinate, of which a few per tolerance are needed
+_BLOCK_ROUNDS = 3  # changes of whole blocks that need not leave fewer violations than ever
 _SLOPE_ROUNDING = 1e-13  # of the terms of a slope
 _RELATIVE_RIDGE = 1e-13  # of the diagonal: for a joint that no sensor sees
 
@@ -63,10 +60,10 @@ def _sensor_gram(columns: Real, of_sensors: Real, shape: tuple[int, ...]) -> Rea
 def bounded_solution(normal: Real, right: Real, bounded: Mask) -> Real:
     """Return the x that minimises x^T N x / 2 - b^T x with tolerances within their bound.
 
-    Block principal pivoting: all coordinates that violate the conditions of optimality change at
-    once between free and held. It takes few rounds, but may go round in circles. Then an active set
-    goes on, which changes one coordinate at a time and lowers the cost in each step, so that it
-    ends (bounded-variable least squares: Stark and Parker 1995).
+    Block principal pivoting (Judice and Pires 1994): all coordinates that violate the conditions
+    of optimality change at once between free and held. Where that has not left fewer violations
+    than ever before for some rounds, only the last of them changes until it has, which ends for
+    every positive definite N (Murty 1974).
 
     Args:
         normal: N, positive definite; (n, n).
@@ -79,25 +76,21 @@ def bounded_solution(normal: Real, right: Real, bounded: Mask) -> Real:
     inner[np.diag_indices_from(inner)] += _RELATIVE_RIDGE
     push, limit = right / scale, np.where(bounded, BOUND, np.inf) * scale
     held = np.zeros(len(right))
-    for _ in range(_BLOCK_ROUNDS):
+    fewest, blocks = len(right) + 1, _BLOCK_ROUNDS
+    while True:
         solution = _held_solution(inner, push, limit, held)
-        beyond = (held == 0) & (np.abs(solution) > limit)
-        inward = _inward_slope(inner, push, solution, held) > 0
-        if not beyond.any() and not inward.any():
+        is_free = held == 0
+        beyond = is_free & (np.abs(solution) > limit)
+        changing = np.flatnonzero(beyond | (_inward_slope(inner, push, solution, held) > 0))
+        if not changing.size:
             return np.asarray(solution / scale)
-        held[beyond] = np.sign(solution[beyond])
-        held[inward] = 0
-    return _active_set(inner, push, limit) / scale
-
-
-def _active_set(inner: Real, push: Real, limit: Real) -> Real:
-    """Return the solution by an active set: the coordinates it holds, and the others for them."""
-    factor = scipy.linalg.cholesky(inner)
-    right = scipy.linalg.solve_triangular(factor, push, trans="T")
-    bounded = lsq_linear(
-        factor, right, (-limit, limit), method="bvls", tol=_BVLS_TOLERANCE, max_iter=_BVLS_STEPS
-    )
-    return _held_solution(inner, push, limit, bounded.active_mask)
+        if changing.size < fewest:
+            fewest, blocks = changing.size, _BLOCK_ROUNDS
+        elif blocks:
+            blocks -= 1
+        else:
+            changing = changing[-1:]
+        held[changing] = np.where(is_free[changing], np.sign(solution[changing]), 0)
 
 
 def _inward_slope(inner: Real, push: Real, solution: Real, held: Real) -> Real:

@@ -58,8 +58,6 @@ class Plan:
         protocol: how the machine is tested.
         tolerance: how far the true machine may be from its drawing.
         rigid: directions in which the machine, and its drawing, are made rigid.
-        sized_by: the test whose refit the sizes of effects are chosen for; this one if None. The
-            same seed then has the same machine and effects whatever else is measured.
         dirt: part of the motion that small imperfections leave of a re-tuned machine, in per cent.
         as_drawn: whether the drawing is the nominal machine itself, about which the true one is
             drawn; else a drawing of its own is drawn for every seed. A machine that was read by
@@ -71,7 +69,6 @@ class Plan:
     protocol: Protocol = _PROTOCOL
     tolerance: Tolerances = _TOLERANCE
     rigid: int = 0
-    sized_by: Protocol | None = None
     dirt: float = 0.0
     as_drawn: bool = False
 
@@ -143,9 +140,8 @@ def draw_subject(nominal: Station, plan: Plan) -> Subject:
         )
     drawing, true = draw_machines(nominal, plan)
     files, machine, scene = _set_up_test(drawing, true, plan)
-    sizing = replace(plan, protocol=plan.sized_by or plan.protocol)
-    background = _background(drawing, true, sizing)
-    draws = _effects(drawing, true, sizing, background)
+    background = _background(drawing, true, plan)
+    draws = _effects(drawing, true, plan, background)
     effects = tuple(drawn.effect for drawn in draws.drawn)
     machine = replace(machine, effects=(*background.effects, *effects))
     return Subject(drawing, machine, draws, background, files, scene)

@@ -1,4 +1,4 @@
-"""Campaigns of real machines: one fault, or several, beside instruments and small imperfections.
+"""Campaigns of the scorecard: one fault, several or none, on machines of many kinds.
 
 A design says what a campaign has; its row number and the first seed of the bench say all else. A
 campaign that is drawn stays in a folder of its own, so that several engines diagnose the same
@@ -7,18 +7,22 @@ files, and drawing never counts as diagnosing. ``CAMPAIGNS`` in the environment 
 
 import json
 import os
+import tempfile
 import time
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, combinations, cycle, islice
+from itertools import chain, combinations, cycle, islice, product
 from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from tests.helpers.any_machines import GANTRY, SERVO_AXIS
 from truth import (
     Cause,
     Plan,
+    Protocol,
     TruthError,
     VirtualCampaign,
     Wanted,
@@ -29,9 +33,16 @@ from truth import (
     write_campaign,
 )
 from truth.campaign.draw import REAL_INSTRUMENTS, draw_hammers
+from truth.campaign.fitting_band import fit_to_machine
+from truth.effects.outside import OUTSIDE
 from truth.machine.random_tree import draw_tree
+from truth.machine.station import Station
 
-STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
+ASSETS = Path(__file__).parents[2] / "assets"
+STATION = ASSETS / "microstation" / "station.xml"
+LEGS = ASSETS / "microstation" / "station_legs.xml"
+MACHINES = {"gantry": GANTRY, "servo axis": SERVO_AXIS, "legs": ""}  # MJCF, where it is no asset
+TREE = "tree"
 LINEAR = (  # of the catalogue; the force channel has a cell of its own
     "appendage",
     "drift",
@@ -39,6 +50,7 @@ LINEAR = (  # of the catalogue; the force channel has a cell of its own
     "flexible_body",
     "gyroscopic",
     "hammer_misalignment",
+    "inertance",
     "joint_coupling",
     "mass_error",
     "missing_dof",
@@ -57,9 +69,18 @@ LINEAR = (  # of the catalogue; the force channel has a cell of its own
 UNSIZED = ("sensor_polarity", "sensor_swap")  # they are there or not: no ratio can be chosen
 SIZED = tuple(name for name in LINEAR if name not in UNSIZED)
 COMBINED = tuple(name for name in SIZED if name != "flexible_body")  # it hides all others
+LAWS = ("friction", "backlash", "hardening")
+LEVELS_N = (40.0, 200.0, 1000.0)
+RETURNING_N = (*LEVELS_N, LEVELS_N[0])
+QUIET_N = (5000.0,)  # hits so hard that the noise is a twenty-fifth of the usual
 GAINS_WITHIN = (0.92, 0.95, 1.05, 1.08)
 GAINS_BEYOND = (0.8, 0.86, 1.12, 1.18, 1.3)
 DELAYS_S = (-1e-4, 1e-4, -2e-4, 2e-4, -5e-4)
+TESTS = {  # what differs from a plain test
+    "no coherence": {"coherence": False},
+    "two hammer points": {},
+    "short": {"lines": 401, "averages": 4},
+}
 TREE_EVERY = 4  # every so manyth machine of a pile is a random tree of stages
 _CORRECTIONS = 3  # of a size for what the further steps of a refit hide
 _DRAWS_OF_PLACE = 8  # for the ratio; few effects reach it beside much dirt, wherever they are
@@ -77,18 +98,20 @@ class Design:
         effects: what the model lacks, the one that is graded first, first.
         ratio: survival ratio that each is made for.
         dirt: motion that small imperfections leave of a re-tuned machine [%].
-        tree: whether the machine is a random tree of stages instead of the station.
+        machine: ``station``, ``tree`` for random stages, or one of ``MACHINES``.
         parameter: of the force channel, name and value with its tolerance, instead of a ratio.
         levels: mean peak forces of the tests [N]; those of the drawn protocol if empty.
+        test: one of ``TESTS``; drawn if empty.
     """
 
     cell: str
     effects: tuple[str, ...] = ()
     ratio: float | None = None
     dirt: float = 0.0
-    tree: bool = False
+    machine: str = "station"
     parameter: tuple[str, float] | None = None
     levels: tuple[float, ...] = ()
+    test: str = ""
 
 
 @dataclass(frozen=True)
@@ -107,34 +130,67 @@ class Stored:
     seed: int
     seconds: float
 
+    @property
+    def weakest_ratio(self) -> float | None:
+        """Survival ratio of the fault that a refit hides most; None if none is stated."""
+        if self.answer is None:
+            return None
+        answer = tomllib.loads(self.answer)
+        ratios = [cause.get("ratio") for cause in answer.get("cause", [answer])]
+        return None if None in ratios else min(ratios)
+
+    @property
+    def dirt_items(self) -> list[str]:
+        """Effect and place of every small imperfection of the answer."""
+        items = tomllib.loads(self.answer or "").get("dirt", {}).get("item", [])
+        return sorted({f"{item['effect']}@{item['location']}" for item in items})
+
 
 def reported_designs() -> tuple[Design, ...]:
     """Return the designs of the reported campaigns, so mixed that any first part is balanced."""
     piles = [
-        _singles("single", dirt, ratio, repeats=4, start=number)
-        for number, (dirt, ratio) in enumerate(((5.0, 4.0), (15.0, 4.0), (5.0, 2.0), (15.0, 2.0)))
+        _with_trees(_singles(f"dirt {dirt:g} %", dirt, ratio, count, start=number))
+        for number, (dirt, ratio, count) in enumerate(
+            ((5.0, 4.0, 40), (15.0, 4.0, 40), (5.0, 2.0, 40), (15.0, 2.0, 40), (30.0, 4.0, 20))
+        )
     ]
-    piles.append(_singles("single", 30.0, 4.0, repeats=1, start=4))
-    piles.append(alone("alone", 60))
-    piles.append(forces("force", 40))
-    piles += [several("several", size, 20, start=5 + size) for size in (2, 3)]
     ratios = cycle((4.0, 2.0, 8.0))
-    piles.append([Design("clean", (name,), next(ratios)) for name in _turns(LINEAR, 100, 9)])
-    piles.append([Design("nothing")] * 60)
-    return interleave([_with_trees(pile) for pile in piles])
+    clean = [Design("clean", (name,), next(ratios)) for name in _turns(LINEAR, 100, 9)]
+    piles += [
+        _with_trees(clean),
+        _with_trees([Design("nothing")] * 40),
+        [Design("nothing, quiet", levels=QUIET_N)] * 20,
+        [Design("nothing, mis-tuned")] * 20,
+        _with_trees(_alone(45)),
+        _with_trees(_forces(30)),
+        *(_with_trees(_several(size, 20, start=5 + size)) for size in (2, 3)),
+        *_levels(),
+        [Design("outside the catalogue", (name,), 4.0) for name in _turns(OUTSIDE, 20, 3)],
+    ]
+    piles += [
+        [Design(test, (name,), 4.0, test=test) for name in _turns(SIZED, 15, 20 + number)]
+        for number, test in enumerate(TESTS)
+    ]
+    piles += [
+        [
+            Design(machine, () if name == "nothing" else (name,), 4.0, machine=machine)
+            for name in _turns((*SIZED, "nothing", "nothing"), 15, 30 + number)
+        ]
+        for number, machine in enumerate(MACHINES)
+    ]
+    return interleave(piles)
 
 
-def _singles(cell: str, dirt: float, ratio: float, repeats: int, start: int) -> list[Design]:
-    names = _turns(SIZED, repeats * len(SIZED), start)
-    return [Design(cell, (name,), ratio, dirt) for name in names]
+def _singles(cell: str, dirt: float, ratio: float, count: int, start: int) -> list[Design]:
+    return [Design(cell, (name,), ratio, dirt) for name in _turns(SIZED, count, start)]
 
 
-def alone(cell: str, count: int) -> list[Design]:
+def _alone(count: int) -> list[Design]:
     """Return campaigns that have nothing but small imperfections: 5, 15 and 30 % in turn."""
-    return [Design(cell, dirt=dirt) for dirt in islice(cycle((5.0, 15.0, 30.0)), count)]
+    return [Design("dirt alone", dirt=dirt) for dirt in islice(cycle((5.0, 15.0, 30.0)), count)]
 
 
-def forces(cell: str, count: int) -> list[Design]:
+def _forces(count: int) -> list[Design]:
     """Return faults of the force channel; every second machine has small imperfections too.
 
     Gains within and beyond what a diagnosis has to name, and delays, come in turn.
@@ -147,22 +203,37 @@ def forces(cell: str, count: int) -> list[Design]:
     faults = chain.from_iterable(zip(*kinds, strict=True))
     dirts = cycle((0.0, 5.0))
     return [
-        Design(cell, (effect,), dirt=next(dirts), parameter=(name, value))
+        Design("force channel", (effect,), dirt=next(dirts), parameter=(name, value))
         for effect, name, value in islice(faults, count)
     ]
 
 
-def several(cell: str, size: int, count: int, start: int) -> list[Design]:
+def _several(size: int, count: int, start: int) -> list[Design]:
     """Return sets of effects at ratio 4, on exact machines and beside 5 % of dirt in turn."""
     sets = list(combinations(COMBINED, size))
     chosen = np.random.default_rng(start).permutation(len(sets))[:count]
     dirts = cycle((0.0, 5.0))
-    return [Design(cell, sets[number], 4.0, next(dirts)) for number in chosen.tolist()]
+    return [Design(f"{size} effects", sets[k], 4.0, next(dirts)) for k in chosen.tolist()]
+
+
+def _levels() -> list[list[Design]]:
+    """Return laws of joints, drift between levels, and linear machines, all at three levels."""
+    laws = [
+        Design("law of a joint", (law,), 4.0, dirt, levels=LEVELS_N)
+        for law, dirt in product(LAWS, (0.0, 5.0))
+    ]
+    drifts = [
+        Design("drift between levels", ("level_drift",), levels=levels)
+        for levels in (RETURNING_N, LEVELS_N)
+    ]
+    linear = [Design("linear at three levels", dirt=dirt, levels=LEVELS_N) for dirt in (0.0, 5.0)]
+    return [laws * 5, drifts * 5, linear * 10]
 
 
 def _turns(names: Sequence[str], count: int, start: int) -> list[str]:
     """Return names in turn, every turn in another order."""
     random = np.random.default_rng(start)
+    names = tuple(names)
     turns = (names[k] for _ in range(count) for k in random.permutation(len(names)).tolist())
     return list(islice(turns, count))
 
@@ -170,8 +241,8 @@ def _turns(names: Sequence[str], count: int, start: int) -> list[str]:
 def _with_trees(pile: Sequence[Design]) -> list[Design]:
     """Return a pile in which every fourth machine is a random tree."""
     return [
-        Design(d.cell, d.effects, d.ratio, d.dirt, number % TREE_EVERY == 1, d.parameter)
-        for number, d in enumerate(pile)
+        replace(design, machine=TREE) if number % TREE_EVERY == 1 else design
+        for number, design in enumerate(pile)
     ]
 
 
@@ -191,25 +262,45 @@ def draw(design: Design, seed: int) -> VirtualCampaign:
     Raises:
         TruthError: the machine has no place for its effects.
     """
-    station = draw_tree(seed) if design.tree else read_station(STATION)
+    station = _station(design.machine, seed)
     parameter = beside_tolerance(design, seed)
     wanted = tuple(
         Wanted(name, None, design.ratio, _CORRECTIONS, parameter, _DRAWS_OF_PLACE)
         for name in design.effects
     )
-    protocol = draw_protocol(station, seed)
-    if design.levels:
-        protocol = replace(protocol, levels=design.levels)
     plan = Plan(
         seed,
-        Cause(wanted, kind=design.cell),
-        protocol,
+        Cause(wanted, mistuned=design.cell == "nothing, mis-tuned", kind=design.cell),
+        _protocol(design, station, seed),
         REAL_INSTRUMENTS,
         rigid=_RIGID,
         dirt=design.dirt,
     )
     with threadpool_limits(1):  # more threads round otherwise: the bytes would be others
         return draw_campaign(station, plan)
+
+
+def _station(machine: str, seed: int) -> Station:
+    if machine == TREE:
+        return draw_tree(seed)
+    if not MACHINES.get(machine):
+        return read_station(LEGS if machine == "legs" else STATION)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "machine.xml"
+        path.write_text(MACHINES[machine], encoding="utf-8")
+        return read_station(path)
+
+
+def _protocol(design: Design, station: Station, seed: int) -> Protocol:
+    protocol = draw_protocol(station, seed)
+    if design.test:
+        nodes = sorted(sensor.node for _, sensor in station.sensors())
+        count = 2 if design.test == "two hammer points" else 1
+        points = np.random.default_rng(seed).permutation(nodes)[:count].tolist()
+        protocol = replace(Protocol(tuple(points)), **TESTS[design.test])
+    if design.levels:
+        protocol = replace(protocol, levels=design.levels)
+    return fit_to_machine(protocol, station) if design.machine in MACHINES else protocol
 
 
 def beside_tolerance(design: Design, seed: int) -> tuple[str, float] | None:
@@ -226,7 +317,7 @@ def beside_tolerance(design: Design, seed: int) -> tuple[str, float] | None:
 
 def campaigns_folder() -> Path:
     """Return the folder in which drawn campaigns stay; git ignores the usual one."""
-    usual = Path(__file__).parents[2] / "build" / "dirty_campaigns"
+    usual = Path(__file__).parents[2] / "build" / "scorecard"
     return Path(os.environ.get("CAMPAIGNS") or usual)
 
 

@@ -1,0 +1,111 @@
+"""Figures on real machines: verdicts on measured ones, rates on computed changes of the tower."""
+
+import json
+
+from tests.bench import real
+from tests.bench.kept import of
+from tests.docs.formats import fixed, table
+from tests.docs.results import RESULTS, Rate, bench_rows
+
+LEAST_PROBABILITY = 0.1  # of a cause that the table of measured machines shows
+
+
+def sealed_table() -> str:
+    """Verdicts on campaigns whose answers are not known."""
+    rows = []
+    for path in sorted((RESULTS / "sealed").glob("*.json")):
+        verdict = json.loads(path.read_text(encoding="utf-8"))
+        causes = verdict["causes"][:1] or [None]
+        for cause in causes:
+            name = "" if cause is None else f"`{cause['effect']}` at `{cause['location']}`"
+            stated = "" if cause is None else f"{cause['probability']:.3f}"
+            gaps = [fixed(verdict["gap"][key]["excess"], 2) for key in ("retuned", "after")]
+            rows.append((path.stem, verdict["verdict"], name, stated, *gaps))
+    header = (
+        "Campaign",
+        "Verdict",
+        "First cause",
+        "Probability",
+        "Excess, re-tuned",
+        "Excess with the cause",
+    )
+    return table(header, rows, text=3)
+
+
+def measured_table() -> str:
+    """Verdicts on the suspension, with the first places and all likely causes."""
+    rows = []
+    for path in sorted((RESULTS / "measured").glob("suspension.*.json")):
+        verdict = json.loads(path.read_text(encoding="utf-8"))
+        places = [f"`{row['location']}` {row['share']:.2f}" for row in verdict["where"][:4]]
+        causes = [
+            f"`{row['effect']}` at `{row['location']}` {row['probability']:.2f}"
+            for row in verdict["causes"]
+            if row["probability"] >= LEAST_PROBABILITY
+        ]
+        told = f"{verdict['probability']['unexplained']:.2f}"
+        rows.append(
+            (path.stem, verdict["verdict"], told, ", ".join(places), ", ".join(causes) or "none")
+        )
+    header = ("Campaign", "Verdict", "Probability unexplained", "First places", "Causes")
+    return table(header, rows, text=5)
+
+
+def tower_table() -> str:
+    """Verdicts on the measured tower, by one state and before and after, beside the answer."""
+    rows = [
+        (row["campaign"].removeprefix("tower."), *list(row.values())[1:])
+        for row in bench_rows("measured")
+        if row["campaign"].startswith("tower.")
+    ]
+    return table(("Campaign", "One state", "Before and after", "Answer"), rows, text=4)
+
+
+def real_table() -> str:
+    """Rates on computed changes of the tower, by one state and before and after."""
+    rows = []
+    for states, label in real.STATES.items():
+        kept = list(of(f"real.{states}").values())
+        for kind in ("all changes", *real.KINDS):
+            row = real.rate_cases(kind, kept)
+            if not row["n"]:
+                continue
+            rates = [
+                Rate(
+                    100 * row[name] / max(row[f"{name} n"], 1),
+                    (row[f"{name} from"], row[f"{name} to"]),
+                    row[f"{name} n"],
+                )
+                for name in real.COLUMNS
+            ]
+            cells = [str(rate) if rate.n else "-" for rate in rates]
+            rows.append((label, kind.replace("_", " "), row["n"], *cells, rates[-1].n))
+    header = ("States", "Change", "n", "Right", "Wrong", "Sizes within 10 %", "n of sizes")
+    return table(header, rows, text=2)
+
+
+def reciprocity_table() -> str:
+    """Ratios and differences by reciprocity on computed changes of the tower."""
+    header = (
+        "Of",
+        "Pairs",
+        "Within 2 deviations / %",
+        "Changes of one",
+        "Named right",
+        "Other changes",
+        "Named though none",
+    )
+    rows = [
+        tuple(f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values())
+        for row in bench_rows("reciprocity")
+    ]
+    return table(header, rows, text=1)
+
+
+FIGURES = {
+    "reciprocity-table": reciprocity_table,
+    "real-table": real_table,
+    "measured-table": measured_table,
+    "measured-tower-table": tower_table,
+    "sealed-table": sealed_table,
+}
