@@ -15,7 +15,6 @@ from identification.checks.outlying_lines import outlying_line_remarks, shifted_
 from identification.checks.reciprocity import check_reciprocity
 from identification.checks.repeated_tests import refuse_repeated_tests
 from identification.checks.time_direction import refuse_reversed_time
-from identification.hits.campaign import tests_from_records
 from identification.hits.drive_point import drive_point_signs
 from identification.noise.variance import (
     coherence_variance,
@@ -42,6 +41,7 @@ from identification.readers.frf_units import parse_frf_units, refuse_signals_of_
 from identification.readers.several_inputs import CoherenceKind, resolve_several_inputs
 from identification.readers.uff_frfs import read_uff
 from identification.readers.uff_nodes import site_axes_remarks
+from identification.record_tests import tests_from_records
 from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import (
     Campaign,

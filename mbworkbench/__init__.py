@@ -4,13 +4,13 @@ Identify the modal model of a hammer test, tune a multi-body model to it, and di
 model lacks. Paths may be text or ``Path``, labels may be text or ``Dof``, such as ``acc11:+tx``.
 
     campaign = mb.read_campaign("assets/demo")
-    model = mb.read_model("assets/demo/model.xml")
-    tuned = mb.tune(model, campaign)
-    result = mb.diagnose(campaign)
-    mb.plot(result).show()
+    tuned = mb.tune(campaign)
+    result = mb.diagnose(tuned)
+    result.plot().show()
 
-This package computes nothing itself: it opens files, calls the packages that compute, and shows
-their results as tables and figures.
+Every result has a short ``repr``, a table in a notebook, ``.to_pandas()`` and ``.plot()``. This
+package computes nothing itself: it opens files, calls the packages that compute, and shows their
+results.
 """
 
 from importlib.metadata import version
@@ -20,6 +20,7 @@ from mbworkbench.hidden_packages import refuse_hidden_packages
 refuse_hidden_packages()  # before any of them is imported
 
 # ruff: noqa: E402
+from diagnosis.settings import DiagnosisSettings
 from identification.words import (
     Condition,
     ConvergenceError,
@@ -35,13 +36,13 @@ from identification.words import (
 )
 from mbworkbench.budgets import ErrorBudgetResult, error_budget
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
-from mbworkbench.diagnosing import DiagnosisResult, diagnose
-from mbworkbench.identifying import IdentifiedModel, identify
+from mbworkbench.diagnosis import DiagnosisResult, diagnose
+from mbworkbench.identified import IdentifiedModel, identify
 from mbworkbench.model import MachineModel, ModelModes, read_model
 from mbworkbench.parameters import ParameterTable
+from mbworkbench.plant import TunedPlant, read_plant
 from mbworkbench.plots import plot
-from mbworkbench.tuned_plant import TunedPlant, read_plant
-from mbworkbench.tuning_result import TunedModel, tune
+from mbworkbench.tuning import TunedModel, tune
 
 __version__ = version("mbworkbench")
 
@@ -49,6 +50,7 @@ __all__ = [
     "Condition",
     "ConvergenceError",
     "DiagnosisResult",
+    "DiagnosisSettings",
     "Dof",
     "ErrorBudgetResult",
     "Frf",
@@ -76,3 +78,7 @@ __all__ = [
     "read_plant",
     "tune",
 ]
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

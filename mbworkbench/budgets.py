@@ -7,7 +7,7 @@ from typing import Any
 from mbmodel import as_drawn, with_loops
 from mbworkbench.labels import AnyPath, as_path
 from mbworkbench.model import MachineModel, read_model
-from mbworkbench.tables import html_table
+from mbworkbench.tables import Shown, Table
 from tuning.control_loops.loops_file import choose_loops, known_loops
 from tuning.files.plant_folder import held_out_beside, plant_doubts, plant_file
 from tuning.files.result import TUNED_JSON
@@ -22,7 +22,7 @@ from tuning.plant.variant_model import read_variant_model
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorBudgetResult:
+class ErrorBudgetResult(Shown):
     """Errors of a machine under its disturbances, in SI, with shares and intervals.
 
     Attributes:
@@ -105,11 +105,11 @@ class ErrorBudgetResult:
             *image_sentences(budget),
         ]
 
-    def _repr_html_(self) -> str:
-        """Return a table of the errors for a notebook."""
+    def table(self) -> Table:
+        """Return a table of the errors."""
         header = ("error", "rms", "95 % interval", "largest source")
         title = "; ".join(("Error budget", *self.doubts))
-        return html_table(title, header, self._rows())
+        return Table(title, header, self._rows())
 
 
 def error_budget(

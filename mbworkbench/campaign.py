@@ -8,11 +8,11 @@ from identification import read_campaign as read_tests
 from identification.words import Campaign, shorten_names
 from mbmodel import load_machine
 from mbworkbench.labels import AnyPath, as_path
-from mbworkbench.tables import html_table
+from mbworkbench.tables import Shown, Table
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredCampaign:
+class MeasuredCampaign(Shown):
     """The hammer tests of one machine, as a campaign folder holds them.
 
     Attributes:
@@ -51,8 +51,8 @@ class MeasuredCampaign:
             )
         )
 
-    def _repr_html_(self) -> str:
-        """Return a table of the tests for a notebook."""
+    def table(self) -> Table:
+        """Return a table of the tests."""
         rows = [
             (
                 test.condition.test,
@@ -65,7 +65,7 @@ class MeasuredCampaign:
             for test in self.content.tests
         ]
         header = ("file", "hit at", "level [N]", "averages", "channels", "variance from")
-        return html_table(repr(self).splitlines()[0], header, rows)
+        return Table(repr(self).splitlines()[0], header, rows)
 
 
 def read_campaign(path: AnyPath) -> MeasuredCampaign:

@@ -31,14 +31,14 @@ from mbworkbench.labels import (
     parse_inputs,
     parse_outputs,
 )
-from mbworkbench.tables import html_table
+from mbworkbench.tables import Shown, Table
 
 if TYPE_CHECKING:
     import control
 
 
 @dataclass(frozen=True, eq=False)
-class ModelModes:
+class ModelModes(Shown):
     """Modes of a model: natural frequencies and damping ratios, with their shapes.
 
     Attributes:
@@ -62,19 +62,19 @@ class ModelModes:
         listed = shorten_names([f"{value:.4g}" for value in self.freq_hz])
         return f"{len(self.freq_hz)} modes at {listed} Hz"
 
-    def _repr_html_(self) -> str:
-        """Return a table of the modes for a notebook."""
+    def table(self) -> Table:
+        """Return a table of the modes."""
         rows = [
             (number, float(freq), 100 * float(damping))
             for number, (freq, damping) in enumerate(
                 zip(self.freq_hz, self.damping, strict=True), start=1
             )
         ]
-        return html_table("Modes of the model", ("mode", "frequency [Hz]", "damping [%]"), rows)
+        return Table("Modes of the model", ("mode", "frequency [Hz]", "damping [%]"), rows)
 
 
 @dataclass(frozen=True, eq=False)
-class MachineModel:
+class MachineModel(Shown):
     """A multi-body model at its static equilibrium, with the nominal values of its MJCF.
 
     Attributes:
@@ -212,15 +212,15 @@ class MachineModel:
             )
         )
 
-    def _repr_html_(self) -> str:
-        """Return a table of the bodies for a notebook."""
+    def table(self) -> Table:
+        """Return a table of the bodies."""
         layout = self.machine.layout
         rows = [
             (body, *(float(value) for value in centre), int(np.sum(layout.body_of == number)))
             for number, (body, centre) in enumerate(zip(layout.bodies, layout.centres, strict=True))
         ]
         header = ("body", "x [m]", "y [m]", "z [m]", "points")
-        return html_table(repr(self).splitlines()[0], header, rows)
+        return Table(repr(self).splitlines()[0], header, rows)
 
 
 def read_model(

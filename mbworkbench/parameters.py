@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import overload
 
 from identification.words import UsageError
-from mbworkbench.tables import cell_text, html_table
+from mbworkbench.tables import Shown, Table, cell_text
 from tuning.files.schema import ParameterRow
 
 MAX_LISTED = 8  # rows of the summary
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ParameterTable(Sequence[ParameterRow]):
+class ParameterTable(Shown, Sequence[ParameterRow]):
     """Parameters with nominal value, tuned value, 95 % interval and pull.
 
     ``table["tilt_tz.stiffness"]`` is the row of one parameter, ``table[0]`` the first row.
@@ -60,11 +60,11 @@ class ParameterTable(Sequence[ParameterRow]):
         ]
         return "\n".join([f"{len(self.rows)} parameters, nominal -> tuned", *lines])
 
-    def _repr_html_(self) -> str:
-        """Return a table of all rows for a notebook."""
+    def table(self) -> Table:
+        """Return a table of all rows."""
         header = ("parameter", "unit", "nominal", "tuned", "low", "high", "pull")
         rows = [
             (row.name, row.unit, row.drawn, row.tuned, row.low, row.high, row.pull)
             for row in self.rows
         ]
-        return html_table(f"{len(self.rows)} parameters", header, rows)
+        return Table(f"{len(self.rows)} parameters", header, rows)

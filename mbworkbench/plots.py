@@ -1,7 +1,7 @@
 """Figures of results, by plotly."""
 
 from collections.abc import Iterator
-from functools import singledispatch
+from itertools import islice
 
 import numpy as np
 import plotly.graph_objects as go
@@ -10,37 +10,20 @@ from plotly.subplots import make_subplots
 from identification.words import Complex, Dof, Frf, FrfEstimate, Real, Test
 from mbworkbench.budgets import ErrorBudgetResult
 from mbworkbench.campaign import MeasuredCampaign
-from mbworkbench.diagnosing import DiagnosisResult
-from mbworkbench.identifying import IdentifiedModel
+from mbworkbench.diagnosis import DiagnosisResult
+from mbworkbench.identified import IdentifiedModel
 from mbworkbench.model import ModelModes
-from mbworkbench.tuning_result import TunedModel
+from mbworkbench.plant import TunedPlant
+from mbworkbench.tables import plot
+from mbworkbench.tuning import TunedModel
+
+__all__ = ["plot"]
 
 MAX_CURVES = 12  # beyond this number of curves a legend is no longer read
 UNITS = {"receptance": "m/N", "mobility": "m/(N s)", "accelerance": "m/(N s²)"}
 COLOURS = {"measured": "#444444", "nominal": "#bbbbbb", "tuned": "#1f77b4"}
 PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#7570b3", "#e7298a", "#66a61e")
 MAX_BAR_WIDTH = 0.5  # of the distance between two bars
-
-
-@singledispatch
-def plot(result: object) -> go.Figure:
-    """Return a plotly figure of a result.
-
-    FRFs are drawn with magnitude and phase; a campaign with its drive points and their coherence;
-    modes with frequency and damping; a tuned model beside the measurement at the drive points; a
-    diagnosis with its gap, places and causes; an error budget with its cumulative spectra.
-
-    Args:
-        result: ``Frf``, ``FrfEstimate``, or what ``read_campaign``, ``identify``, ``modes``,
-            ``tune``, ``diagnose`` or ``error_budget`` returned.
-
-    Raises:
-        TypeError: there is no figure of this type.
-    """
-    raise TypeError(
-        f"there is no figure of {type(result).__name__}: give an FRF, a campaign, modes, a tuned "
-        "model or a diagnosis"
-    )
 
 
 @plot.register
@@ -100,7 +83,7 @@ def _(result: IdentifiedModel) -> go.Figure:
 
 @plot.register
 def _(result: TunedModel) -> go.Figure:
-    comparison = result.tuning.sensors
+    comparison = result.fits.sensors
     tests = comparison.campaign.tests
     figure = _bode(_axis_title(tests[0].estimate.frf))
     for number, (test, row) in enumerate(_drive_points(tests)):
@@ -120,6 +103,21 @@ def _(result: TunedModel) -> go.Figure:
                 visible=True if number == 0 else "legendonly",
             )
     figure.update_layout(title=f"drive points of {comparison.campaign.name}")
+    return figure
+
+
+@plot.register
+def _(result: TunedPlant) -> go.Figure:
+    bands, request = result.bands(), result.request
+    low, high = bands.magnitude_interval()
+    figure = _bode(f"{request.quantity} [SI units]")
+    pairs = np.ndindex(len(request.outputs), len(request.inputs))
+    for number, (row, column) in enumerate(islice(pairs, MAX_CURVES)):
+        name = f"{request.outputs[row]} / {request.inputs[column]}"
+        colour = PALETTE[number % len(PALETTE)]
+        _add_curve(figure, request.freq_hz, bands.values[:, row, column], name, colour=colour)
+        _add_band(figure, request.freq_hz, low[:, row, column], high[:, row, column], name, colour)
+    figure.update_layout(title=f"plant of {result.posterior.model.machine.name}, 95 % bands")
     return figure
 
 
@@ -163,7 +161,7 @@ def _(result: DiagnosisResult) -> go.Figure:
         col=3,
     )
     figure.update_traces(marker_color=PALETTE[0], width=MAX_BAR_WIDTH, selector={"type": "bar"})
-    figure.update_layout(title=f"{result.campaign}: {verdict.verdict}", showlegend=False)
+    figure.update_layout(title=f"{result.campaign}: {result.sentence}", showlegend=False)
     return figure
 
 
@@ -210,6 +208,15 @@ def _add_line(  # one argument for each property of a line
         row=row,
         col=1,
     )
+
+
+def _add_band(  # one argument for each property of a band
+    figure: go.Figure, freq_hz: Real, low: Real, high: Real, name: str, colour: str
+) -> None:
+    common = {"line": {"width": 0}, "legendgroup": name, "showlegend": False, "hoverinfo": "skip"}
+    figure.add_scatter(x=freq_hz, y=low, row=1, col=1, **common)
+    shade = f"rgba({', '.join(str(int(colour[k : k + 2], 16)) for k in (1, 3, 5))}, 0.2)"
+    figure.add_scatter(x=freq_hz, y=high, row=1, col=1, fill="tonexty", fillcolor=shade, **common)
 
 
 def _mode_map(freq_hz: Real, damping: Real, title: str, **errors: dict[str, Real]) -> go.Figure:

@@ -66,7 +66,10 @@ class Session:
 
 
 def open_session(
-    path: Path, band: tuple[float, float] | None = None, machine: Machine | None = None
+    path: Path,
+    band: tuple[float, float] | None = None,
+    machine: Machine | None = None,
+    tests: Campaign | None = None,
 ) -> Session:
     """Read a campaign folder and the model that it names, to tune it.
 
@@ -74,11 +77,12 @@ def open_session(
         path: the folder, or its campaign.toml.
         band: lowest and highest frequency [Hz]; None for the lines with coherence.
         machine: another machine than the one that campaign.toml names, or None.
+        tests: the tests of the campaign, if they were read before, on all lines.
 
     Raises:
         InputError: an input cannot be used; the message names file, element and remedy.
     """
-    source, machine, campaign = open_campaign(path, band, machine)
+    source, machine, campaign = open_campaign(path, band, machine, tests)
     if not as_drawn(machine).parameters:
         raise InputError(
             f"{machine.source}: no joint or tendon has stiffness or damping to tune: "
@@ -141,7 +145,10 @@ def _read_specification(path: Path) -> UserSpecification:
 
 
 def open_campaign(
-    path: Path, band: tuple[float, float] | None = None, machine: Machine | None = None
+    path: Path,
+    band: tuple[float, float] | None = None,
+    machine: Machine | None = None,
+    tests: Campaign | None = None,
 ) -> tuple[Path, Machine, Campaign]:
     """Read a campaign folder and the machine that it names.
 
@@ -149,6 +156,7 @@ def open_campaign(
         path: the folder, or its campaign.toml.
         band: lowest and highest frequency [Hz]; None for the lines with coherence.
         machine: another machine than the one that campaign.toml names, or None.
+        tests: the tests of the campaign, if they were read before, on all lines.
 
     Returns:
         Path of campaign.toml, the machine with the corrections and control loops stated there, the
@@ -166,7 +174,7 @@ def open_campaign(
     machine = with_drawn_laws(source, settings, machine)
     machine = with_variants(machine, load_variants(source, settings, machine))
     machine, loop_remarks = close_loops(source, machine, settings)
-    campaign = read_campaign(source, settings, machine.layout)
+    campaign = tests or read_campaign(source, settings, machine.layout)
     refuse_unknown_ports(source, machine, campaign)
     chosen = select_band(campaign, band, source)
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):

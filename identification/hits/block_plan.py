@@ -7,7 +7,7 @@ import numpy as np
 import scipy.fft
 
 from identification.hits.detection import Blow
-from identification.hits.excitation import refuse_continuous
+from identification.hits.excitation import is_continuous
 from identification.hits.settings import HitSettings
 from identification.words import InputError, Records
 
@@ -63,7 +63,11 @@ def plan_blocks(
                 f"at {rate:g} Hz: records of one campaign need one rate; resample one of them"
             )
     for reference, hits in zip(records, blows, strict=True):
-        refuse_continuous(reference, hits)
+        if is_continuous(reference, hits):
+            raise InputError(
+                f"{reference.test}: the force along {reference.reference} never rests or pulls as "
+                "much as it pushes, which is no series of hits"
+            )
     all_blows = [blow for hits in blows for blow in hits]
     spans = np.array([blow.span for blow in all_blows])
     span = int(spans[spans >= _MIN_SPAN_SHARE * np.median(spans)].min())

@@ -13,32 +13,22 @@ from identification.words import InputError, Records
 _MIN_NET_IMPULSE = 0.2
 
 
-def refuse_continuous(records: Records, blows: Sequence[Blow]) -> None:
-    """Refuse records whose force is no series of hits.
+def is_continuous(records: Records, blows: Sequence[Blow]) -> bool:
+    """Return whether a force is no series of hits: it never rests, or pulls as much as it pushes.
 
     Args:
         records: records of one reference.
         blows: hits that were found in them.
 
     Raises:
-        InputError: the force is zero, never rests, or pulls as much as it pushes.
+        InputError: the force is zero.
     """
-    where = f"the force along {records.reference}"
-    advice = "give its FRFs, or check which channel is the force"
-    if not blows:
-        if not np.ptp(records.force, axis=1).any():
-            raise InputError(
-                f"{records.test}: there is no hit in {where}: check which channel is the force"
-            )
+    if not np.ptp(records.force, axis=1).any():
         raise InputError(
-            f"{records.test}: {where} never rests and has no hit, which is continuous excitation "
-            f"(random, sine or sweep): {advice}"
+            f"{records.test}: there is no hit in the force along {records.reference}: check which "
+            "channel is the force"
         )
-    if _net_impulse(records, blows) < _MIN_NET_IMPULSE:
-        raise InputError(
-            f"{records.test}: {where} pulls as much as it pushes, which is no hammer but bursts of "
-            f"continuous excitation (burst random, chirp or sweep): {advice}"
-        )
+    return not blows or _net_impulse(records, blows) < _MIN_NET_IMPULSE
 
 
 def _net_impulse(records: Records, blows: Sequence[Blow]) -> float:

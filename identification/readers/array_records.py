@@ -31,8 +31,9 @@ def read_array_records(
 ) -> tuple[Records, ...]:
     """Read force (hit, sample), response (hit, channel, sample) and the sampling rate.
 
-    With several references both arrays have the reference as an additional first axis. A single
-    recording of many hits may have the shapes (sample,) and (channel, sample).
+    With several references both arrays have the reference as an additional first axis if they were
+    driven one after the other; if their forces acted at once, the force alone has it. A single
+    recording may have the shapes (sample,) and (channel, sample).
 
     Args:
         path: the file.
@@ -56,9 +57,15 @@ def read_array_records(
     hits = force.size // (n_in * n_sample) if fits else 0
     axes = (((n_in,) if n_in > 1 else ()), ((hits,) if force.ndim > 1 else ()))
     leading = axes[0] + axes[1]
-    squeezed = hits == 1 and motion.shape == (*axes[0], n_out, n_sample)
+    at_once = n_in > 1 and motion.ndim < len(leading) + 2
+    before = axes[1] if at_once else leading  # axes before the channels
+    squeezed = hits == 1 and motion.shape == (
+        *before[: len(before) - len(axes[1])],
+        n_out,
+        n_sample,
+    )
     if force.shape != (*leading, n_sample) or not (
-        squeezed or motion.shape == (*leading, n_out, n_sample)
+        squeezed or motion.shape == (*before, n_out, n_sample)
     ):
         raise InputError(
             f"{path}: {_FORCE_NAME} has shape {force.shape} and {_RESPONSE_NAME} {motion.shape}, "
@@ -69,7 +76,12 @@ def read_array_records(
     force = force.reshape(n_in, hits, n_sample)
     unit, remarks = labelled_unit(path, arrays, quantity, unit)
     factors = parse_frf_units(path, quantity, unit).factors(outputs, inputs)
-    motion = motion.reshape(n_in, hits, n_out, n_sample) * factors.T[:, None, :, None]
+    n_set = 1 if at_once else n_in
+    motion = np.broadcast_to(
+        motion.reshape(n_set, hits, n_out, n_sample), (n_in, hits, n_out, n_sample)
+    )
+    motion = motion * factors.T[:, None, :, None]
+    further = [[n for n in range(n_in) if at_once and n != k] for k in range(n_in)]
     try:
         return tuple(
             Records(
@@ -79,6 +91,8 @@ def read_array_records(
                 outputs,
                 reference,
                 quantity,
+                further_forces=force[further[k]],
+                further_references=tuple(inputs[n] for n in further[k]),
                 test=path.name,
                 remarks=(*_force_remarks(path, arrays), *remarks),
             )

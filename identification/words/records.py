@@ -1,6 +1,6 @@
-"""Raw time records of a hammer test."""
+"""Raw time records of a test."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -19,20 +19,23 @@ from identification.words.signal import Input, Output
 
 @dataclass(frozen=True, eq=False)
 class Records:
-    """Synchronous time records of force and motion, all with the hammer at one reference.
+    """Synchronous time records of force and motion, all with the force at one reference.
 
-    A record holds one hit or several.
+    A record holds one hit or several, or a force that never rests. Other forces may act at the
+    same time.
 
     Args:
         rate_hz: samples per second [Hz].
-        force: force of the hammer along the reference [N, N m]; (n_record, n_sample).
+        force: force along the reference [N, N m]; (n_record, n_sample).
         motion: motion along the outputs [m, m/s or m/s^2; rad for rotations];
             (n_record, n_out, n_sample).
         outputs: degrees of freedom whose motion is read, each once; n_out.
-        reference: degree of freedom at which the hammer hits.
+        reference: degree of freedom at which the force acts.
         quantity: quantity of the resulting FRFs: accelerance if the motion is acceleration.
         ceilings: full scale of the force and of every output, in the units above, or None if
             unknown; (1 + n_out,).
+        further_forces: forces that act at the same time [N, N m]; (n_further, n_record, n_sample).
+        further_references: where they act; n_further.
         test: name of the file, for messages.
         remarks: sentences on the file that a reader of the result must know.
 
@@ -47,6 +50,8 @@ class Records:
     reference: Input
     quantity: Quantity
     ceilings: Real | None = None
+    further_forces: Real = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    further_references: tuple[Input, ...] = ()
     test: str = ""
     remarks: tuple[str, ...] = ()
 
@@ -66,7 +71,15 @@ class Records:
             "force": force,
             "motion": frozen_array(self.motion, np.float64, shape, "motion", MAX_INPUT_MAGNITUDE),
             "outputs": tuple(self.outputs),
+            "further_references": tuple(self.further_references),
         }
+        further = np.asarray(self.further_forces)
+        if not self.further_references:
+            further = np.zeros((0, n_record, n_sample))
+        shape = (len(self.further_references), n_record, n_sample)
+        checked["further_forces"] = frozen_array(
+            further, np.float64, shape, "further_forces", MAX_INPUT_MAGNITUDE
+        )
         if not self.outputs:
             raise ValueError("there is no motion channel")
         if len({dof.positive for dof in self.outputs}) < len(self.outputs):

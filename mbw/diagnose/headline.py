@@ -4,19 +4,17 @@ from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import name_direction
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import CauseRow, Verdict
-from mbw.diagnose.effect_parameters import number
-from mbw.diagnose.gap_sentences import NOT_SHOWN, WHY_NOT_SHOWN, held_out_sentence
-from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
-from mbw.diagnose.sentences import (
+from diagnosis.verdict.sentences import (
     UNEXPLAINED,
     capitalise,
-    cause_parameters,
     cause_words,
-    format_probability,
-    noise_sentences,
     place_name,
     place_phrase,
 )
+from mbw.diagnose.effect_parameters import number
+from mbw.diagnose.gap_sentences import NOT_SHOWN, WHY_NOT_SHOWN, held_out_sentence
+from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
+from mbw.diagnose.sentences import cause_parameters, format_probability, noise_sentences
 from mbw.page.html import badge
 from mbw.page.numbers import format_closed, format_percent
 from mbw.results.diagnosed_files import StoredDiagnosis

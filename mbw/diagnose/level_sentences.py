@@ -1,8 +1,8 @@
 """Sentences on the gap at each level of the hits, and on laws that such tests cannot tell apart."""
 
 from diagnosis.verdict.schema import LevelGapRow, Verdict
+from diagnosis.verdict.sentences import effect_noun
 from mbw.diagnose.effect_parameters import number
-from mbw.diagnose.sentences import effect_noun
 
 _MIN_STATED_PROBABILITY = 0.5  # of a cause whose law is stated
 

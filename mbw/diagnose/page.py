@@ -6,12 +6,13 @@ import numpy as np
 
 from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import name_direction
+from diagnosis.verdict.sentences import place_name
 from identification.words import Real, split_label
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.headline import badges, doubts, lead
 from mbw.diagnose.link_axis import axis_words
 from mbw.diagnose.result import STEPS, twin_locations
-from mbw.diagnose.sentences import place_name, sensor_check_sentences
+from mbw.diagnose.sentences import sensor_check_sentences
 from mbw.diagnose.tables import causes_section, hypotheses_section
 from mbw.gain_text import gain_table
 from mbw.page.html import (

@@ -3,15 +3,10 @@
 from diagnosis.inference.evidence import Evidence
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import RemarkRow, Verdict, Where
+from diagnosis.verdict.sentences import capitalise, cause_words, effect_noun, place_phrase
 from identification.words import percent_text
 from mbw.diagnose.fitted_sets import FittedRow, fitted_rows
-from mbw.diagnose.sentences import (
-    capitalise,
-    cause_words,
-    effect_noun,
-    format_probability,
-    place_phrase,
-)
+from mbw.diagnose.sentences import format_probability
 from mbw.page.numbers import format_closed
 
 _MAX_NAMED_PLACES = 2  # places of a local rest that a sentence names

@@ -2,12 +2,18 @@
 
 from collections.abc import Collection, Sequence
 
-from diagnosis import PROVEN, load_catalogue
 from diagnosis.inference.evidence import Evidence
-from diagnosis.labels import name_direction, name_place
+from diagnosis.labels import name_direction
 from diagnosis.levels.free_levels import LAW_EFFECTS
-from diagnosis.verdict.schema import CauseRow, RemarkRow, Verdict
-from identification import FAULT_PHRASES, exchange_phrase
+from diagnosis.verdict.schema import CauseRow, Verdict
+from diagnosis.verdict.sentences import (
+    capitalise,
+    effect_noun,
+    other_places,
+    place_name,
+    place_phrase,
+)
+from identification import exchange_phrase
 from mbw.diagnose.effect_parameters import (
     depends_on_doubtful_size,
     interval_words,
@@ -16,9 +22,6 @@ from mbw.diagnose.effect_parameters import (
 )
 from mbw.results.diagnosed_schema import ShownFile
 
-UNEXPLAINED = (
-    "the model lacks something, and no effect of the catalogue is established as its cause"
-)
 _NO_COHERENCE_SENTENCE = (
     "the files hold no coherence of single inputs, or state no number of averages above one, so "
     "that the noise is estimated from third differences along frequency: this overestimates it at "
@@ -31,10 +34,6 @@ _CORRELATED_NOISE_SENTENCE = (
 )
 _MIN_PREFERRED_PROBABILITY = 0.5  # of the first of confounded causes that the data prefer
 _MIN_PREFERENCE_RATIO = 10.0  # its probability over that of the second
-_OTHER_NOUNS = {
-    "sensor_unknown": FAULT_PHRASES["sensor_unknown"],
-}
-_PREPOSITIONS = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
 _UNKNOWN_LEVELS = "they need the level of every test in campaign.toml"
 _UNTESTED: tuple[tuple[Collection[str], str], ...] = (
     (LAW_EFFECTS, "they need hits of several levels, each stated in campaign.toml"),
@@ -51,42 +50,6 @@ _UNTESTED: tuple[tuple[Collection[str], str], ...] = (
         "[tuning] or [tolerance] in campaign.toml fixes some of these at their nominal values",
     ),
 )
-
-
-def effect_noun(effect: str) -> str:
-    """Return the noun of an effect, such as ``a wrong gain``."""
-    entry = load_catalogue().get(effect) or PROVEN.get(effect)
-    if entry is not None:
-        return entry.noun
-    return _OTHER_NOUNS.get(effect, effect.replace("_", " "))
-
-
-def place_name(location: str) -> str:
-    """Return a location as text, such as ``joint ty`` or ``sensors acc1 and acc2``."""
-    what, _, name = location.partition(":")
-    several = "s" if what == "sensor" and "+" in name else ""
-    return f"{what}{several} {name if what == 'pair' else name_place(location)}"
-
-
-def place_phrase(location: str) -> str:
-    """Return a location with its preposition, such as ``on body ty``."""
-    what = location.partition(":")[0]
-    name = name_place(location) if what == "pair" else place_name(location)
-    return f"{_PREPOSITIONS.get(what, 'at')} {name}"
-
-
-def cause_words(row: CauseRow | RemarkRow) -> str:
-    """Return effect, place and direction of a cause; all places that the test cannot tell apart."""
-    towards = name_direction(row.dof)
-    towards = f", {towards}" if towards else ""
-    places = " or ".join(map(place_phrase, [row.location, *other_places(row)]))
-    return f"{effect_noun(row.effect)} {places}{towards}"
-
-
-def other_places(row: CauseRow | RemarkRow) -> list[str]:
-    """Return the places of a cause that the test cannot tell from its likeliest one."""
-    places = row.places if isinstance(row, CauseRow) else []
-    return [place for place in places if place != row.location]
 
 
 def places_sentences(verdict: Verdict) -> list[str]:
@@ -177,11 +140,6 @@ def _join_pairs(pairs: Sequence[tuple[str, str]]) -> list[set[str]]:
         components = [component for component in components if component not in touched]
         components.append(set(pair).union(*touched))
     return components
-
-
-def capitalise(text: str) -> str:
-    """Return a text with a capital first letter."""
-    return text[0].upper() + text[1:]
 
 
 def untested_sentences(verdict: Verdict, levels: int) -> list[str]:

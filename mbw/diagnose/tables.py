@@ -6,6 +6,7 @@ from html import escape
 from diagnosis.inference.evidence import Key
 from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import CauseRow
+from diagnosis.verdict.sentences import other_places, place_name
 from mbw.diagnose.effect_parameters import (
     ParameterText,
     depends_on_doubtful_size,
@@ -20,8 +21,6 @@ from mbw.diagnose.link_axis import axis_words
 from mbw.diagnose.sentences import (
     confounded_sentences,
     format_probability,
-    other_places,
-    place_name,
     places_sentences,
     sensor_check_sentences,
     serial_correlation_sentences,

@@ -6,6 +6,7 @@ from rich.progress import Progress
 
 from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
 from diagnosis.effects import check_others
+from diagnosis.verdict.sentences import UNEXPLAINED, other_places
 from mbmodel import refuse_difference
 from mbw.band import check_band
 from mbw.diagnose.augmented import write_augmented
@@ -19,11 +20,9 @@ from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
 from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
 from mbw.diagnose.result import collect_result, list_established, unfinished_fit_sentences
 from mbw.diagnose.sentences import (
-    UNEXPLAINED,
     cause_parameters,
     confounded_sentences,
     noise_sentences,
-    other_places,
     places_sentences,
     serial_correlation_sentences,
     swap_sentence,

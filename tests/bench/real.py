@@ -7,7 +7,8 @@ Two campaigns are diagnosed, so that the rates are paired:
 - before and after: both tests in one campaign, against the drawing.
 
 Where a change has a size, it is one that a refit leaves at 2 to 8 times what it leaves without it:
-sqrt(e1^2 - e0^2) / e0, with the tuned drawing.
+sqrt(e1^2 - e0^2) / e0, with the tuned drawing. Legs have their drawn size: a refit of one state
+follows them wholly.
 
 A cause counts as named with a probability of one half. A case is right if each change is named with
 effect and place and nothing else is, wrong if a cause is named that is no change. Two changes have
@@ -52,7 +53,7 @@ STATES = {"1": "one state", "2": "before and after"}
 _TRIES = 8  # of sizes
 _NAMED = 0.5  # probability
 _SIZE_ERROR = 0.1
-_SIZELESS = ("sign", "exchange", "nothing")
+_WITHOUT_RATIO = ("sign", "exchange", "nothing", "leg")  # a refit follows a leg wholly
 _GRADED = ("mass", "frequency", "stiffness", "damping", "gain", "delay")  # sizes of a change
 COLUMNS = ("right", "wrong", "sizes")
 
@@ -96,7 +97,7 @@ def _draw(number: int) -> dict[str, object]:
     with threadpool_limits(1), tempfile.TemporaryDirectory() as name:
         for _ in range(_TRIES):
             changes, values, unchanged = make_change(FIRST + number, kind, scale)
-            if kind in _SIZELESS:
+            if kind in _WITHOUT_RATIO:
                 break
             without = without or _refit_excess(Path(name) / "without", unchanged)
             excess = _refit_excess(Path(name) / "with", values)

@@ -9,9 +9,10 @@ from browser import data_of
 from diagnosed import diagnosed, lead_of
 
 from diagnosis.verdict.schema import CauseRow, RemarkRow, RestRow, Where
+from diagnosis.verdict.sentences import UNEXPLAINED, capitalise
 from mbw.diagnose.page import render
 from mbw.diagnose.rest_sentences import find_best_candidate, remark_sentences, rest_sentence
-from mbw.diagnose.sentences import UNEXPLAINED, capitalise, sensor_check_sentences
+from mbw.diagnose.sentences import sensor_check_sentences
 from mbw.results.diagnosed_files import read_result
 from mbw.results.diagnosed_schema import EstablishedRow
 from mbw.results.fault_rows import FaultRow

@@ -14,11 +14,11 @@ from typer.testing import CliRunner
 
 from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import RemarkRow
+from diagnosis.verdict.sentences import UNEXPLAINED, capitalise, place_name, place_phrase
 from mbmodel import load_machine
 from mbw.command import app
 from mbw.diagnose.fitted_sets import fitted_rows
 from mbw.diagnose.page import render
-from mbw.diagnose.sentences import UNEXPLAINED, capitalise, place_name, place_phrase
 from mbw.diagnose.tables import hypotheses_section
 from mbw.results.diagnosed_files import NAMES, read_result, write_files
 

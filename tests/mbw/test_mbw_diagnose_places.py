@@ -10,11 +10,11 @@ from browser import CHROMIUM, GL, browse, data_of
 from diagnosed import diagnosed, plain
 
 from diagnosis.verdict.schema import CauseRow
+from diagnosis.verdict.sentences import place_name
 from mbmodel import load_machine
 from mbw.diagnose.effect_parameters import parameter_words
 from mbw.diagnose.link_axis import axis_words, link_axis, principal_axis
 from mbw.diagnose.page import render
-from mbw.diagnose.sentences import place_name
 from mbw.results.diagnosed_files import read_result
 from mbw.results.diagnosed_schema import PlaceRow
 from mbw.results.machine_rows import list_linked, place_row

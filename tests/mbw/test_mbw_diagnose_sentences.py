@@ -6,15 +6,13 @@ import pytest
 
 from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import CauseRow
+from diagnosis.verdict.sentences import cause_words, place_name, place_phrase
 from mbw.diagnose.effect_parameters import number, parameter_lines, parameter_words
 from mbw.diagnose.gap_sentences import closed_words, held_out_sentence, unestablished_words
 from mbw.diagnose.sentences import (
     cause_parameters,
-    cause_words,
     confounded_sentences,
     noise_sentences,
-    place_name,
-    place_phrase,
     places_sentences,
     serial_correlation_sentences,
     site_words,

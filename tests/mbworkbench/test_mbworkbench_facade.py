@@ -1,10 +1,12 @@
 """The public face: paths and labels as text, short summaries, tables and figures."""
 
 import ast
+import inspect
 import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +14,10 @@ import plotly.graph_objects as go
 import pytest
 
 import mbworkbench as mb
+from diagnosis.settings import SETTINGS
 from identification.words import Dof
 from mbmodel import FrfRequest, as_drawn, linearise, load_machine
+from mbworkbench.sessions import open_together
 
 ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGN = ROOT / "assets" / "two_bodies"
@@ -32,12 +36,17 @@ def model():
 
 @pytest.fixture(scope="module")
 def tuned(model, campaign):
-    return mb.tune(model, campaign, band=(20.0, 120.0))
+    return mb.tune(campaign, model=model, band=(20.0, 120.0))
 
 
 @pytest.fixture(scope="module")
-def result(campaign):
-    return mb.diagnose(campaign)
+def steps():
+    return []
+
+
+@pytest.fixture(scope="module")
+def result(campaign, steps):
+    return mb.diagnose(campaign, progress=steps.append)
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +61,35 @@ def every_result(campaign, model, tuned, result):
         "tuned": tuned,
         "result": result,
     }
+
+
+def test_the_face_is_that_of_the_snapshot():
+    """A changed name or signature is a change for every user: CHANGELOG and this file say it."""
+    text = "".join(f"{line}\n" for line in face_lines())
+    assert text == (Path(__file__).parent / "face.txt").read_text()
+    assert dir(mb) == mb.__all__
+
+
+def face_lines():
+    """Every public name, with the signatures of functions and methods and names of properties."""
+    for name in mb.__all__:
+        value = getattr(mb, name)
+        if not inspect.isclass(value) or value.__module__.partition(".")[0] != "mbworkbench":
+            yield name + arguments(value)
+            continue
+        yield name
+        for member in sorted(set(dir(value)) - set(dir(object))):
+            if not member.startswith("_"):
+                yield f"  {member}{arguments(getattr(value, member))}"
+
+
+def arguments(call):
+    """The arguments of a function with their defaults, without annotations."""
+    if not inspect.isfunction(call):
+        return ""
+    signature = inspect.signature(call)
+    plain = [p.replace(annotation=p.empty) for p in signature.parameters.values()]
+    return str(signature.replace(parameters=plain, return_annotation=signature.empty))
 
 
 def test_some_25_names_are_exported_and_documented():
@@ -127,16 +165,59 @@ def test_a_diagnosis_names_the_cause_and_can_be_written(result, tmp_path):
 
 
 def test_another_model_may_be_given(campaign, model):
-    tuned = mb.tune(None, campaign, band=(20.0, 60.0))
-    again = mb.tune(model, str(CAMPAIGN), band=(20.0, 60.0))
+    tuned = mb.tune(campaign, band=(20.0, 60.0))
+    again = mb.tune(str(CAMPAIGN), model=model, band=(20.0, 60.0))
     assert tuned.summary.gap == again.summary.gap
+    with pytest.raises(mb.UsageError, match="a tuning has its model and band"):
+        mb.diagnose(tuned, model=model)
+
+
+def test_tests_that_were_read_are_not_read_again(campaign, model, monkeypatch):
+    monkeypatch.setattr("tuning.session.read_campaign", None)
+    assert open_together(campaign, None, None).campaign.tests[0].estimate is not None
+    with pytest.raises(TypeError):
+        open_together(campaign, model, None)  # their labels refer to another model
+
+
+def test_a_tuning_is_diagnosed_on_its_own_session(tuned, monkeypatch):
+    given = []
+
+    def keep(session, **options):
+        given.append((session, options))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mbworkbench.diagnosis.diagnose_session", keep)
+    with pytest.raises(KeyboardInterrupt):
+        mb.diagnose(tuned, settings=replace(SETTINGS, max_causes=1))
+    ((session, options),) = given
+    assert session is tuned.fits.session
+    assert options["settings"].max_causes == 1
+
+
+def test_progress_is_told_and_an_interrupted_fit_goes_on(campaign, result, steps, tmp_path):
+    assert len(steps) > 4
+    assert steps[1] == "null model: stiffness, damping and tolerances"
+    seen = []
+    options = {"band": (20.0, 60.0), "resume": tmp_path / "steps.json"}
+    first = mb.tune(campaign, progress=seen.append, **options)
+    count = len(seen)
+    again = mb.tune(campaign, progress=seen.append, **options)
+    assert count > 0
+    assert len(seen) == count
+    assert again.summary.gap == first.summary.gap
+    with pytest.raises(mb.InputError, match="belongs to other inputs"):
+        mb.tune(campaign, seed=1, **options)
 
 
 def test_exchanged_arguments_are_refused_in_one_sentence(campaign, model):
-    with pytest.raises(mb.UsageError, match=r"call tune\(model, campaign\)"):
-        mb.tune(campaign, model)
-    with pytest.raises(mb.UsageError, match=r"diagnose\(campaign, model\)"):
-        mb.diagnose(model, campaign)
+    for call, name in ((mb.tune, "tune"), (mb.diagnose, "diagnose")):
+        for former in ((model, campaign), (campaign, model)):
+            with pytest.raises(mb.UsageError, match=rf"mb\.{name}\(campaign, model=model\)"):
+                call(*former)
+        with pytest.raises(mb.UsageError, match=r"call tune\(campaign, model=model\)"):
+            call(model)
+        with pytest.raises(mb.UsageError, match=r"call tune\(campaign, model=model\)"):
+            call(campaign, model=campaign)
 
 
 @pytest.mark.parametrize("band", [(200.0, 10.0), (np.nan, 10.0), (10.0,)])
@@ -149,9 +230,9 @@ def test_counts_and_models_without_sense_are_refused(campaign):
     with pytest.raises(mb.UsageError, match="jobs is 0"):
         mb.diagnose(campaign, jobs=0)
     with pytest.raises(mb.UsageError, match="starts is 0"):
-        mb.tune(None, campaign, starts=0)
+        mb.tune(campaign, starts=0)
     with pytest.raises(mb.UsageError, match="is no model: give what read_model returned"):
-        mb.tune("model.xml", campaign)
+        mb.tune(campaign, model="model.xml")
 
 
 def test_labels_may_come_from_any_collection(model):
@@ -171,7 +252,7 @@ def test_a_parameter_is_found_by_its_name(tuned):
 
 
 def test_doubts_of_a_fit_stand_in_its_summary(model, campaign):
-    tuned = mb.tune(model, campaign)
+    tuned = mb.tune(campaign, model=model)
     assert tuned.summary.fit.doubts
     assert f"doubt: {tuned.summary.fit.doubts[0]}" in repr(tuned)
 
@@ -183,11 +264,11 @@ def test_what_results_hold_has_short_summaries_too(every_result):
         "machine": every_result["model"].machine,
         "modes": every_result["modes"].modes,
         "modal model": every_result["identified"].model,
-        "tuning": every_result["tuned"].tuning,
-        "fit": every_result["tuned"].tuning.fit,
+        "tuning": every_result["tuned"].fits,
+        "fit": every_result["tuned"].fits.fit,
         "tuned.json": every_result["tuned"].summary,
         "parameters": every_result["tuned"].parameters,
-        "diagnosis": every_result["result"].diagnosis,
+        "diagnosis": every_result["result"].fits,
     }
     for name, value in inner.items():
         lines = repr(value).splitlines()
@@ -201,15 +282,16 @@ def test_every_summary_is_short_and_every_table_is_html(every_result):
         assert 1 <= len(lines) <= 10, name
         assert max(map(len, lines)) <= 160, name
         if name not in ("test", "frf"):
-            table = value._repr_html_()
-            assert table.startswith("<table>"), name
-            assert table.count("<tr>") > 1, name
+            html, frame = value._repr_html_(), value.to_pandas()
+            assert html.startswith("<table>"), name
+            assert html.count("<tr>") == 1 + len(frame), name
+            assert list(frame.columns) == list(value.table().header), name
 
 
 def test_everything_but_a_model_has_a_figure(every_result):
     for name, value in every_result.items():
         if name != "model":
-            figure = mb.plot(value)
+            figure = value.plot() if hasattr(value, "plot") else mb.plot(value)
             assert isinstance(figure, go.Figure), name
             assert len(figure.data) > 0, name
     with pytest.raises(TypeError, match="there is no figure of MachineModel"):

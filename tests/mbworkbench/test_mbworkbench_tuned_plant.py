@@ -13,7 +13,7 @@ FREQ = np.linspace(5.0, 150.0, 40)
 def plant(tmp_path_factory):
     folder = write_folder(tmp_path_factory.mktemp("facade") / "campaign")
     model = mb.read_model(folder / "model.xml")
-    tuned = mb.tune(model, mb.read_campaign(folder))
+    tuned = mb.tune(mb.read_campaign(folder), model=model)
     tuned.write(folder / "tuned")
     return mb.read_plant(folder / "tuned", "acc3:+tx", ["acc4:+tx", "base:+ry"], FREQ, "mobility")
 

@@ -45,7 +45,7 @@ def test_readmes_python_passes_mypy_strict(environment, tmp_path):
 
 
 def test_a_wrong_call_is_found_by_mypy(environment, tmp_path):
-    code = 'import mbworkbench as mb\n\nmb.read_campaign("demo").no_such\nmb.tune(3, "demo")\n'
+    code = 'import mbworkbench as mb\n\nmb.read_campaign("demo").no_such\nmb.tune(3)\n'
     done = _mypy(environment, tmp_path, code)
     assert "no_such" in done.stdout
     assert 'Argument 1 to "tune"' in done.stdout

@@ -237,12 +237,12 @@ def _continuous_forces():
         "random_force": (
             "random force without rest",
             random.normal(size=n_sample),
-            "never rests",
+            "neither repeats nor rests",
         ),
         "burst_force": (
             "a force of random bursts",
             random.normal(size=n_sample) * (time % 4.0 < 1.0),
-            "pulls as much as it pushes",
+            "neither repeats nor rests",
         ),
     }
     for name, (situation, force, words) in forces.items():
@@ -250,8 +250,8 @@ def _continuous_forces():
         write_case(
             f"exports/{name}",
             situation,
-            "exit 3: it is continuous excitation, give FRFs",
-            [identify(exit_code=3, says=[words, "continuous excitation", "give its FRFs"])],
+            "exit 0: continuous excitation becomes FRFs, and its blocks are said",
+            [identify(exit_code=0, says=[words, "Hann windows", "No mode was identified"])],
             {
                 "campaign.toml": campaign(f'file = "t.npz"\n{CHANNELS}\nreferences = ["1:+z"]'),
                 "layout.toml": layout_text(),

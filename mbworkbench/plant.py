@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from mbworkbench.labels import (
     parse_inputs,
     parse_outputs,
 )
+from mbworkbench.tables import Shown, Table
 from tuning import PosteriorOfModel, read_posterior
 from tuning.control_loops.loops_file import choose_loops, known_loops
 from tuning.files.found_lags import (
@@ -33,9 +35,12 @@ from tuning.plant import (
     make_control_plant,
 )
 
+if TYPE_CHECKING:
+    import control
+
 
 @dataclass(frozen=True, eq=False)
-class TunedPlant:
+class TunedPlant(Shown):
     """A tuned machine between some ports: FRFs with bands, state spaces, uncertain plant.
 
     Attributes:
@@ -75,9 +80,41 @@ class TunedPlant:
         delays = None if delays_s is None else np.asarray(delays_s, float)
         return make_control_plant(model, model.drawn, self.request, delays)
 
+    def to_control(self) -> "control.StateSpace":
+        """Return the state space without delays, for python-control."""
+        return self.state_space().to_control()
+
     def uncertain(self) -> UncertainPlant:
         """Return the plant as a linear fractional transformation of the parameters' changes."""
         return assemble_uncertain_plant(self.posterior, self.request)
+
+    def table(self) -> Table:
+        """Return a table of the FRFs: magnitude, its 95 % interval, and phase [degrees]."""
+        bands = self.bands()
+        low, high = bands.magnitude_interval()
+        rows = [
+            (
+                float(freq),
+                str(output),
+                str(source),
+                float(abs(bands.values[line, row, column])),
+                float(low[line, row, column]),
+                float(high[line, row, column]),
+                float(np.angle(bands.values[line, row, column], deg=True)),
+            )
+            for row, output in enumerate(self.request.outputs)
+            for column, source in enumerate(self.request.inputs)
+            for line, freq in enumerate(self.request.freq_hz)
+        ]
+        header = ("frequency [Hz]", "output", "input", "magnitude", "low", "high", "phase")
+        return Table(f"FRFs of {self.posterior.model.machine.name}", header, rows)
+
+    def _repr_html_(self) -> str:
+        """Return doubts and ports for a notebook."""
+        kinds = (("output", self.request.outputs), ("input", self.request.inputs))
+        rows = [(kind, str(label)) for kind, labels in kinds for label in labels]
+        name = f"plant of {self.posterior.model.machine.name}"
+        return Table("; ".join((name, *self.doubts)), ("port", "label"), rows).to_html()
 
     def __repr__(self) -> str:
         """Return doubts, machine, ports and posterior in a few lines."""

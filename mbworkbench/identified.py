@@ -7,11 +7,11 @@ from identification.words import ModalModel, Real, UsageError, shorten_names
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
 from mbworkbench.labels import AnyPath
 from mbworkbench.sessions import select_band
-from mbworkbench.tables import html_table
+from mbworkbench.tables import Shown, Table
 
 
 @dataclass(frozen=True, eq=False)
-class IdentifiedModel:
+class IdentifiedModel(Shown):
     """Modes that were identified in the band of a campaign.
 
     Attributes:
@@ -45,8 +45,8 @@ class IdentifiedModel:
             f"{listed} Hz"
         )
 
-    def _repr_html_(self) -> str:
-        """Return a table of the modes with standard deviations for a notebook."""
+    def table(self) -> Table:
+        """Return a table of the modes with standard deviations."""
         model = self.model
         rows = [
             (
@@ -59,7 +59,7 @@ class IdentifiedModel:
             for number in range(self.count)
         ]
         header = ("mode", "frequency [Hz]", "sd [Hz]", "damping [%]", "sd [%]")
-        return html_table(f"Modes of {self.campaign}", header, rows)
+        return Table(f"Modes of {self.campaign}", header, rows)
 
 
 def identify(

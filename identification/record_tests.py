@@ -2,10 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
+from identification.continuous import estimate_continuous_frf
+from identification.hits.detection import find_blows
+from identification.hits.excitation import is_continuous
 from identification.hits.hit_frfs import estimate_hit_frfs
 from identification.hits.remarks import window_remarks
 from identification.hits.settings import HitSettings
@@ -63,26 +67,48 @@ def tests_from_records(
             records.append(reference)
     if not records:
         return {}, ()
-    estimates = estimate_hit_frfs(records, [_hit_settings(entry) for entry in entries])
+    is_hit = [
+        not each.further_references and not is_continuous(each, find_blows(each))
+        for each in records
+    ]
+    of_entries = [_hit_settings(entry) for entry in entries]
+    estimates = iter(
+        estimate_hit_frfs(list(compress(records, is_hit)), list(compress(of_entries, is_hit)))
+        if any(is_hit)
+        else ()
+    )
     tests: dict[str, list[Test]] = {}
     remarks: list[str] = []
-    for entry, hits in zip(entries, estimates, strict=True):
-        quantity = hits.estimate.frf.quantity
-        condition = Condition(
-            entry.file,
-            hits.reference,
-            entry.level,
-            entry.spindle_speed,
-            entry.setup,
-            entry.hammer,
-            entry.variant,
-            parse_frf_units(Path(entry.file), quantity, entry.unit).drive_unit(hits.reference),
-            entry.state,
-        )
-        tests.setdefault(entry.file, []).append(Test(condition, hits.estimate, hits))
-        remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]
+    all_hits: list[HitEstimate] = []
+    for entry, each, setting, is_of_hits in zip(entries, records, of_entries, is_hit, strict=True):
+        if is_of_hits:
+            hits = next(estimates)
+            all_hits.append(hits)
+            test = Test(_condition(entry, each), hits.estimate, hits)
+            remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]
+        else:
+            continuous = estimate_continuous_frf(each, setting)
+            test = Test(_condition(entry, each), continuous.estimate)
+            remarks += continuous.remarks
+        tests.setdefault(entry.file, []).append(test)
     of_files = dict.fromkeys(remark for reference in records for remark in reference.remarks)
-    return tests, (*of_files, *remarks, *window_remarks(estimates))
+    once = dict.fromkeys(remarks)  # forces that act at once share what is said of them
+    return tests, (*of_files, *once, *window_remarks(all_hits))
+
+
+def _condition(entry: TestSettings, records: Records) -> Condition:
+    units = parse_frf_units(Path(entry.file), records.quantity, entry.unit)
+    return Condition(
+        entry.file,
+        records.reference,
+        entry.level,
+        entry.spindle_speed,
+        entry.setup,
+        entry.hammer,
+        entry.variant,
+        units.drive_unit(records.reference),
+        entry.state,
+    )
 
 
 def _read(

@@ -1,5 +1,6 @@
 """A model tuned to a campaign."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -7,9 +8,16 @@ from mbworkbench.campaign import MeasuredCampaign
 from mbworkbench.labels import AnyPath, as_path, check_count
 from mbworkbench.model import MachineModel
 from mbworkbench.parameters import ParameterTable
-from mbworkbench.sessions import open_together
-from mbworkbench.tables import cell_text
-from tuning import CampaignTuning, TunedFile, write_result
+from mbworkbench.sessions import open_checkpoint, open_together, takes_a_campaign
+from mbworkbench.tables import Shown, Table, cell_text
+from tuning import (
+    CampaignTuning,
+    FitProgress,
+    ProgressCallbacks,
+    TunedFile,
+    fingerprint,
+    write_result,
+)
 from tuning import tune as tune_session
 from tuning.files.result import summarise_tuning
 from tuning.files.schema import LevelGap
@@ -18,15 +26,15 @@ MAX_DOUBTS = 3  # doubts that the summary lists
 
 
 @dataclass(frozen=True, eq=False)
-class TunedModel:
+class TunedModel(Shown):
     """A tuned model: its parameters with intervals, and the gap that remains.
 
     Attributes:
-        tuning: fits, held-out fits and predictions.
+        fits: fits, held-out fits and predictions.
         summary: the content of ``tuned.json``.
     """
 
-    tuning: CampaignTuning
+    fits: CampaignTuning
     summary: TunedFile
 
     @property
@@ -49,7 +57,7 @@ class TunedModel:
             InputError: the folder cannot be written.
         """
         target = as_path(folder)
-        write_result(self.tuning, target)
+        write_result(self.fits, target)
         return target
 
     def __repr__(self) -> str:
@@ -70,36 +78,50 @@ class TunedModel:
             )
         )
 
-    def _repr_html_(self) -> str:
-        """Return a table of the parameters for a notebook."""
-        return self.parameters._repr_html_()
+    def table(self) -> Table:
+        """Return a table of the parameters."""
+        return self.parameters.table()
 
 
+@takes_a_campaign
 def tune(
-    model: MachineModel | None,
     campaign: MeasuredCampaign | AnyPath,
     *,
+    model: MachineModel | None = None,
     band: tuple[float, float] | None = None,
     starts: int = 1,
     seed: int = 0,
     jobs: int = 1,
+    progress: Callable[[FitProgress], None] | None = None,
+    resume: AnyPath | None = None,
 ) -> TunedModel:
     """Tune stiffness, damping and tolerances of a model to a campaign.
 
     Args:
-        model: the nominal model; the one that ``campaign.toml`` names if None.
         campaign: from ``read_campaign``, or the path of its folder.
+        model: the nominal model; the one that ``campaign.toml`` names if None.
         band: lowest and highest frequency [Hz]; the lines with coherence if None.
         starts: number of starts: the nominal model, then random ones.
         seed: seed of the random starts.
         jobs: number of processes for the starts, and of threads for the held-out fits.
+        progress: called at each evaluation of the fit.
+        resume: file that keeps finished steps; an interrupted tuning goes on from it.
 
     Raises:
-        InputError: campaign or model cannot be used.
+        InputError: campaign or model cannot be used, or the file is that of another tuning.
         UsageError: arguments are exchanged or out of their range.
     """
     check_count("starts", starts)
     check_count("jobs", jobs)
     session = open_together(campaign, model, band)
-    tuning = tune_session(session, starts=starts, seed=seed, jobs=jobs)
-    return TunedModel(tuning, summarise_tuning(tuning))
+    fits = tune_session(
+        session,
+        starts=starts,
+        seed=seed,
+        jobs=jobs,
+        callbacks=ProgressCallbacks(on_evaluation=progress),
+        checkpoint=open_checkpoint(
+            resume, lambda: fingerprint(session, {"starts": starts, "seed": seed})
+        ),
+    )
+    return TunedModel(fits, summarise_tuning(fits))

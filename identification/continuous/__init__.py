@@ -1,0 +1,5 @@
+"""FRFs from forces that never rest: random, bursts, multisines, chirps, sweeps, one or several."""
+
+from identification.continuous.estimate import ContinuousEstimate, estimate_continuous_frf
+
+__all__ = ["ContinuousEstimate", "estimate_continuous_frf"]

@@ -1,0 +1,161 @@
+r"""Blocks, overlap and window by the kind of a continuous excitation.
+
+Three kinds are told apart by the force alone:
+
+* *periodic*: the force repeats. Blocks are its periods, without a window, which have no leakage
+  once the machine has settled: the first period of a record is left out.
+* *burst*: the force rests at the end of each record, and so does the motion. A block is a record,
+  without a window.
+* *random*: everything else. Blocks have Hann windows that overlap by two thirds (Bendat and Piersol
+  2010, ch. 11.5).
+
+Overlapping blocks share noise. K blocks of a window w that begin D samples apart count as
+
+    n = K / (1 + 2 sum_j (1 - j / K) rho_j),   rho_j = (sum_t w(t) w(t + j D) / sum_t w(t)^2)^2
+
+independent ones (Welch 1967).
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.fft
+
+from identification.words import InputError, Real, Records
+
+Kind = Literal["periodic", "burst", "random"]
+
+_MIN_REPEATED = 0.98  # correlation of a force with itself a period later
+_MAX_BETWEEN = 0.5  # correlation below which a force has changed before it repeats
+_REST_SHARE, _REST_RATIO = 0.05, 0.02  # end of a record, and its rms over that of the record
+_BLOCKS = 8  # lengths of a block that a random force lasts: 16 independent blocks, for each input
+_MIN_BLOCK = 64  # samples
+_HOPS = 3  # hops of a Hann window: an overlap of two thirds
+_MIN_REPETITIONS = 2  # of a record, that its force counts as periodic
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuousBlocks:
+    """How records are cut.
+
+    Args:
+        kind: of the force.
+        window: of a block; (n_sample,).
+        starts: first sample of each block of a record; n_block.
+        count: independent blocks of all records.
+    """
+
+    kind: Kind
+    window: Real
+    starts: tuple[int, ...]
+    count: float
+
+    @property
+    def length(self) -> int:
+        """Samples of a block."""
+        return len(self.window)
+
+    def half(self) -> "ContinuousBlocks":
+        """Return windows of half the length over the same samples."""
+        length, end = self.length // 2, self.starts[-1] + self.length
+        hop = max(length // _HOPS, 1)
+        starts = tuple(range(self.starts[0], end - length + 1, hop))
+        return ContinuousBlocks(self.kind, _hann(length), starts, 2 * self.count)
+
+
+def plan_continuous_blocks(records: Records, block_s: float | None = None) -> ContinuousBlocks:
+    """Choose the blocks of records with a continuous force.
+
+    Args:
+        records: of one reference; forces that act with it repeat with it.
+        block_s: length of a block [s] of a random force; chosen if None.
+
+    Raises:
+        InputError: blocks are longer than a record, or shorter than 64 samples.
+    """
+    n_record, n_sample = records.force.shape
+    period = None if block_s is not None else find_period(records.force)
+    if period is not None:
+        starts = tuple(range(0, n_sample - period + 1, period))
+        starts = starts[1:] if len(starts) > _MIN_REPETITIONS else starts
+        return ContinuousBlocks("periodic", np.ones(period), starts, float(n_record * len(starts)))
+    if block_s is None and n_record > 1 and _is_at_rest(records):
+        even = n_sample - n_sample % 2
+        return ContinuousBlocks("burst", np.ones(even), (0,), float(n_record))
+    length = round(block_s * records.rate_hz) if block_s is not None else 0
+    if not length:
+        inputs = 1 + len(records.further_references)
+        share = n_record * n_sample // (_BLOCKS * inputs)
+        length = scipy.fft.prev_fast_len(max(min(share, n_sample), _MIN_BLOCK))
+    length -= length % 4  # half of a block has an even number of samples too
+    if not _MIN_BLOCK <= length <= n_sample:
+        raise InputError(
+            f"{records.test}: blocks of {length} samples do not fit into records of {n_sample}, or "
+            f"are shorter than {_MIN_BLOCK}: set block_s, or record longer"
+        )
+    hop = length // _HOPS
+    starts = tuple(range(0, n_sample - length + 1, hop))
+    window = _hann(length)
+    return ContinuousBlocks(
+        "random", window, starts, n_record * _independent_blocks(window, hop, starts)
+    )
+
+
+def find_period(force: Real) -> int | None:
+    """Return the number of samples after which a force repeats, None if it does not.
+
+    The correlation of a record with itself, P samples later, over the energy of both parts, is one
+    at a period. It has to fall before, which a slow force does not do at once.
+
+    Args:
+        force: one input; (n_record, n_sample).
+    """
+    part = force - force.mean(axis=1, keepdims=True)
+    n_sample = part.shape[1]
+    spectrum = scipy.fft.rfft(part, 2 * n_sample)
+    lagged = scipy.fft.irfft(np.abs(spectrum) ** 2)[:, : n_sample // _MIN_REPETITIONS + 1].sum(
+        axis=0
+    )
+    energy = np.cumsum(part**2, axis=1)
+    lags = np.arange(len(lagged))
+    head = energy[:, n_sample - 1 - lags].sum(axis=0)
+    tail = (energy[:, -1:] - np.pad(energy, ((0, 0), (1, 0)))[:, lags]).sum(axis=0)
+    product = np.sqrt(head * tail)
+    correlation = np.divide(lagged, product, out=np.zeros_like(lagged), where=product > 0)
+    changed = np.flatnonzero(correlation < _MAX_BETWEEN)
+    if not changed.size:
+        return None
+    repeated = changed[0] + np.flatnonzero(correlation[changed[0] :] > _MIN_REPEATED)
+    if not repeated.size:
+        return None
+    # The first run above the bound belongs to one period: its top is the period.
+    run = repeated[: 1 + np.flatnonzero(np.diff(np.append(repeated, 2 * n_sample)) > 1)[0]]
+    return int(run[np.argmax(correlation[run])])
+
+
+def _is_at_rest(records: Records) -> bool:
+    """Return whether force and motion rest at the end of every record."""
+    last = max(round(_REST_SHARE * records.force.shape[1]), 1)
+    signals = [records.force, *records.further_forces, *np.moveaxis(records.motion, 1, 0)]
+    for signal in signals:
+        part = signal - np.median(signal, axis=1, keepdims=True)
+        whole = np.sqrt((part**2).mean(axis=1))
+        end = np.sqrt((part[:, -last:] ** 2).mean(axis=1))
+        if (end > _REST_RATIO * whole).any():
+            return False
+    return True
+
+
+def _hann(length: int) -> Real:
+    return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))
+
+
+def _independent_blocks(window: Real, hop: int, starts: tuple[int, ...]) -> float:
+    """Return as how many independent blocks the overlapping ones of a record count."""
+    count, energy, shared = len(starts), float(window @ window), 0.0
+    for step in range(1, min(count, -(-len(window) // hop))):
+        moved = step * hop
+        product = float(window[moved:] @ window[:-moved]) / energy
+        shared += (1 - step / count) * product**2
+    return count / (1 + 2 * shared)

@@ -1,0 +1,254 @@
+"""FRFs of forces that never rest, against the exact FRFs of the machine that was shaken."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.signal
+import scipy.stats
+
+from identification import read_campaign, read_layout, read_settings
+from identification.continuous import estimate_continuous_frf
+from identification.continuous.plan import _hann, _independent_blocks, find_period
+from identification.hits import HitSettings
+from identification.words import Dof, InputError, Records
+
+RATE_HZ = 256.0
+OUTPUTS = tuple(Dof(f"acc{k}", "+tx") for k in (1, 2, 3))
+# Three masses in a row on springs, 12, 30 and 43 Hz, damped in proportion to the stiffness.
+MASS = np.diag([2.0, 1.0, 1.5])
+STIFFNESS = 2e4 * np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+DAMPING = 2e-4 * STIFFNESS
+
+
+SETTLING = 2048  # samples: the slowest mode decays to 1e-6
+
+
+def exact(freq_hz):
+    """Accelerance; (n_freq, 3, 3)."""
+    s = 2j * np.pi * freq_hz[:, None, None]
+    return s**2 * np.linalg.inv(s**2 * MASS + s * DAMPING + STIFFNESS)
+
+
+def shake(force, points=(0,), noise=0.0, seed=0, cubic=0.0):
+    """Records of forces (n_in, n_record, n_sample), after the machine has settled."""
+    frf = exact(np.fft.rfftfreq(force.shape[2], 1 / RATE_HZ))[:, :, list(points)]
+    spectrum = np.einsum("foi,irf->rof", frf, np.fft.rfft(force))
+    motion = np.fft.irfft(spectrum, force.shape[2])[:, :, SETTLING:]
+    force, scale = force[:, :, SETTLING:], motion.std()
+    random = np.random.default_rng(seed)
+    motion = motion + cubic * motion**3 / scale**2
+    motion = motion + noise * scale * random.standard_normal(motion.shape)
+    first, *others = (OUTPUTS[k] for k in points)
+    return Records(
+        RATE_HZ,
+        force[0],
+        motion,
+        OUTPUTS,
+        first,
+        "accelerance",
+        further_forces=force[1:],
+        further_references=tuple(others),
+        test="shaken.npz",
+    )
+
+
+def random_force(*shape, seed=1):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def multisine(n_in, n_record, periods, length=2048, seed=2):
+    """Random phases of every line from 3 to 65 Hz, other ones in each realisation."""
+    lines = np.arange(round(3 * length / RATE_HZ), round(65 * length / RATE_HZ))
+    phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, (n_in, n_record, len(lines)))
+    spectrum = np.zeros((n_in, n_record, length // 2 + 1), complex)
+    spectrum[..., lines] = np.exp(1j * phases)
+    period = np.fft.irfft(spectrum, axis=2) * np.sqrt(length)
+    return np.tile(period, periods)
+
+
+def ratio(records, found):
+    """|error|^2 over its variance from 4 to 60 Hz, where all modes are."""
+    frf = found.estimate.frf
+    band = (frf.freq_hz > 4) & (frf.freq_hz < 60)
+    column = OUTPUTS.index(records.reference)
+    error = frf.values[band, :, 0] - exact(frf.freq_hz[band])[:, :, column]
+    return np.abs(error) ** 2 / found.estimate.variance[band, :, 0]
+
+
+FORCES = {
+    "random": (random_force(1, 1, 40_000), (0,)),
+    "two random ones": (random_force(2, 1, 60_000), (0, 2)),
+    "two that are alike": (
+        np.array([[0.9, 0.3], [0.5, 0.8]]) @ random_force(2, 60_000, seed=3).reshape(2, -1),
+        (0, 2),
+    ),
+    "a sweep": (
+        scipy.signal.chirp(np.arange(40_000) / RATE_HZ, 3, 156, 65)[None, None],
+        (1,),
+    ),
+    "a multisine": (multisine(1, 1, 8), (0,)),
+    "two multisines": (multisine(2, 3, 6), (0, 2)),
+}
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_the_error_is_that_which_the_variance_says(name):
+    force, points = FORCES[name]
+    records = shake(force.reshape(len(points), -1, force.shape[-1]), points, noise=0.05)
+    found = estimate_continuous_frf(records)
+    squares = ratio(records, found)
+    assert 0.4 < squares.mean() < 1.5
+    count, inputs = found.estimate.averages, len(points)
+    inside = squares < scipy.stats.f.ppf(0.95, 2, 2 * (count - inputs))
+    assert inside.mean() > 0.93
+    assert np.median(found.estimate.variance / np.abs(found.estimate.frf.values) ** 2) < 0.1
+
+
+def test_each_force_has_its_own_column():
+    force, points = random_force(2, 1, 60_000), (0, 2)
+    records = shake(force, points, noise=0.02)
+    other = replace(
+        records,
+        force=records.further_forces[0],
+        further_forces=records.force[None],
+        reference=OUTPUTS[2],
+        further_references=(OUTPUTS[0],),
+    )
+    for each in (records, other):
+        assert ratio(each, estimate_continuous_frf(each)).mean() < 1.5
+    alone = replace(records, further_forces=np.zeros((0, 0, 0)), further_references=())
+    coherence = estimate_continuous_frf(alone).estimate.coherence
+    assert np.median(coherence) < 0.8  # the force that is left out is noise to one input
+
+
+def test_bursts_need_no_window():
+    time = np.arange(8192) / RATE_HZ
+    force = random_force(1, 12, 8192) * ((time > 10) & (time < 14))
+    records = shake(force, noise=1e-5)
+    found = estimate_continuous_frf(records)
+    assert found.blocks.kind == "burst"
+    assert found.blocks.count == 12
+    assert "bursts, 12 blocks of 24 s, 12 independent" in found.remarks[0]
+    frf = found.estimate.frf
+    band = (frf.freq_hz > 4) & (frf.freq_hz < 60)
+    error = np.abs(frf.values[band, :, 0] / exact(frf.freq_hz[band])[:, :, 0] - 1)
+    assert np.median(error) < 2e-3
+
+
+def test_lines_of_periods_are_those_that_the_force_excites():
+    found = estimate_continuous_frf(shake(multisine(1, 1, 8), noise=0.01))
+    freq = found.estimate.frf.freq_hz
+    assert found.blocks.kind == "periodic"
+    assert (found.blocks.length, len(found.blocks.starts)) == (2048, 6)  # the first one settles
+    assert (freq[0], freq[-1]) == (3.0, 65.0 - RATE_HZ / 2048)
+
+
+def test_distortion_is_told_from_noise_by_realisations():
+    plain = estimate_continuous_frf(shake(multisine(1, 5, 4), noise=0.01))
+    bent = estimate_continuous_frf(shake(multisine(1, 5, 4), noise=0.01, cubic=0.03))
+    assert not any("realisations" in remark for remark in plain.remarks)
+    assert any("realisations differ by" in remark for remark in bent.remarks)
+    assert np.median(bent.estimate.variance / plain.estimate.variance) > 4
+
+
+def test_leakage_at_sharp_modes_widens_the_variance_and_is_said():
+    records = shake(random_force(1, 1, 8_000), noise=1e-4)
+    found = estimate_continuous_frf(records, HitSettings(block_s=2.0))
+    (said,) = [remark for remark in found.remarks if "leakage" in remark]
+    assert "% of the peak" in said
+    assert np.quantile(ratio(records, found), 0.9) < 20  # noise alone would say thousands
+    longer = estimate_continuous_frf(shake(random_force(1, 1, 80_000)), HitSettings(block_s=40.0))
+    assert not any("leakage" in remark for remark in longer.remarks)
+
+
+def test_estimators_of_one_force_bracket_the_frf():
+    records = shake(random_force(1, 1, 40_000), noise=0.3)
+    low, middle, high = (
+        np.abs(estimate_continuous_frf(records, HitSettings(estimator=name)).estimate.frf.values)
+        for name in ("H1", "Hv", "H2")
+    )
+    assert (low <= middle * (1 + 1e-9)).all()
+    assert (middle <= high * (1 + 1e-9)).all()
+
+
+@pytest.mark.parametrize(
+    ("force", "points", "settings", "said"),
+    [
+        (np.repeat(random_force(1, 1, 6048), 2, axis=0), (0, 2), {}, "are one signal"),
+        (multisine(2, 1, 6), (0, 2), {}, "as many realisations as there are forces"),
+        (random_force(1, 1, 6048), (0,), {"block_s": 30.0}, "do not fit into records of 4000"),
+        (random_force(1, 1, 6048), (0,), {"block_s": 15.0}, "too few for 1 forces"),
+        (random_force(1, 1, 6048), (0,), {"exponential_tau": 0.1}, "exponential_tau is for hits"),
+        (random_force(2, 1, 9000), (0, 2), {"estimator": "H2"}, "H2 is for one force, and 2 act"),
+    ],
+)
+def test_records_that_cannot_be_used_are_refused_in_one_sentence(force, points, settings, said):
+    with pytest.raises(InputError, match=said):
+        estimate_continuous_frf(shake(force, points), HitSettings(**settings))
+
+
+def test_a_period_is_found_by_the_sample():
+    period = np.random.default_rng(4).standard_normal(777)
+    force = np.tile(period, 4)[None] + 0.05 * np.random.default_rng(5).standard_normal((1, 3108))
+    assert find_period(force) == 777
+    assert find_period(np.sin(2 * np.pi * np.arange(4000) / 50)[None]) == 50
+    assert find_period(random_force(1, 4000)) is None
+    slow = scipy.signal.sosfilt(
+        scipy.signal.butter(4, 2, fs=RATE_HZ, output="sos"),
+        np.random.default_rng(6).standard_normal((1, 8000)),
+    )
+    assert find_period(slow) is None
+
+
+def test_overlapping_blocks_count_as_many_as_their_scatter_says():
+    length, hop = 64, 21
+    window, starts = _hann(length), tuple(range(0, 640 - 64 + 1, 21))
+    noise = np.random.default_rng(7).standard_normal((3000, 640))
+    blocks = np.stack([noise[:, s : s + length] * window for s in starts], axis=1)
+    power = np.abs(np.fft.rfft(blocks)[:, :, 5:28]) ** 2
+    scatter = power.mean(axis=1).var(axis=0).mean() / power.mean() ** 2
+    assert _independent_blocks(window, hop, starts) == pytest.approx(1 / scatter, rel=0.03)
+    half = _independent_blocks(_hann(64), 32, tuple(range(0, 64_000, 32)))
+    assert half / 2000 == pytest.approx(1 / (1 + 2 / 36), rel=1e-3)  # Hann, half overlap: 1/6
+
+
+LAYOUT = "".join(f'[site.acc{k}]\nbody = "row"\nposition = [0.{k}, 0.0, 0.0]\n' for k in (1, 2, 3))
+ENTRY = """
+layout = "layout.toml"
+[[test]]
+file = "shaken.npz"
+channels = ["acc1:+x", "acc2:+x", "acc3:+x"]
+references = [{}]
+"""
+
+
+def read(folder, force, response, references):
+    np.savez(folder / "shaken.npz", force=force, response=response, rate_hz=RATE_HZ)
+    (folder / "layout.toml").write_text("[body.row]\ncentre = [0.0, 0.0, 0.0]\n" + LAYOUT)
+    (folder / "campaign.toml").write_text(ENTRY.format(references))
+    source, settings = read_settings(folder)
+    return read_campaign(source, settings, read_layout(folder / "layout.toml"))
+
+
+def test_a_campaign_of_forces_at_once_has_a_test_for_each(tmp_path):
+    records = shake(random_force(2, 1, 30_000), (0, 2), noise=0.02)
+    force = np.stack([records.force, *records.further_forces])
+    campaign = read(tmp_path, force, records.motion, '"acc1:+x", "acc3:+x"')
+    assert [str(test.condition.reference) for test in campaign.tests] == ["acc1:+tx", "acc3:+tx"]
+    for test in campaign.tests:
+        frf = test.estimate.frf
+        column = 0 if test.condition.reference == Dof("acc1", "+tx") else 2
+        peak = np.abs(exact(frf.freq_hz)[:, :, column]).max()
+        band = (frf.freq_hz > 4) & (frf.freq_hz < 60)
+        error = frf.values[band, :, 0] - exact(frf.freq_hz[band])[:, :, column]
+        assert np.abs(error).mean() < 0.02 * peak
+    (said,) = [remark for remark in campaign.remarks if "forces at once" in remark]
+    assert "forces at once along acc1:+tx, acc3:+tx: a force that neither repeats" in said
+
+
+def test_one_random_force_may_have_plain_shapes(tmp_path):
+    records = shake(random_force(1, 1, 20_000), noise=0.02)
+    campaign = read(tmp_path, records.force[0], records.motion[0], '"acc1:+x"')
+    assert len(campaign.tests) == 1
+    assert campaign.tests[0].hits is None
