@@ -8,7 +8,7 @@ from tests.docs.formats import code_span, table
 from tests.docs.model_figures import frf_gradient_ms, frf_ratio
 from tests.docs.modes_figures import identify_extra, identify_found
 from tests.docs.results import bench_rows
-from tests.docs.scorecard_figures import NAME, rate_text
+from tests.docs.scorecard_figures import FORMER, rate_text
 
 # Question; cell of the scorecard; its rate.
 SCORECARD = (
@@ -57,8 +57,8 @@ def _benches(names: str) -> str:
 
 
 def _scorecard_rows() -> list[Sequence[object]]:
-    """Return the rows of the scorecard."""
-    cells = {row["cell"]: row for row in rate_rows(list(of(NAME).values()))}
+    """Return the rows of the scorecard whose series is whole."""
+    cells = {row["cell"]: row for row in rate_rows(list(of(FORMER).values()))}
     return [
         (label, rate_text(cells[cell], rate), cells[cell][f"{rate} n"], "scorecard")
         for label, cell, rate in SCORECARD

@@ -19,12 +19,13 @@ from tests.docs.formats import code_span, fixed, percent, significant, table
 from truth.grade.rates import Rate, rate_of
 
 NAME = "scorecard.810000"
+FORMER = "scorecard.650000"  # rows of the engine of version 0.2.0
 
 
 @cache
-def scorecard_cases() -> Sequence[Graded]:
-    """Return all campaigns that count."""
-    return read_rows(of(NAME).values())
+def scorecard_cases(name: str = NAME) -> Sequence[Graded]:
+    """Return all campaigns of a series that count."""
+    return read_rows(of(name).values())
 
 
 def rate_text(row: dict, name: str) -> str:
@@ -34,7 +35,7 @@ def rate_text(row: dict, name: str) -> str:
     return f"{row[name]:.1f} % [{row[f'{name} from']:.1f}, {row[f'{name} to']:.1f}]"
 
 
-def scorecard_table() -> str:
+def scorecard_table(name: str = NAME) -> str:
     """Rates of each cell."""
     rows = [
         (
@@ -46,7 +47,7 @@ def scorecard_table() -> str:
             row["errors"],
             fixed(row["core s"], 0),
         )
-        for row in rate_rows(list(of(NAME).values()))
+        for row in rate_rows(list(of(name).values()))
     ]
     header = (
         "Campaigns",
@@ -106,9 +107,9 @@ def wrong_table() -> str:
     return table(("Seed", "Truth", "Verdict and its first causes"), rows, text=3)
 
 
-def engines() -> str:
+def engines(name: str = NAME) -> str:
     """By which commits of the engine the campaigns were diagnosed."""
-    counts = Counter(case.row["engine"] for case in scorecard_cases())
+    counts = Counter(case.row["engine"] for case in scorecard_cases(name))
     return ", ".join(f"{count} by {engine}" for engine, count in counts.most_common())
 
 
@@ -119,8 +120,8 @@ def omitted() -> str:
 
 
 def intervals() -> str:
-    """How often 95 % intervals of sizes hold the truth."""
-    rate = sizes(scorecard_cases()).intervals
+    """How often 95 % intervals of sizes hold the truth, both engines together."""
+    rate = sizes((*scorecard_cases(), *scorecard_cases(FORMER))).intervals
     return f"{_rate(rate)} (n = {rate.n})"
 
 
@@ -148,6 +149,9 @@ def _escape(text: str) -> str:
 
 FIGURES = {
     "scorecard-table": scorecard_table,
+    "scorecard-former-table": lambda: scorecard_table(FORMER),
+    "scorecard-former-campaigns": lambda: str(len(scorecard_cases(FORMER))),
+    "scorecard-former-engines": lambda: engines(FORMER),
     "scorecard-effects-table": effects_table,
     "scorecard-stated-table": stated_table,
     "scorecard-wrong-table": wrong_table,

@@ -22,6 +22,7 @@ from tuning.assessment.parameter_confidence import (
     rank_pulls,
 )
 from tuning.misfit.batch import batch_tests
+from tuning.misfit.weights import FORCE_ERROR_FLOOR
 
 FREQ = np.linspace(3.0, 90.0, 120)
 SIDE_BY_SIDE = (
@@ -77,7 +78,7 @@ def test_one_spring_has_the_deviation_of_closed_form(tmp_path):
         [-response / impedance * stiffness, -response / impedance * 1j * omega * damping]
     )
     size = np.abs(campaign.tests[0].estimate.frf.values[:, 0, 0])
-    weight = 1 / (campaign.tests[0].estimate.variance[:, 0, 0] + (3e-4 * size) ** 2)
+    weight = 1 / (campaign.tests[0].estimate.variance[:, 0, 0] + (FORCE_ERROR_FLOOR * size) ** 2)
     information = 2 * ((slopes.conj() * weight) @ slopes.T).real + np.diag(np.log([3.0, 4.0]) ** -2)
     expected = np.sqrt(np.diag(np.linalg.inv(information)) * confidence.variance_inflation)
     assert confidence.deviation == pytest.approx(expected, rel=1e-3)
