@@ -1,13 +1,18 @@
 """The measured modal model of a campaign."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from identification.modal import identify as identify_campaign
+from identification.modal import modal_state_space
 from identification.words import ModalModel, Real, UsageError, shorten_names
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
 from mbworkbench.labels import AnyPath
 from mbworkbench.sessions import select_band
 from mbworkbench.tables import Shown, Table
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,17 @@ class IdentifiedModel(Shown):
     def damping(self) -> Real:
         """Damping ratios of the modes inside the band; (count,)."""
         return self.model.damping[: self.count]
+
+    def to_control(self) -> "control.StateSpace":
+        """Return the receptance between the measured labels as a state space of python-control."""
+        import control  # noqa: PLC0415  # slow to load
+
+        space = modal_state_space(self.model)
+        return control.ss(
+            *(space.a, space.b, space.c, space.d),
+            inputs=list(map(str, self.model.inputs)),
+            outputs=list(map(str, self.model.outputs)),
+        )
 
     def __repr__(self) -> str:
         """Return the number of modes and their frequencies in one line."""

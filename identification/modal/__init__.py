@@ -37,6 +37,7 @@ from identification.modal.shapes import (
     shapes_at_bodies,
 )
 from identification.modal.single_mode_checks import SingleModeCheck, check_single_modes
+from identification.modal.state_space import ModalStateSpace, modal_state_space
 from identification.modal.synthesis import (
     SynthesisError,
     full_matrix_model,
@@ -54,6 +55,7 @@ __all__ = [
     "IdentifiedModes",
     "MeasuredFrfs",
     "ModalFit",
+    "ModalStateSpace",
     "ModeChoices",
     "ModeCriteria",
     "Poles",
@@ -80,6 +82,7 @@ __all__ = [
     "mac",
     "missing_drive_point_sentence",
     "mmif",
+    "modal_state_space",
     "mpc",
     "mpd",
     "negative_drive_points",

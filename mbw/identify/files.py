@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import scipy.io
 
-from identification.modal import ScaledModes, full_matrix_model
+from identification.modal import ScaledModes, full_matrix_model, modal_state_space
 from identification.readers.result_files import write_result_arrays
 from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
 from identification.words import (
@@ -171,7 +171,9 @@ def _matlab(result: IdentificationResult) -> dict[str, Any]:
     def names(labels: Sequence[str]) -> Any:
         return column(np.array([*labels, ""], dtype=object)[:-1])
 
+    space = modal_state_space(_modal_model(result))
     return {
+        **{"A": space.a, "B": space.b, "C": space.c, "D": space.d},
         "freqs": column(np.abs(poles) / (2 * np.pi)),
         "damping": column(-poles.real / np.abs(poles)),
         "freqs_sd": column(arrays["freq_sd"][:count]),
