@@ -29,6 +29,8 @@ Kind = Literal["periodic", "burst", "random"]
 _MIN_REPEATED = 0.98  # correlation of a force with itself a period later
 _MAX_BETWEEN = 0.5  # correlation below which a force has changed before it repeats
 _REST_SHARE, _REST_RATIO = 0.05, 0.02  # end of a record, and its rms over that of the record
+_BEFORE_SHARE = 0.2  # of the record, before its end: where a decay would still be larger
+_MAX_NOISE, _MIN_STEADY = 0.1, 0.6  # rms of noise over that of the record, and over that before
 _BLOCKS = 8  # lengths of a block that a random force lasts: 16 independent blocks, for each input
 _MIN_BLOCK = 64  # samples
 _HOPS = 3  # hops of a Hann window: an overlap of two thirds
@@ -135,14 +137,21 @@ def find_period(force: Real) -> int | None:
 
 
 def _is_at_rest(records: Records) -> bool:
-    """Return whether force and motion rest at the end of every record."""
-    last = max(round(_REST_SHARE * records.force.shape[1]), 1)
+    """Return whether force and motion rest at the end of the records.
+
+    What is left there is small, or noise: nearly as much as a fifth of the record before.
+    """
+    n_sample = records.force.shape[1]
+    last, before = max(round(_REST_SHARE * n_sample), 1), round(_BEFORE_SHARE * n_sample)
     signals = [records.force, *records.further_forces, *np.moveaxis(records.motion, 1, 0)]
     for signal in signals:
         part = signal - np.median(signal, axis=1, keepdims=True)
-        whole = np.sqrt((part**2).mean(axis=1))
-        end = np.sqrt((part[:, -last:] ** 2).mean(axis=1))
-        if (end > _REST_RATIO * whole).any():
+        whole, end, earlier = (
+            np.sqrt((piece**2).mean())
+            for piece in (part, part[:, -last:], part[:, -last - before : -before])
+        )
+        is_noise = end <= _MAX_NOISE * whole and end >= _MIN_STEADY * earlier
+        if not is_noise and end > _REST_RATIO * whole:
             return False
     return True
 
