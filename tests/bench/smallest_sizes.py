@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+from diagnosis.next_test.smallest_sizes import SmallestSize
 from mbw.blind.case import run_case
 from mbw.blind.case_files import BlindCase
 from mbw.blind.grading import graded_case
@@ -23,7 +24,7 @@ from mbw.blind.smallest import choose_places, predict
 from mbw.blind.user_test import read_test
 from tests.bench.kept import cases, of
 from tests.helpers.any_machines import SERVO_AXIS
-from truth import Choice, SmallestSize
+from truth import Choice
 from truth.campaign.case_design import deal_cards
 from truth.grade import grade
 from truth.grade.rates import wilson

@@ -3,13 +3,6 @@
 import numpy as np
 
 
-def stack_jacobian(test):
-    """Return J of all parameters over the noise of the fitted lines, with the prior beneath it."""
-    refit = test.refit
-    full = write_out(refit.slopes, refit.deviation.shape)
-    return np.vstack([np.sqrt(test.scale) * full, np.diag(refit.bounded / np.sqrt(2))])
-
-
 def write_out(slopes, shape):
     """Return J of all parameters: a sensor's columns are zero but in its three rows."""
     columns = [slopes.springs, slopes.tolerances]
