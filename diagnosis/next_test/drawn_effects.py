@@ -11,29 +11,30 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.effects import load_catalogue
-from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.inference.evidence import Key
+from diagnosis.hypothesis import Hypothesis, Scene, find_no_direction
 from diagnosis.next_test.linear_search import LinearSearch
 from diagnosis.search.linearised_fit import find_signed
 from diagnosis.stated_values import Value
 from identification.words import Integers, Real
 
-_MAX_SHAPES = 6  # of an effect at a place: a scan is thinned evenly, as rivals need no peak
+_MAX_SHAPES = 6  # of an effect at a place
 _MAX_DIRECTIONS = 24  # of each shape: of 24 the ninth tenth is known to a few per cent
 
 
-def propose_shapes(scene: Scene) -> list[Hypothesis]:
-    """Return the hypotheses of a score test, some shapes of each effect, place and direction."""
-    shapes: dict[Key, list[Hypothesis]] = {}
-    for effect in load_catalogue().values():
-        for hypothesis in effect(scene):
-            if hypothesis.spring is None and (hypothesis.correct is None or is_sign(hypothesis)):
-                shapes.setdefault(hypothesis.key, []).append(hypothesis)
+def propose_linear(scene: Scene) -> list[Hypothesis]:
+    """Return the hypotheses of a score test that a linear change of the FRFs describes."""
     return [
-        rows[k]
-        for rows in shapes.values()
-        for k in np.unique(np.linspace(0, len(rows) - 1, _MAX_SHAPES).round()).astype(int)
+        hypothesis
+        for effect in load_catalogue().values()
+        for hypothesis in effect(scene)
+        if hypothesis.spring is None and (hypothesis.correct is None or is_sign(hypothesis))
     ]
+
+
+def select_shapes(shapes: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return some shapes of an effect, evenly from its scan without the ends out of the band."""
+    places = np.arange(0.5, _MAX_SHAPES) * len(shapes) / _MAX_SHAPES
+    return [shapes[k] for k in np.unique(places.astype(int))]
 
 
 def is_sign(hypothesis: Hypothesis) -> bool:
@@ -49,6 +50,7 @@ class SizedEffect:
         hypothesis: the hypothesis.
         moved: d; (n,).
         size: its size, by which shapes and directions are compared.
+        dof: its direction in the verdict; empty without one.
         hidden: length of its vector over that of the components that show.
         is_sized: whether it may have another size.
     """
@@ -56,6 +58,7 @@ class SizedEffect:
     hypothesis: Hypothesis
     moved: Real
     size: float = 1.0
+    dof: str = ""
     hidden: float = 1.0
     is_sized: bool = True
 
@@ -79,19 +82,20 @@ class DrawnEffects:
         """
         random = np.random.default_rng(0)
         drawn: list[SizedEffect] = []
-        for hypothesis in shapes:
+        for hypothesis in select_shapes(shapes):
             chosen = self.linear.find_coordinates(hypothesis)
             square = self.linear.projected[np.ix_(chosen, chosen)]
             for along in _draw_directions(hypothesis, random):
-                moved = np.zeros(self.linear.whole.size)
+                moved, dof = np.zeros(self.linear.whole.size), hypothesis.dof or ""
                 moved[chosen] = along
                 strength = float(np.sqrt(max(float(along @ square @ along), 0.0)))
                 if is_sign(hypothesis):
-                    drawn.append(
-                        SizedEffect(hypothesis, moved * self._invert(chosen), is_sized=False)
-                    )
+                    moved *= self._invert(chosen)
+                    drawn.append(SizedEffect(hypothesis, moved, dof=dof, is_sized=False))
                 elif strength > np.finfo(float).eps * np.sqrt(np.trace(square)):
-                    drawn += self._measure_size(SizedEffect(hypothesis, moved / strength), random)
+                    effect = SizedEffect(hypothesis, moved / strength, dof=dof)
+                    found = hypothesis.along(self._map_fitted(effect, 1.0)) or dof
+                    drawn += self._measure_size(replace(effect, dof=found), random)
         positive = [effect for effect in drawn if effect.size >= 0]
         return sorted(positive or drawn, key=lambda effect: abs(effect.size))
 
@@ -142,7 +146,7 @@ class DrawnEffects:
     def _state(self, effect: SizedEffect, size: float) -> dict[str, float]:
         """Return the parameters of the verdict at a size, each as one number."""
         stated = effect.hypothesis.state(self._map_fitted(effect, size))
-        return {name: effect.hidden * _find_length(value) for name, value in stated.items()}
+        return {name: effect.hidden * _find_number(name, value) for name, value in stated.items()}
 
     def _map_fitted(self, effect: SizedEffect, size: float) -> dict[str, float]:
         """Return the parameters of a fit that finds an effect of a size [SI]."""
@@ -159,11 +163,12 @@ class DrawnEffects:
         return {p.name: number for number, p in enumerate(self.linear.whole.parameters)}
 
 
-def _find_length(value: Value) -> float:
-    """Return a number, or the length of a vector."""
+def _find_number(name: str, value: Value) -> float:
+    """Return a number, the length of a vector, or the smallest fraction that a support carries."""
     if not isinstance(value, tuple):
         return float(value)
-    return float(np.linalg.norm([number for number in value if number is not None]))
+    numbers = [number for number in value if number is not None]
+    return min(numbers) if name == "fraction" else float(np.linalg.norm(numbers))
 
 
 def _draw_directions(hypothesis: Hypothesis, random: np.random.Generator) -> Iterator[Real]:
@@ -172,6 +177,9 @@ def _draw_directions(hypothesis: Hypothesis, random: np.random.Generator) -> Ite
     free = np.array([name not in hypothesis.believed for name in names])
     if len(names) == 1:
         yield free.astype(float)
+        return
+    if hypothesis.along is not find_no_direction:  # each coordinate has a direction of its own
+        yield from np.eye(len(names))[free]
         return
     is_signed = find_signed(hypothesis)
     for along in random.standard_normal((_MAX_DIRECTIONS, len(names))):

@@ -59,7 +59,7 @@ class LinearSearch:
     Args:
         hypotheses: all hypotheses.
         varies: coordinates of the null model; n_x.
-        whole: all coordinates; n.
+        whole: these and the scored coordinates of all hypotheses; n.
         normal: N of the lines that a fit sees, of the noise alone; (n, n).
         fitted_values: number of values that a fit sees.
         gap_doubt: what noise may take from a gap per value, in one test of ten.
@@ -85,6 +85,10 @@ class LinearSearch:
         parts = dict.fromkeys(part for hypothesis in hypotheses for part in hypothesis.parts)
         model = Model(session.model.machine, (*session.model.parts, *parts))
         whole = varies.extend(parametrise(model, campaign.tolerance))
+        scored = {name for hypothesis in hypotheses for name in hypothesis.coordinates}
+        is_scored = np.isin(np.array(whole.names), list(scored))
+        kept = is_scored | (np.arange(whole.size) < varies.size)
+        whole = whole.restrict(kept, np.zeros(whole.size))
         thin = thin_lines(campaign, settings.score_stride * scene.stride_factor)
         misfit = Misfit(model, thin, whole, model_error_floor=0.0, threads=scene.jobs)
         normal = misfit.quadratic_model(np.zeros(whole.size))[2].dense()

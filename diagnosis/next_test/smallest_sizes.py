@@ -28,7 +28,7 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.calibration import find_variance_source
 from diagnosis.inference.evidence import Evidence, FittedSet, Key
 from diagnosis.inference.posterior import compute_posterior
-from diagnosis.next_test.drawn_effects import DrawnEffects, SizedEffect, is_sign, propose_shapes
+from diagnosis.next_test.drawn_effects import DrawnEffects, SizedEffect, is_sign, propose_linear
 from diagnosis.next_test.linear_search import LinearSearch, PredictedFit
 from diagnosis.refits.refit import find_shift
 from diagnosis.released_session import release_session
@@ -88,7 +88,7 @@ def predict_smallest_sizes(
         settings: thresholds and sizes of the search.
     """
     scene = _set_scene(session, settings)
-    hypotheses = propose_shapes(scene)
+    hypotheses = propose_linear(scene)
     linear = LinearSearch.linearise(scene, hypotheses)
     prediction = _Prediction(scene, linear, DrawnEffects(scene, linear))
     families: dict[Key, list[Hypothesis]] = {}
@@ -97,8 +97,7 @@ def predict_smallest_sizes(
             places or (hypothesis.location,)
         ):
             families.setdefault(hypothesis.key, []).append(hypothesis)
-    rows = (prediction.predict(shapes) for shapes in families.values())
-    return [row for row in rows if row is not None]
+    return [row for shapes in families.values() for row in prediction.predict(shapes)]
 
 
 def _set_scene(session: Session, settings: DiagnosisSettings) -> Scene:
@@ -128,22 +127,23 @@ class _Prediction:
     linear: LinearSearch
     effects: DrawnEffects
 
-    def predict(self, shapes: Sequence[Hypothesis]) -> SmallestSize | None:
-        """Return the smallest size of an effect, over its shapes and directions.
+    def predict(self, shapes: Sequence[Hypothesis]) -> list[SmallestSize]:
+        """Return the smallest size of an effect in each direction that the verdict may state.
 
         Args:
             shapes: hypotheses of one effect, place and direction.
-
-        Returns:
-            None if no channel shows the effect.
         """
-        drawn = sorted(self.effects.draw(shapes), key=lambda effect: effect.size)
-        if not drawn:
-            return None
+        by_direction: dict[str, list[SizedEffect]] = {}
+        for effect in self.effects.draw(shapes):
+            by_direction.setdefault(effect.dof, []).append(effect)
+        return [self._predict_direction(drawn) for drawn in by_direction.values()]
+
+    def _predict_direction(self, drawn: Sequence[SizedEffect]) -> SmallestSize:
+        """Return the smallest size of an effect over its shapes, the smallest size first."""
         weak = drawn[_count_nine_of_ten(drawn) - 1]
-        effect, location, dof = weak.hypothesis.key
+        effect, location, _ = weak.hypothesis.key
         confused = self._find_confused(weak)
-        row = SmallestSize(effect, location, dof or "", "", None, None, False, 0.0, confused)
+        row = SmallestSize(effect, location, weak.dof, "", None, None, False, 0.0, confused)
         if not weak.is_sized:
             null = self.linear.refit(weak.moved)
             is_named = self._is_named(weak, 1.0, self._rank_rivals(weak, 1.0))

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from diagnosis.next_test import smallest_sizes
-from diagnosis.next_test.drawn_effects import DrawnEffects, propose_shapes
+from diagnosis.next_test.drawn_effects import DrawnEffects, propose_linear
 from diagnosis.next_test.further_gains import compare_sizes, rank_gains
 from diagnosis.next_test.linear_search import LinearSearch
 from diagnosis.next_test.smallest_sizes import SmallestSize, predict_smallest_sizes
@@ -27,7 +27,7 @@ def session(tmp_path_factory):
 @pytest.fixture(scope="module")
 def prediction(session):
     scene = smallest_sizes._set_scene(session, early_scene(session).settings)
-    hypotheses = [h for h in propose_shapes(scene) if h.effect in EFFECTS]
+    hypotheses = [h for h in propose_linear(scene) if h.effect in EFFECTS]
     linear = LinearSearch.linearise(scene, hypotheses)
     return smallest_sizes._Prediction(scene, linear, DrawnEffects(scene, linear))
 
@@ -93,7 +93,7 @@ def test_a_twin_is_never_found(prediction):
     gain = next(h for h in prediction.linear.hypotheses if h.effect == "sensor_gain")
     twin = replace(gain, effect="twin")
     linear = replace(prediction.linear, hypotheses=(gain, twin))
-    row = replace(prediction, linear=linear).predict([gain])
+    (row,) = replace(prediction, linear=linear).predict([gain])
     assert not row.is_found
     assert row.confused == (f"twin@{gain.location}",)
 
