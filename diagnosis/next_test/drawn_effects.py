@@ -94,8 +94,8 @@ class DrawnEffects:
                     drawn.append(SizedEffect(hypothesis, moved, dof=dof, is_sized=False))
                 elif strength > np.finfo(float).eps * np.sqrt(np.trace(square)):
                     effect = SizedEffect(hypothesis, moved / strength, dof=dof)
-                    found = hypothesis.along(self._map_fitted(effect, 1.0)) or dof
-                    drawn += self._measure_size(replace(effect, dof=found), random)
+                    axis = hypothesis.along(self._map_fitted(effect, 1.0)) or dof
+                    drawn += self._measure_size(replace(effect, dof=axis), random)
         positive = [effect for effect in drawn if effect.size >= 0]
         return sorted(positive or drawn, key=lambda effect: abs(effect.size))
 
