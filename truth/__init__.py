@@ -11,22 +11,12 @@ from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
 from truth.campaign.draw import Tolerances
 from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.folder import write_answer, write_campaign
-from truth.campaign.further_tests import (
-    FurtherGain,
-    compare_sizes,
-    find_further_test,
-    list_further_tests,
-    rank_gains,
-)
-from truth.campaign.linearised_test import linearise_test
+from truth.campaign.further_tests import find_further_test, list_further_tests
 from truth.campaign.measured import StatedTest, locate_tests
 from truth.campaign.place_names import check_choice, find_place
 from truth.campaign.protocol import Protocol, draw_protocol
-from truth.campaign.signatures import find_signatures
-from truth.campaign.smallest_sizes import SmallestSize, named_size, predict_smallest
-from truth.campaign.tolerance_shift import list_without_tolerance
+from truth.campaign.usual_size import compare_with_usual
 from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign
-from truth.campaign.weighing import Weighing
 from truth.errors import TruthError
 from truth.machine.reading import read_station, why_as_drawn
 from truth.machine.station import Station
@@ -37,35 +27,26 @@ __all__ = [
     "Cause",
     "Choice",
     "DrawnCase",
-    "FurtherGain",
     "OwnTest",
     "Plan",
     "Protocol",
-    "SmallestSize",
     "StatedTest",
     "Station",
     "Tolerances",
     "TruthError",
     "VirtualCampaign",
     "Wanted",
-    "Weighing",
     "check_choice",
-    "compare_sizes",
+    "compare_with_usual",
     "deal_cards",
     "draw_campaign",
     "draw_case",
     "draw_protocol",
     "find_further_test",
     "find_place",
-    "find_signatures",
     "fit_to_machine",
-    "linearise_test",
     "list_further_tests",
-    "list_without_tolerance",
     "locate_tests",
-    "named_size",
-    "predict_smallest",
-    "rank_gains",
     "read_station",
     "why_as_drawn",
     "write_answer",

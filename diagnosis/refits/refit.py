@@ -128,10 +128,7 @@ class Refit(FitSummary):
         return bool((is_limited & is_upper & varies.coordinates_at_bound(x)).any())
 
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
-        """Return how far a cause that only releases tolerances shifts them.
-
-        The shift z is as improbable as that of a single tolerance: with the sum of squares chi
-        square distributed, z = -Phi^-1(p / 2) of its upper tail p.
+        """Return how far a cause that only releases tolerances shifts them (``find_shift``).
 
         Args:
             cause: cause of the set.
@@ -139,12 +136,27 @@ class Refit(FitSummary):
         Returns:
             z in standard deviations; None for a cause that adds or corrects something.
         """
-        if cause.parts or cause.correct or cause.reform or not cause.release:
-            return None
         released = np.isin(np.array(self.fit.parametrisation.names), cause.release)
-        x = self.fit.x[released]
-        tail = max(float(chi2.sf(x @ x, x.size)), np.finfo(float).tiny)
-        return float(norm.isf(tail / 2))
+        return find_shift(cause, self.fit.x[released])
+
+
+def find_shift(cause: Hypothesis, released: Real) -> float | None:
+    """Return how far a cause that only releases tolerances shifts them.
+
+    The shift z is as improbable as that of a single tolerance: with the sum of squares chi square
+    distributed, z = -Phi^-1(p / 2) of its upper tail p.
+
+    Args:
+        cause: the cause.
+        released: coordinates of its tolerances; (n_released,).
+
+    Returns:
+        z in standard deviations; None for a cause that adds or corrects something.
+    """
+    if cause.parts or cause.correct or cause.reform or not cause.release:
+        return None
+    tail = max(float(chi2.sf(released @ released, released.size)), np.finfo(float).tiny)
+    return float(norm.isf(tail / 2))
 
 
 def map_values(parametrisation: Parametrisation, theta: Real) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """``mbw blind --further``: which further hammer point, sensor or level helps most.
 
-Every further test is ranked by the smallest sizes that it makes findable, predicted from its linear
-information. The best ones are confirmed, if that is wanted: machines with one fault, of a size
+Every further test is ranked by the smallest sizes that it makes findable, as the diagnosis predicts
+them. The best ones are confirmed, if that is wanted: machines with one fault, of a size
 between the smallest ones of both tests, are tested without and with the further test.
 """
 
@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from diagnosis.next_test.further_gains import FurtherGain, compare_sizes, rank_gains
+from diagnosis.next_test.smallest_sizes import SmallestSize
 from identification.readers.result_files import FORMAT
 from identification.words import InputError
 from mbmodel import load_machine
@@ -22,18 +24,10 @@ from mbw.blind.smallest import describe_unpredicted, predict
 from mbw.blind.user_test import find_model, read_test, title_of
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
-from truth import (
-    Choice,
-    FurtherGain,
-    SmallestSize,
-    compare_sizes,
-    list_further_tests,
-    rank_gains,
-)
+from truth import Choice, list_further_tests
 from truth.campaign.further_tests import FORCE, HITS
 
 FURTHER_JSON, FURTHER_PAGE, FURTHER_TEXT = "further.json", "further.html", "further.txt"
-_RANKED_VALUES = 10_000  # complex values of the signatures: they rank tests as well as four times
 _BEYOND = 1.2  # of the smallest size after, where no size is found before
 
 
@@ -125,13 +119,13 @@ def rank_further(path: Path, band: tuple[float, float] | None, choice: Choice) -
         InputError: the model or the campaign cannot be used.
     """
     test = read_test(path, band)
-    before = predict(test, choice, _RANKED_VALUES)
+    before = predict(test, choice)
     further = list_further_tests(test.station, test.repeated.protocol)
     gains = []
     with SCREEN.progress() as progress:
         bar = progress.add_task("further tests", total=len(further))
         for further_test in further:
-            after = predict(test.with_protocol(further_test.protocol), choice, _RANKED_VALUES)
+            after = predict(test.with_protocol(further_test.protocol), choice)
             gains.append(compare_sizes(further_test.name, before, after))
             progress.update(bar, advance=1, description=further_test.name)
     return rank_gains(gains)

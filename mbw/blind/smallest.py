@@ -1,19 +1,20 @@
 """``mbw blind --smallest``: what the test shows of each effect at each place, predicted.
 
-The sizes are predicted from the linear information of the test and from the weights of the
-diagnosis, and confirmed by drawn cases at the places that matter most, if they are wanted.
+The diagnosis predicts them (``diagnosis.next_test.smallest_sizes``). Drawn cases confirm them at
+the places that matter most, if they are wanted.
 """
 
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from diagnosis.effects import load_catalogue
 from diagnosis.effects.proven_by_data import PROVEN
-from diagnosis.inference.calibration import load_calibration
-from diagnosis.settings import SETTINGS
+from diagnosis.next_test.smallest_sizes import SmallestSize, predict_smallest_sizes
 from identification.readers.result_files import FORMAT
 from identification.words import InputError
 from mbmodel import load_machine
@@ -25,23 +26,20 @@ from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
 from truth import (
     Choice,
-    SmallestSize,
     TruthError,
-    Weighing,
+    compare_with_usual,
+    draw_case,
     find_place,
-    find_signatures,
-    linearise_test,
-    list_without_tolerance,
-    named_size,
-    predict_smallest,
+    write_campaign,
 )
-from truth.campaign.linearised_test import MAX_VALUES, LinearisedTest
 from truth.effects import NONLINEAR
 from truth.effects.other_packages import known_effects
 from truth.effects.outside import OUTSIDE
+from tuning import open_session
 
-# Effects without a slope that predicts odds: what only data checks prove, and exchanged channels.
-_UNPREDICTED = frozenset((*OUTSIDE, *PROVEN, *NONLINEAR, "sensor_swap"))
+# Effects without a linear prediction: laws of joints, and what data checks prove before any fit.
+_UNPREDICTED = frozenset((*OUTSIDE, *PROVEN, *NONLINEAR, "sensor_swap", "flexible_body"))
+_INSTRUMENTS = "sensor", "hammer"  # their effects need a tolerance
 SMALLEST_JSON, SMALLEST_PAGE, SMALLEST_TEXT = "smallest.json", "smallest.html", "smallest.txt"
 
 
@@ -66,60 +64,54 @@ class Confirmation:
     interval: tuple[float, float]
 
 
-def predict(test: UserTest, choice: Choice, max_values: int = MAX_VALUES) -> list[SmallestSize]:
+def predict(test: UserTest, choice: Choice) -> list[SmallestSize]:
     """Return the smallest sizes of all effects at all places in a test.
+
+    The test is drawn once, for the noise of its FRFs, and the diagnosis predicts what it would
+    find. A size that no drawn machine can have is none.
 
     Args:
         test: a machine and how it is tested.
         choice: effects and places; empty for all.
-        max_values: complex values of the signatures, about.
 
     Raises:
         InputError: no effect has a place, or the machine cannot be tested.
     """
     try:
-        places = tuple(find_place(place, test.station) for place in choice.places)
-        linear = linearise_test(
-            test.station, test.repeated.protocol, test.repeated.tolerance, max_values
-        )
-        schedule = SETTINGS.schedule
-        factor = max(1, round(linear.values / schedule.enough_values))
-        stride = schedule.thin(linear.lines, factor).stride
-        effects = {name: draw for name, draw in known_effects().items() if name not in _UNPREDICTED}
-        signatures, information = find_signatures(linear.thin(stride), effects, [])
+        for place in choice.places:
+            find_place(place, test.station)
+        with TemporaryDirectory() as folder:
+            case = draw_case(test.station, 0, 0, Choice(("none",)), test.repeated)
+            write_campaign(case.campaign, Path(folder), overwrite=True, sealed=True)
+            session = open_session(Path(folder))
+            sizes = predict_smallest_sizes(session, choice.effects, choice.places)
+        compared = (_compare_with_usual(row, test) for row in sizes)
+        sizes = [row for row in compared if row is not None]
     except TruthError as error:
         raise InputError(str(error)) from error
-    weighing = _describe_weighing(linear, stride)
-    chosen = replace(choice, places=places)
-    sizes = predict_smallest(signatures, information, weighing, chosen)
     if not sizes:
         raise InputError(
             f"{test.station.name}: no effect that was chosen has a place in this machine: choose "
             "others by --effect and --place"
         )
-    return [named_size(row, test.station) for row in sizes]
+    return sizes
 
 
-def _describe_weighing(test: LinearisedTest, stride: int) -> Weighing:
-    """Return how the diagnosis weighs fits to every so manyth line.
+def _compare_with_usual(row: SmallestSize, test: UserTest) -> SmallestSize | None:
+    """Return a size over the one that is usually drawn, or none that no machine can have.
 
-    Args:
-        test: all lines of it.
-        stride: of the lines that a fit sees; the posterior counts twice as many.
+    Returns:
+        None if no drawn machine has the effect there; effects that are never drawn stay.
     """
-    constants = load_calibration()
-    return Weighing(
-        values=test.values,
-        fitted_values=test.values / stride,
-        counted_values=test.values / max(1, stride // 2),
-        error_values=constants.error_values,
-        noise_exponent=constants.noise_exponent,
-        max_noise_share=constants.max_noise_share,
-        hidden=constants.hidden["lines"],
-        hidden_width=constants.hidden_width,
-        min_closed=SETTINGS.min_closed,
-        outlier=SETTINGS.outlier_sigma,
-    )
+    if row.value is None or row.effect not in known_effects():
+        return row
+    cause, size = (row.effect, row.location, row.dof), (row.parameter, row.value)
+    of_usual = compare_with_usual(test.station, test.repeated, cause, size)
+    if of_usual is None:
+        return None
+    if not np.isfinite(of_usual):
+        return replace(row, parameter="", value=None, is_found=False)
+    return replace(row, of_usual=of_usual)
 
 
 def describe_unpredicted(choice: Choice) -> list[str]:
@@ -131,13 +123,19 @@ def describe_unpredicted(choice: Choice) -> list[str]:
     ]
 
 
-def describe_without_tolerance(test: UserTest, choice: Choice) -> list[str]:
-    """Return a sentence for each effect that no diagnosis of a test proposes."""
+def describe_unproposed(sizes: Sequence[SmallestSize], choice: Choice) -> list[str]:
+    """Return a sentence for each effect on an instrument that no diagnosis of a test proposes.
+
+    Args:
+        sizes: predicted ones.
+        choice: effects and places; empty for all.
+    """
+    predicted = {row.effect for row in sizes} | _UNPREDICTED
     return [
-        f"{effect}: the test states no tolerance {field}, so that no diagnosis proposes it: state "
+        f"{effect}: the test states no tolerance for it, so that no diagnosis proposes it: state "
         "one under [tolerance] in campaign.toml"
-        for effect, field in list_without_tolerance(test.repeated.tolerance).items()
-        if not choice.effects or effect in choice.effects
+        for effect in choice.effects or load_catalogue()
+        if effect.startswith(_INSTRUMENTS) and effect not in predicted
     ]
 
 
@@ -211,12 +209,11 @@ def size_table(sizes: Sequence[SmallestSize], confirmed: Sequence[Confirmation])
         place = f"{row.effect} at {row.location} {row.dof}".rstrip()
         if not row.is_found:
             size = "not found at any plausible size"
-        elif row.of_usual is None:
-            size = "found"
         elif row.value is None:
-            size = f"{row.of_usual:.2g} of a usual size"
+            size = "found"
         else:
-            size = f"{row.parameter} {size_text(row.value)}, {row.of_usual:.2g} of a usual size"
+            size = f"{row.parameter} {size_text(row.value)}"
+            size += "" if row.of_usual is None else f", {row.of_usual:.2g} of a usual size"
         confused = f"; confused with {', '.join(row.confused[:3])}" if row.confused else ""
         lines.append(f"{place}: {size}{confused}")
     lines += [""] if confirmed else []

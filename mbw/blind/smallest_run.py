@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from diagnosis.next_test.smallest_sizes import SmallestSize
 from mbw.blind.chosen_cases import BlindOptions, run_chosen, run_prediction
 from mbw.blind.grading import count_found
 from mbw.blind.smallest import (
@@ -9,14 +10,14 @@ from mbw.blind.smallest import (
     Confirmation,
     choose_places,
     describe_unpredicted,
-    describe_without_tolerance,
+    describe_unproposed,
     predict,
     write,
 )
 from mbw.blind.user_test import read_test
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
-from truth import Choice, SmallestSize
+from truth import Choice
 
 
 def run_smallest(options: BlindOptions, confirm: int) -> Path:
@@ -38,7 +39,7 @@ def run_smallest(options: BlindOptions, confirm: int) -> Path:
             SCREEN.say(sentence)
         test = read_test(Path(options.model), options.band)
         sizes = predict(test, options.choice)
-        for sentence in describe_without_tolerance(test, options.choice):
+        for sentence in describe_unproposed(sizes, options.choice):
             SCREEN.say(sentence)
         folder = output.path.absolute()
         confirmed = [

@@ -68,20 +68,24 @@ def leaks_table() -> str:
     return table(header, rows)
 
 
+def _state_rate(rate: dict) -> str:
+    """Return hits, number of cases and 95 % interval."""
+    low, high = 100 * rate["from"], 100 * rate["to"]
+    return f"{rate['found']} of {rate['n']} ({low:.0f} to {high:.0f} %)"
+
+
 def smallest_sizes_table() -> str:
-    """Rates at which predicted smallest sizes are found."""
+    """Rates at which multiples of predicted smallest sizes are found."""
     rows = [
         (
             code_span(row["effect"]),
             code_span(row["location"]),
             f"{code_span(row['parameter'])} {significant(row['value'])}",
-            significant(row["of usual"], 2),
-            f"{row['found']} of {row['n']}",
-            f"{100 * row['from']:.0f} to {100 * row['to']:.0f}",
+            *(_state_rate(row[size]) for size in ("0.5", "1", "2")),
         )
         for row in bench_rows("smallest_sizes")
     ]
-    header = ("Effect", "Place", "Predicted size", "Of a usual one", "Found", "95 % interval [%]")
+    header = ("Effect", "Place", "Predicted size", "Half", "Once", "Twice")
     return table(header, rows, 3)
 
 

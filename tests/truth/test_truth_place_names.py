@@ -11,7 +11,6 @@ from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.further_tests import list_further_tests
 from truth.campaign.place_names import check_choice, find_place, named_direction, named_place
 from truth.campaign.protocol import Protocol
-from truth.campaign.smallest_sizes import SmallestSize, named_size
 from truth.errors import TruthError
 from truth.machine.reading import read_station
 
@@ -61,13 +60,7 @@ def test_a_case_is_drawn_at_a_place_by_the_name_of_the_model(station):
     assert places == {"sensor:lid-acc5"}
 
 
-def test_predictions_have_the_names_of_the_model(station):
-    row = SmallestSize(
-        "drift", "sensor:acc5", "acc1:+ty", "", None, None, False, 0.0, ("sensor_gain@sensor:acc5",)
-    )
-    named = named_size(row, station)
-    assert (named.location, named.dof) == ("sensor:lid-acc5", "left_acc1:+ty")
-    assert named.confused == ("sensor_gain@sensor:lid-acc5",)
+def test_further_tests_have_the_names_of_the_model(station):
     protocol = fit_to_machine(Protocol((station.first_aim(),)), station)
     names = {test.name for test in list_further_tests(station, protocol)}
     assert "hammer point left_acc1" in names

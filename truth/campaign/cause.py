@@ -131,7 +131,7 @@ def _draw_effect(
             raise NoPlaceError(f"{wanted.effect}: {machine.station.name} has no place for it")
         if effect.answer().location in taken and wanted.place is None and taken != {""}:
             continue
-        sized = effect if wanted.parameter is None else _with_parameter(effect, *wanted.parameter)
+        sized = effect if wanted.parameter is None else size_by_parameter(effect, *wanted.parameter)
         if sized is None:
             continue
         if wanted.ratio is None or refit is None:
@@ -154,7 +154,7 @@ def _off(drawn: Drawn, ratio: float) -> float:
     return abs(float(np.log(_surviving(drawn) / ratio)))
 
 
-def _with_parameter(effect: Effect, name: str, value: float) -> Effect | None:
+def size_by_parameter(effect: Effect, name: str, value: float) -> Effect | None:
     """Return the effect at the size at which its answer has a parameter; None if none has it."""
     names = effect.answer().parameters
     if name not in names:

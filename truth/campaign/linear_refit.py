@@ -85,10 +85,6 @@ class LinearRefit:
             change[:, rows] += join_parts(columns @ errors, change[:, rows].shape)
         return change * np.where(np.isfinite(self.deviation), self.deviation, 0.0)
 
-    def whitened_motion(self, solution: Real) -> Real:
-        """Return J times parameters, whitened."""
-        return self.whiten(self.follow(solution, self.deviation.shape))
-
     def adjoint(self, weighted: Real) -> Real:
         """Return J^T times a whitened change; (n_parameter,)."""
         return np.concatenate(
