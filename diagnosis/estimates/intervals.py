@@ -29,7 +29,6 @@ from tuning import (
     is_gap_visible,
     thin_lines,
 )
-from tuning.fitting.error_floor_fit import count_measured_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +200,7 @@ def fit_parameters(
     Args:
         refit: the refit.
         stride_factor: factor on the stride of the lines.
-        settings: gain that ends the final stage.
+        settings: schedule, whose turns have as many steps together as the final fit.
         is_final: whether the final fit is made; else the parameters are those of the refit.
     """
     session, fitted = refit.session, refit.fit
@@ -212,7 +211,6 @@ def fit_parameters(
             STAGES[-1],
             model_error_floor=refit.floor,
             stride=stride_factor,
-            tolerance=settings.negligible_nats * stride_factor / count_measured_values(campaign),
             max_steps=settings.schedule.max_turns * settings.schedule.max_steps,
         )
         fitted = fit(
