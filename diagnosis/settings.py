@@ -50,8 +50,6 @@ class DiagnosisSettings:
         max_force_values: values of the normal equations of free forces in memory at once.
         force_powers: mean power of a free force relative to the noise, at the median line; the best
             of these counts.
-        negligible_nats: predicted gain of a step that ends the fits whose parameters or predictions
-            are stated: a third of a standard deviation [nats].
         interval_points: random points of the ellipsoid of confidence on which intervals of
             nonlinear parameters are found.
         added_mass_share: known mass of a next experiment, as a share of the body's mass.
@@ -81,7 +79,6 @@ class DiagnosisSettings:
     delay_phases_rad: tuple[float, ...] = (0.6, 1.2, 1.8, 2.4, 3.0, 3.6, 4.2, 4.8)
     max_force_values: int = 2**24
     force_powers: tuple[float, ...] = (1.0, 10.0, 100.0, 1e3, 1e4)
-    negligible_nats: float = 0.05
     interval_points: int = 100
     added_mass_share: float = 0.1
     slope_tolerance: float = 0.01

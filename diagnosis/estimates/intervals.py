@@ -29,8 +29,6 @@ from tuning import (
     is_gap_visible,
     thin_lines,
 )
-from tuning.fitting.error_floor_fit import count_measured_values
-from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,15 +192,15 @@ def fit_parameters(
 ) -> FittedParameters:
     """Return the parameters of a refit with their confidence.
 
-    If little but noise remains, the final fit counts all lines. Tolerances are unbounded unless one
-    of them then shifts by an improbable amount: among 300 tolerances some exceed the bound of 2.5
-    standard deviations by chance, and shift the parameters by several of theirs. If more than noise
-    remains, the covariance is that of the number of independent values, or of bands of lines.
+    If little but noise remains, the final fit counts all lines, in as many steps as all turns of a
+    refit together. Outlying tolerances were admitted before (``refits.outlying_tolerances``): those
+    held at their bounds would shift the parameters. If more than noise remains, the covariance is
+    that of the number of independent values, or of bands of lines.
 
     Args:
         refit: the refit.
         stride_factor: factor on the stride of the lines.
-        settings: gain that ends the final stage.
+        settings: schedule, whose turns have as many steps together as the final fit.
         is_final: whether the final fit is made; else the parameters are those of the refit.
     """
     session, fitted = refit.session, refit.fit
@@ -213,22 +211,17 @@ def fit_parameters(
             STAGES[-1],
             model_error_floor=refit.floor,
             stride=stride_factor,
-            tolerance=settings.negligible_nats * stride_factor / count_measured_values(campaign),
-            exact_curvature=True,
+            max_steps=settings.schedule.max_turns * settings.schedule.max_steps,
         )
-        for coordinates in (parametrisation.lift_bounds(), parametrisation):
-            fitted = fit(
-                model,
-                campaign,
-                parametrisation=coordinates,
-                starts=(refit.fit.theta,),
-                stages=(stage,),
-            )
-            if fitted.outcome == "interrupted":
-                raise KeyboardInterrupt
-            shifts = np.abs(fitted.x[coordinates.is_tolerance])
-            if shifts.max(initial=0.0) <= PLAUSIBLE_PULL_SIGMA:
-                break
+        fitted = fit(
+            model,
+            campaign,
+            parametrisation=parametrisation,
+            starts=(refit.fit.theta,),
+            stages=(stage,),
+        )
+        if fitted.outcome == "interrupted":
+            raise KeyboardInterrupt
         confidence = estimate_confidence(model, thin_lines(campaign, stride), fitted)
     else:
         stride = settings.schedule.stride // 2 * stride_factor

@@ -75,13 +75,13 @@ class ScoredFit:
         pulled = (self.varies.precision * self.x)[old]
         slope = np.concatenate([probed.gradient[old] - pulled, probed.slope[new]])
         square = np.zeros((len(chosen), len(chosen)))
-        square[: len(old), : len(old)] = normal[np.ix_(old, old)]
-        square[len(old) :, len(old) :] = probed.blocks[np.ix_(new, new)]
-        square[: len(old), len(old) :] = probed.cross[np.ix_(old, new)]
+        square[: len(old), : len(old)] = normal[old[:, None], old]
+        square[len(old) :, len(old) :] = probed.blocks[new[:, None], new]
+        square[: len(old), len(old) :] = probed.cross[old[:, None], new]
         square[len(old) :, : len(old)] = square[: len(old), len(old) :].T
         halved = self._halved_probes[:, new]
         if len(old):
-            of_old = self._factor.solve_half(normal[np.ix_(self._free, old)])
+            of_old = self._factor.solve_half(normal[self._free[:, None], old])
             halved = np.hstack([of_old, halved])
         both = np.hstack([halved, self._halved_gradient])
         projected = halved.T @ both

@@ -94,16 +94,15 @@ def compute_gains(
     """Return gain and step of each hypothesis; see ``scores`` for the arguments.
 
     A Part that acts in some tests only needs an evaluation for every test, so that its hypotheses
-    are scored apart. The others are scored in two halves, whatever the number of processes.
-    Functions that a score does not need are not sent to the processes.
+    are scored apart. The others are scored together, since they share the normal equations of the
+    fit. Functions that a score does not need are not sent to the processes.
     """
     machine = scene.model.machine
     always = np.array(
         [all(Model(machine, hypothesis.parts).acting_fractions(None)) for hypothesis in hypotheses],
         bool,
     )
-    first, second = np.flatnonzero(always)[::2], np.flatnonzero(always)[1::2]
-    groups = [places for places in (first, second, np.flatnonzero(~always)) if len(places)]
+    groups = [places for places in map(np.flatnonzero, (always, ~always)) if len(places)]
     reduced = [_reduce_to_parts(hypothesis) for hypothesis in hypotheses]
     without_record = replace(scene, record=None)
     calls: list[Call] = [

@@ -105,7 +105,8 @@ class Layout:
                 row[body, 3:] = axis
             else:
                 row[body, :3] = axis
-                row[body, 3:] = np.cross(arm, axis)
+                (x, y, z), (a, b, c) = arm.tolist(), axis.tolist()
+                row[body, 3:] = y * c - z * b, z * a - x * c, x * b - y * a
         return rows.reshape(len(dofs), 6 * len(self.bodies))
 
     def _place(self, point: str) -> tuple[int, Real, Real]:

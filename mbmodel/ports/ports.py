@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -117,6 +118,10 @@ class Ports:
         return bool(self.floor.any())
 
 
+# Ports of every machine in use: many fits have equal channels.
+_PORTS: WeakKeyDictionary[Machine, dict[tuple[tuple[Port, ...], ...], Ports]] = WeakKeyDictionary()
+
+
 def find_ports(machine: Machine, outputs: Sequence[Output], inputs: Sequence[Input]) -> Ports:
     """Return the ports of a machine for labels and signals; see ``signal_rows``.
 
@@ -129,6 +134,14 @@ def find_ports(machine: Machine, outputs: Sequence[Output], inputs: Sequence[Inp
         UsageError: a label or motor that the machine does not have; a floor that tilts under
             gravity.
     """
+    kept, labels = _PORTS.setdefault(machine, {}), (tuple(outputs), tuple(inputs))
+    if labels not in kept:
+        kept[labels] = _read_ports(machine, *labels)
+    return kept[labels]
+
+
+def _read_ports(machine: Machine, outputs: Sequence[Output], inputs: Sequence[Input]) -> Ports:
+    """Return the ports of a machine; see ``find_ports`` for the arguments."""
     size, count, nv = len(machine.body_mass), len(inputs), len(machine.coordinates)
     force, floor = np.zeros((size, count)), np.zeros((size, count))
     motor = np.zeros((nv, count))

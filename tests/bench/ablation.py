@@ -61,9 +61,7 @@ KEPT = {
         ("appendage_ends", "max_added_mass_share", "delay_phases_rad"),
         "range of an effect: without it the effect has no end",
     ),
-    **dict.fromkeys(
-        ("negligible_nats", "interval_points"), "numerical error of what is stated, not a rate"
-    ),
+    "interval_points": "numerical error of what is stated, not a rate",
     **dict.fromkeys(
         ("max_causes", "min_closed", "outlier_sigma"), "rules of the posterior have a table"
     ),

@@ -1,5 +1,6 @@
 """Motors, encoders, MuJoCo sensors, pairs and points as ports, against MuJoCo and by hand."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import control
@@ -13,6 +14,7 @@ from mbmodel import (
     FrfRequest,
     Machine,
     as_drawn,
+    find_ports,
     input_unit,
     load_machine,
     output_unit,
@@ -114,6 +116,14 @@ def test_motor_to_encoder_equals_a_hand_made_two_mass_axis(tmp_path: Path) -> No
     # A motor between two bodies is a pair of forces, and so is a force along the joint.
     pair = _values(machine, ["encoder"], ["head-rail:+tx", "joint:slide_tx"], "receptance")[:, 0]
     assert np.abs(gear * pair / expected[:, None] - 1).max() < 1e-9
+
+
+def test_ports_of_a_machine_are_read_once(machine: Machine) -> None:
+    ports = [parse_output(machine, text) for text in ("joint:carriage_ry", "acc2:+ry")]
+    first = find_ports(machine, ports, ports[1:])
+    assert find_ports(machine, tuple(ports), tuple(ports[1:])) is first
+    assert find_ports(machine, ports, ports) is not first
+    assert find_ports(replace(machine), ports, ports[1:]) is not first
 
 
 def test_pairs_joints_and_offsets_are_reciprocal(machine: Machine) -> None:

@@ -5,8 +5,9 @@ sensor's point, so that a residual has the variance
 
     E|r|^2 = var + a^2 |H_point|^2,
 
-var being that of the noise and |H_point|^2 the sum over the directions measured at the point. The
-floor a maximises the likelihood of circular complex normal residuals,
+var being that of the noise, smooth along frequency as in the weights of a fit, and |H_point|^2 the
+sum over the directions measured at the point. The floor a maximises the likelihood of circular
+complex normal residuals,
 
     ln L(a) = - sum [ |r|^2 / (var + a^2 |H_point|^2) + ln(var + a^2 |H_point|^2) ],
 
@@ -21,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from identification import smooth_variance
 from identification.words import Campaign, Complex, FrfEstimate, Mask, Real
 from tuning.misfit.weights import FORCE_ERROR_FLOOR, point_power_of, squared_size
 
@@ -103,4 +105,4 @@ def _residual_rows(model: Complex, estimate: FrfEstimate) -> tuple[Real, Real, R
     """Return |r|^2, var and |H_point|^2 of the values of one test that count; (n_value,) each."""
     counts, power = find_counted_values(estimate)
     residual = squared_size(model - estimate.frf.values)
-    return residual[counts], np.asarray(estimate.variance)[counts], power[counts]
+    return residual[counts], smooth_variance(estimate)[counts], power[counts]

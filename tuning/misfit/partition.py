@@ -1,12 +1,13 @@
 """Partition of the coordinates: those that all channels share, and those of one sensor alone."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
-from mbmodel import Change, ForwardSensitivities, Model
+from mbmodel import Change, ForwardSensitivities, Model, Part
 from tuning.parametrisation.parametrisation import Parametrisation
 
 
@@ -67,7 +68,7 @@ def partition_coordinates(
         separate_channels: whether channels have weights of their own; if they are weighted
             together with those of their body, there are no blocks.
     """
-    slopes = model.slopes(model.drawn, None, parametrisation.free)
+    is_plain = _find_plain(model, parametrisation.free)
     free_of_parts, coordinates_of_parts = (
         model.split_parameters(parametrisation.free),
         model.split_parameters(parametrisation.coordinate_of),
@@ -76,8 +77,8 @@ def partition_coordinates(
     spans = np.cumsum([0, *(len(part.parameters) for part in model.parts)])
     sensor_parts: list[int] = []
     blocks: list[Integers] = []
-    for number, (changes, free, coordinates_of_part) in enumerate(
-        zip(slopes, free_of_parts, coordinates_of_parts, strict=True)
+    for number, (part, free, coordinates_of_part) in enumerate(
+        zip(model.parts, free_of_parts, coordinates_of_parts, strict=True)
     ):
         coordinates = coordinates_of_part[free]
         is_exclusive = (
@@ -85,7 +86,7 @@ def partition_coordinates(
             == len(np.unique(coordinates))
             == len(coordinates)
         )
-        if separate_channels and len(coordinates) and is_exclusive and _is_plain(changes):
+        if separate_channels and len(coordinates) and is_exclusive and is_plain[part]:
             sensor_parts.append(number)
             blocks.append(coordinates)
             shared[spans[number] : spans[number + 1]] = False
@@ -106,6 +107,24 @@ def partition_coordinates(
         block_coordinates,
         parametrisation.free & ~shared,
     )
+
+
+# Whether each Part in use changes the rows of one sensor alone.
+_PLAIN: WeakKeyDictionary[Part, bool] = WeakKeyDictionary()
+
+
+def _find_plain(model: Model, free: Mask) -> Mapping[Part, bool]:
+    """Return whether each Part with free parameters changes the rows of one sensor alone."""
+    is_new = [part not in _PLAIN for part in model.parts]
+    chosen = free & np.repeat(is_new, [len(part.parameters) for part in model.parts])
+    if chosen.any():
+        slopes = model.slopes(model.drawn, None, chosen)
+        for part, mask, changes in zip(
+            model.parts, model.split_parameters(chosen), slopes, strict=True
+        ):
+            if mask.any():
+                _PLAIN[part] = _is_plain(changes)
+    return _PLAIN
 
 
 def _is_plain(changes: tuple[Change, ...]) -> bool:

@@ -88,8 +88,8 @@ class Parametrisation:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Name of each coordinate: the name of its first parameter."""
-        first = [int(np.flatnonzero(self.coordinate_of == k)[0]) for k in range(self.size)]
-        return tuple(self.parameters[index].name for index in first)
+        numbers, first = np.unique(self.coordinate_of, return_index=True)
+        return tuple(self.parameters[index].name for index in first[numbers >= 0].tolist())
 
     def _displacement(self, x: Real) -> Real:
         """Return ``scale x`` of each parameter, zero for a fixed one; (n_parameter,)."""

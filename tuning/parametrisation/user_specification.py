@@ -166,6 +166,8 @@ def _tie(
     parametrisation: Parametrisation, ties: Sequence[Sequence[str]], names: list[str]
 ) -> Parametrisation:
     """Return a parametrisation in which the parameters of each tie share one coordinate."""
+    if not ties:
+        return parametrisation
     coordinate_of = parametrisation.coordinate_of.copy()
     for patterns in ties:
         places = np.flatnonzero(_match_any(patterns, names))
