@@ -7,6 +7,7 @@ to the first recording, the second to the second. The reference of a motion is t
 a motion has none (node 0), node and direction of the force apply.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,28 @@ class Channel:
     start: float
     rate: float
     values: Real
+
+
+def find_recordings_at_once(
+    forces: list[Channel], motions: list[Channel]
+) -> dict[tuple[int, int], list[Channel]]:
+    """Return the recordings in which several forces acted at once, by load case and repetition.
+
+    Every force and every motion of such a load case is there as often, and motions have no
+    reference that would tell their force: of forces one after the other, motions are more.
+    """
+    channels = [*forces, *motions]
+    repetitions = {id(channel): order for order, channel in _count_repetitions(channels)}
+    recordings: dict[tuple[int, int], list[Channel]] = {}
+    for case in dict.fromkeys(force.case for force in forces):
+        here = [channel for channel in channels if channel.case == case]
+        counts = Counter((c.quantity is None, c.dof.positive) for c in here)
+        several = sum(is_force for is_force, _ in counts) > 1
+        has_reference = any(channel.reference is not None for channel in here)
+        if several and not has_reference and len(set(counts.values())) == 1 < len(counts):
+            for channel in here:
+                recordings.setdefault((case, repetitions[id(channel)]), []).append(channel)
+    return recordings
 
 
 def group_recordings(

@@ -20,7 +20,12 @@ from identification.readers.uff_datasets import (
 )
 from identification.readers.uff_directions import StatedDirections
 from identification.readers.uff_frfs import FRF_TYPE, QUANTITY_OF_ORDINATE
-from identification.readers.uff_recordings import Channel, group_recordings, refuse_unequal
+from identification.readers.uff_recordings import (
+    Channel,
+    find_recordings_at_once,
+    group_recordings,
+    refuse_unequal,
+)
 from identification.readers.uff_units import UnitConverter
 from identification.words import Dof, InputError, Quantity, Records
 
@@ -50,8 +55,9 @@ def read_uff_records(
 ) -> tuple[Records, ...]:
     """Read the time records of a universal file, one ``Records`` for each reference.
 
-    Set-ups with one reference but different channels become separate ``Records``. Values whose
-    direction has the opposite sign in a later recording are negated.
+    Where a load case has several forces, motions without a reference, and as many records of each,
+    the forces acted at once. Set-ups with one reference but different channels become separate
+    ``Records``. Values whose direction has the opposite sign in a later recording are negated.
 
     Args:
         path: the file.
@@ -83,14 +89,43 @@ def read_uff_records(
     if not forces or not motions:
         missing = "motions (ordinate types 8, 11, 12)" if forces else "the force (ordinate type 13)"
         raise InputError(f"{path} holds no time record of {missing}: export all channels together")
-    recordings = group_recordings(path, forces, motions)
-    groups: dict[tuple[Dof, tuple[Dof, ...]], list[list[Channel]]] = {}
+    at_once = find_recordings_at_once(forces, motions)
+    cases = {case for case, _ in at_once}
+    alone = [[c for c in channels if c.case not in cases] for channels in (forces, motions)]
+    recordings = group_recordings(path, *alone) if alone[0] or alone[1] else []
+    groups: dict[tuple[Dof, ...], list[list[Channel]]] = {}
     for recording in recordings:
-        names = tuple(channel.dof.positive for channel in recording[1:])
-        groups.setdefault((recording[0].dof.positive, names), []).append(recording)
+        key = tuple(channel.dof.positive for channel in recording)
+        groups.setdefault(key, []).append(recording)
     stacks = [_stack_recordings(path, group) for group in groups.values()]
+    stacks += _stack_forces_at_once(path, list(at_once.values()))
     remarks = (*remarks, *converter.remarks)
     return tuple(replace(records, remarks=remarks) for records in stacks)
+
+
+def _stack_forces_at_once(path: Path, recordings: list[list[Channel]]) -> list[Records]:
+    """Return records of each of several forces, with the others beside it."""
+    of_force: dict[Dof, list[list[Channel]]] = {}
+    for channels in recordings:
+        refuse_unequal(path, channels)
+        rest = [channel for channel in channels if channel.quantity is not None]
+        for head in channels:
+            if head.quantity is None:
+                of_force.setdefault(head.dof.positive, []).append([head, *rest])
+    if len({len(rows) for rows in of_force.values()}) > 1:
+        raise InputError(
+            f"{path}: forces that act at once are at other points in some load cases: give one "
+            "file for each set of forces"
+        )
+    stacks = [_stack_recordings(path, rows) for rows in of_force.values()]
+    return [
+        replace(
+            records,
+            further_forces=np.stack([other.force for other in stacks if other is not records]),
+            further_references=tuple(s.reference for s in stacks if s is not records),
+        )
+        for records in stacks
+    ]
 
 
 def _channel(

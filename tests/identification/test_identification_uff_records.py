@@ -291,3 +291,37 @@ def test_a_truncated_file_is_refused(file):
     path.write_bytes(path.read_bytes()[:-300])
     with pytest.raises(InputError, match=r"record 9 has no end mark|truncated"):
         holds_uff_time_records(path)
+
+
+def shaken(records, further, *, node_of_reference=False):
+    """Datasets of two forces and the motions that both made, repetition after repetition."""
+    functions = channel_functions(records, order="<", node_of_reference=node_of_reference)
+    size = 1 + len(records.outputs)
+    for number, force in enumerate(further):
+        head = functions[number * (size + 1)]
+        functions.insert(number * (size + 1) + 1, replace(head, data=force, rsp=(3, 2), ref=(3, 2)))
+    return functions
+
+
+@pytest.mark.parametrize("hits", [1, 3])
+def test_forces_at_once_are_records_of_each_with_the_others_beside_it(read, hits):
+    expected = some(4, hits=hits)
+    further = numbers(9, (hits, 48), real=True)
+    first, second = read(*shaken(expected, further))
+    equal(first, expected)
+    assert (first.further_references, second.reference) == ((Dof("3", "+ty"),), Dof("3", "+ty"))
+    np.testing.assert_allclose(first.further_forces[0], further, rtol=1e-11)
+    np.testing.assert_allclose(second.force, further, rtol=1e-11)
+    np.testing.assert_allclose(second.further_forces[0], expected.force, rtol=1e-11)
+    np.testing.assert_allclose(second.motion, expected.motion, rtol=1e-11)
+
+
+def test_forces_one_after_the_other_are_not_at_once(read):
+    first, second = some(4), some(5, reference="3:+y")
+    functions = [
+        function
+        for records in (first, second)
+        for function in channel_functions(records, order="<", node_of_reference=False)
+    ]
+    for records in read(*functions):
+        assert records.further_references == ()
