@@ -116,7 +116,9 @@ def _read(
 ) -> Iterator[Records]:
     """Yield the records of a file at their sites, without the channels that are ignored."""
     file = path.parent / entry.file
-    arrays = load_arrays(file, entry.columns) if is_arrays(file) else None
+    arrays = (
+        load_arrays(file, entry.columns, len(entry.references or "1")) if is_arrays(file) else None
+    )
     if not _has_time_records(file, arrays):
         for key in _RECORD_KEYS:
             if getattr(entry, key) is not None:

@@ -23,7 +23,9 @@ def is_text(path: Path) -> bool:
     return path.suffix.lower() in TEXT_SUFFIXES
 
 
-def load_arrays(path: Path, columns: Sequence[int | str] | None = None) -> dict[str, np.ndarray]:
+def load_arrays(
+    path: Path, columns: Sequence[int | str] | None = None, forces: int = 1
+) -> dict[str, np.ndarray]:
     """Read all variables of a .mat file (any version) or .npz file, or the columns of a text file.
 
     Every size that a file announces is checked before memory is allocated for it. HDF5 files are
@@ -32,12 +34,13 @@ def load_arrays(path: Path, columns: Sequence[int | str] | None = None) -> dict[
     Args:
         path: the file.
         columns: headings or numbers of the columns of a text file; None for all.
+        forces: number of forces that act at once in time records of a text file.
 
     Raises:
         InputError: the file is missing or unreadable.
     """
     if is_text(path):
-        return read_text_arrays(path, columns)
+        return read_text_arrays(path, columns, forces)
     if columns is not None:
         raise InputError(f"{path} is no text file: remove columns from its [[test]]")
     check_file(path, "name the file of the test")

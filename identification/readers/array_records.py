@@ -108,7 +108,10 @@ def _force_remarks(path: Path, arrays: dict[str, np.ndarray]) -> tuple[str, ...]
         return ()
     return (
         f"{path.name}: its first column, {arrays['force_label']}, counts as the force, since no "
-        "heading or unit names one alone: state columns in its [[test]], the force first",
+        "heading or unit names one alone: state columns in its [[test]], the force first"
+        if np.ndim(arrays["force"]) == 2
+        else f"{path.name}: its first columns, {arrays['force_label']}, count as the forces, since "
+        "headings and units name others: state columns in its [[test]], the forces first",
     )
 
 

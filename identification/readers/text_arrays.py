@@ -34,10 +34,13 @@ _UNIT_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]{1,20})[\])]\s*$")
 Arrays = dict[str, np.ndarray]
 
 
-def read_text_arrays(path: Path, columns: Sequence[int | str] | None = None) -> Arrays:
+def read_text_arrays(
+    path: Path, columns: Sequence[int | str] | None = None, forces: int = 1
+) -> Arrays:
     """Read ``frf``, ``coherence``, ``freq_hz``, or ``force``, ``response``, ``rate_hz``.
 
-    FRFs have the shape (freq, column), force (hit, sample) and response (hit, channel, sample).
+    FRFs have the shape (freq, column), force (hit, sample) or, of several forces at once, (force,
+    hit, sample), and response (hit, channel, sample).
     ``unit_label`` is the unit of motion over force in the headings, empty without one,
     ``freq_label`` the unit in the heading of the frequencies. ``force_label`` is there if the
     force is only supposed to be one, and holds its heading.
@@ -45,7 +48,8 @@ def read_text_arrays(path: Path, columns: Sequence[int | str] | None = None) -> 
     Args:
         path: .csv, .txt, .dat or .lvm.
         columns: headings or numbers, from 1, of the columns beside frequency or time; None for all.
-            The first one of time records is the force.
+            The first ones of time records are the forces.
+        forces: number of forces that act at once in time records, in the order of references.
 
     Raises:
         InputError: the file is no table of FRFs or of time records.
@@ -55,7 +59,7 @@ def read_text_arrays(path: Path, columns: Sequence[int | str] | None = None) -> 
     chosen = [table if columns is None else _choose(table, columns) for table in tables]
     axis_words = name_words(tables[0].axis_name)
     if axis_words & _TIME_WORDS and not axis_words & _FREQUENCY_WORDS:
-        return _records(chosen, is_force_stated=columns is not None)
+        return _records(chosen, forces, is_force_stated=columns is not None)
     if len(chosen) > 1:
         raise InputError(f"{path} holds {len(chosen)} sections of FRFs: export one to a file")
     return _frfs(chosen[0])
@@ -82,11 +86,11 @@ def _choose(table: TextTable, columns: Sequence[int | str]) -> TextTable:
     return replace(table, names=names, values=table.values[:, places])
 
 
-def _records(tables: Sequence[TextTable], *, is_force_stated: bool) -> Arrays:
-    """Return force, response and rate of time records; each table is one record."""
+def _records(tables: Sequence[TextTable], forces: int, *, is_force_stated: bool) -> Arrays:
+    """Return forces, response and rate of time records; each table is one record."""
     first = tables[0]
     shapes = {table.values.shape for table in tables}
-    if len(shapes) > 1 or first.values.shape[1] < 2 or len(first.axis) < 2:
+    if len(shapes) > 1 or first.values.shape[1] <= forces or len(first.axis) < 2:
         raise InputError(
             f"{first.path}: its sections have the shapes {shorten_names(sorted(shapes))} (samples, "
             "channels): export force and responses of equal length, two samples at least"
@@ -102,15 +106,17 @@ def _records(tables: Sequence[TextTable], *, is_force_stated: bool) -> Arrays:
         for k, name in enumerate(first.names)
         if name_words(name) & _FORCE_WORDS or _unit(name).lower() in _FORCE_UNITS
     ]
-    force = named[0] if len(named) == 1 and not is_force_stated else 0
+    is_named = len(named) == forces and not is_force_stated
+    places = named if is_named else list(range(forces))
+    force = values.real[:, places].swapaxes(0, 1)
     arrays = {
-        "force": values.real[:, force],
-        "response": np.delete(values.real, force, axis=1),
+        "force": force if forces > 1 else force[0],
+        "response": np.delete(values.real, places, axis=1),
         "rate_hz": np.array(rates[0]),
-        "unit_label": np.array(_unit_of_motion(first.names, force)),
+        "unit_label": np.array(_unit_of_motion(first.names, places)),
     }
-    if len(named) != 1 and not is_force_stated:
-        arrays["force_label"] = np.array(first.names[force] or "1")
+    if not is_named and not is_force_stated:
+        arrays["force_label"] = np.array(" and ".join(first.names[k] or str(k + 1) for k in places))
     return arrays
 
 
@@ -214,15 +220,16 @@ def _unit(name: str) -> str:
     return match.group(1).strip() if match else ""
 
 
-def _unit_of_motion(names: Sequence[str], force: int) -> str:
+def _unit_of_motion(names: Sequence[str], forces: Sequence[int]) -> str:
     """Return the unit of motion over force of time records; empty if no heading has one.
 
     Args:
         names: headings of all columns.
-        force: column of the force.
+        forces: columns of the forces.
     """
-    motions = sorted({_unit(name) for k, name in enumerate(names) if k != force})
-    units = [" and ".join(unit or "no unit" for unit in motions), _unit(names[force]) or "no unit"]
+    motions = sorted({_unit(name) for k, name in enumerate(names) if k not in forces})
+    driven = sorted({_unit(names[k]) for k in forces})
+    units = [" and ".join(unit or "no unit" for unit in each) for each in (motions, driven)]
     return "" if set(units) == {"no unit"} else "/".join(units)
 
 

@@ -197,6 +197,23 @@ def test_a_campaign_of_forces_at_once_has_a_test_for_each(tmp_path):
     assert "forces at once along acc1:+tx, acc3:+tx: a force that neither repeats" in said
 
 
+def test_a_text_table_may_hold_several_forces(tmp_path):
+    records = shake(random_force(2, 1, 9_000), (0, 2), noise=0.02)
+    force = np.stack([records.force, *records.further_forces])
+    expected = read(tmp_path, force, records.motion, '"acc1:+x", "acc3:+x"').tests
+    time = np.arange(records.force.shape[1]) / RATE_HZ
+    table = np.column_stack([time, *records.motion[0], *force[:, 0]])
+    heading = "time [s];" + ";".join([f"a{k} [m/s^2]" for k in (1, 2, 3)] + ["f1 [N]", "f3 [N]"])
+    np.savetxt(tmp_path / "shaken.csv", table, "%.12e", ";", header=heading, comments="")
+    text = (tmp_path / "campaign.toml").read_text().replace("shaken.npz", "shaken.csv")
+    (tmp_path / "campaign.toml").write_text(text)
+    source, settings = read_settings(tmp_path)
+    tests = read_campaign(source, settings, read_layout(tmp_path / "layout.toml")).tests
+    for test, twin in zip(tests, expected, strict=True):
+        frf, peak = test.estimate.frf.values, np.abs(twin.estimate.frf.values).max()
+        np.testing.assert_allclose(frf, twin.estimate.frf.values, rtol=1e-6, atol=1e-8 * peak)
+
+
 def test_one_random_force_may_have_plain_shapes(tmp_path):
     records = shake(random_force(1, 1, 20_000), noise=0.02)
     campaign = read(tmp_path, records.force[0], records.motion[0], '"acc1:+x"')
