@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.continuous import estimate_continuous_frf
+from identification.continuous import ContinuousEstimate, estimate_continuous_frf, remove_hold
 from identification.hits.detection import find_blows
 from identification.hits.excitation import is_continuous
 from identification.hits.hit_frfs import estimate_hit_frfs
@@ -15,7 +15,13 @@ from identification.hits.remarks import window_remarks
 from identification.hits.settings import HitSettings
 from identification.readers.array_files import load_arrays
 from identification.readers.array_records import holds_time_records, read_array_records
-from identification.readers.campaign_toml import CampaignSettings, SensorSettings, TestSettings
+from identification.readers.campaign_toml import (
+    CampaignSettings,
+    LogSettings,
+    SensorSettings,
+    TestSettings,
+)
+from identification.readers.drive_log import read_drive_log
 from identification.readers.file_kinds import (
     array_description,
     is_arrays,
@@ -68,8 +74,10 @@ def tests_from_records(
     if not records:
         return {}, ()
     is_hit = [
-        not each.further_references and not is_continuous(each, find_blows(each))
-        for each in records
+        entry.log is None
+        and not each.further_references
+        and not is_continuous(each, find_blows(each))
+        for entry, each in zip(entries, records, strict=True)
     ]
     of_entries = [_hit_settings(entry) for entry in entries]
     estimates = iter(
@@ -88,12 +96,28 @@ def tests_from_records(
             remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]
         else:
             continuous = estimate_continuous_frf(each, setting)
+            if entry.log is not None and entry.log.hold:
+                continuous = remove_hold(continuous, each.rate_hz)
             test = Test(_condition(entry, each), continuous.estimate)
             remarks += continuous.remarks
+            if entry.log is not None:
+                remarks += _bias_remark(entry.log, continuous)
         tests.setdefault(entry.file, []).append(test)
     of_files = dict.fromkeys(remark for reference in records for remark in reference.remarks)
     once = dict.fromkeys(remarks)  # forces that act at once share what is said of them
     return tests, (*of_files, *once, *window_remarks(all_hits))
+
+
+def _bias_remark(log: LogSettings, continuous: ContinuousEstimate) -> list[str]:
+    """Return a remark on the direct estimate in a closed loop, whose coherence hides its bias."""
+    if log.references or continuous.blocks.kind == "periodic":
+        return []
+    return [
+        f"{log.file}: no reference is stated, so that FRFs are estimated from motors and encoders "
+        "directly; if the loop was closed they are biased towards the inverse of the controller, "
+        "which no coherence shows: record the reference or an injected disturbance, and name it "
+        "under [log]"
+    ]
 
 
 def _condition(entry: TestSettings, records: Records) -> Condition:
@@ -116,9 +140,11 @@ def _read(
 ) -> Iterator[Records]:
     """Yield the records of a file at their sites, without the channels that are ignored."""
     file = path.parent / entry.file
-    arrays = (
-        load_arrays(file, entry.columns, len(entry.references or "1")) if is_arrays(file) else None
-    )
+    forces, arrays = len(entry.references or "1"), None
+    if entry.log is not None:
+        arrays = read_drive_log(file, entry.log)
+    elif is_arrays(file):
+        arrays = load_arrays(file, entry.columns, forces)
     if not _has_time_records(file, arrays):
         for key in _RECORD_KEYS:
             if getattr(entry, key) is not None:

@@ -30,7 +30,7 @@ _MIN_REPEATED = 0.98  # correlation of a force with itself a period later
 _MAX_BETWEEN = 0.5  # correlation below which a force has changed before it repeats
 _REST_SHARE, _REST_RATIO = 0.05, 0.02  # end of a record, and its rms over that of the record
 _BEFORE_SHARE = 0.2  # of the record, before its end: where a decay would still be larger
-_MAX_NOISE, _MIN_STEADY = 0.1, 0.6  # rms of noise over that of the record, and over that before
+_MAX_END_NOISE, _MIN_STEADY = 0.1, 0.6  # rms of noise over that of the record, and over that before
 _BLOCKS = 8  # lengths of a block that a random force lasts: 16 independent blocks, for each input
 _MIN_BLOCK = 64  # samples
 _HOPS = 3  # hops of a Hann window: an overlap of two thirds
@@ -77,7 +77,8 @@ def plan_continuous_blocks(records: Records, block_s: float | None = None) -> Co
         InputError: blocks are longer than a record, or shorter than 64 samples.
     """
     n_record, n_sample = records.force.shape
-    period = None if block_s is not None else find_period(records.force)
+    repeated = records.set_points[0] if len(records.set_points) else records.force
+    period = None if block_s is not None else find_period(repeated)
     if period is not None:
         starts = tuple(range(0, n_sample - period + 1, period))
         starts = starts[1:] if len(starts) > _MIN_REPETITIONS else starts
@@ -150,7 +151,7 @@ def _is_at_rest(records: Records) -> bool:
             np.sqrt((piece**2).mean())
             for piece in (part, part[:, -last:], part[:, -last - before : -before])
         )
-        is_noise = end <= _MAX_NOISE * whole and end >= _MIN_STEADY * earlier
+        is_noise = end <= _MAX_END_NOISE * whole and end >= _MIN_STEADY * earlier
         if not is_noise and end > _REST_RATIO * whole:
             return False
     return True

@@ -9,7 +9,7 @@ from identification.readers.frf_units import labelled_unit, parse_frf_units
 from identification.words import MAX_INPUT_MAGNITUDE, InputError, Quantity, Real, Records
 
 # Names of variables.
-_FORCE_NAME, _RESPONSE_NAME = "force", "response"
+_FORCE_NAME, _RESPONSE_NAME, _SET_POINT_NAME = "force", "response", "set_point"
 _RATE_NAMES = ("rate_hz", "fs")
 _FRF_NAMES = ("FRFs", "frf")
 
@@ -76,6 +76,15 @@ def read_array_records(
     force = force.reshape(n_in, hits, n_sample)
     unit, remarks = labelled_unit(path, arrays, quantity, unit)
     factors = parse_frf_units(path, quantity, unit).factors(outputs, inputs)
+    set_points = np.zeros((0, hits, n_sample))
+    if _SET_POINT_NAME in arrays:
+        given = _numbers(path, arrays, _SET_POINT_NAME)
+        if given.size % (hits * n_sample) or given.shape[-1] != n_sample:
+            raise InputError(
+                f"{path}: {_SET_POINT_NAME} has shape {given.shape}, expected (reference, hit, "
+                "sample) as the force has: save it again"
+            )
+        set_points = given.reshape(-1, hits, n_sample)
     n_set = 1 if at_once else n_in
     motion = np.broadcast_to(
         motion.reshape(n_set, hits, n_out, n_sample), (n_in, hits, n_out, n_sample)
@@ -92,6 +101,7 @@ def read_array_records(
                 reference,
                 quantity,
                 further_forces=force[further[k]],
+                set_points=set_points,
                 further_references=tuple(inputs[n] for n in further[k]),
                 test=path.name,
                 remarks=(*_force_remarks(path, arrays), *remarks),

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StrictInt, StrictStr
+from pydantic import Field, StrictInt, StrictStr, model_validator
 
 from identification.readers.frequency_lines import FrequencyRanges
 from identification.readers.loop_toml import CampaignLoopTable
@@ -30,6 +30,26 @@ MAX_BRANCH_RATIO = 1e6  # of a branch to the static stiffness: beyond it the bra
 _MIN_WINDOW_TAU_S = 1e-4  # s: shorter time constants are no exponential windows of hits
 
 
+class LogSettings(TomlTable):
+    """Settings of ``[log]``: what the columns of a controller's record are.
+
+    ``motors`` and ``encoders`` map inputs and outputs to columns of a text file, by heading or
+    number, or to variables of a .mat or .npz file. ``references`` are columns that are independent
+    of the noise: references of controllers, or injected disturbances. ``hold`` says that motors are
+    commands, which act until the next sample.
+    """
+
+    file: FileName
+    motors: dict[str, StrictInt | StrictStr] = Field(min_length=1)
+    encoders: dict[str, StrictInt | StrictStr] = Field(min_length=1)
+    references: list[StrictInt | StrictStr] = Field(default_factory=list)
+    quantity: Quantity = "receptance"
+    unit: str | None = None
+    level: float | None = Field(default=None, gt=0)
+    block_s: float | None = Field(default=None, gt=0)
+    hold: bool = False
+
+
 class TestSettings(TomlTable):
     """Settings of one ``[[test]]``: a file and its conditions.
 
@@ -53,6 +73,8 @@ class TestSettings(TomlTable):
     from where they rest, each with its springs.
 
     ``state`` says whether the test was made before or after a change of the machine.
+
+    ``log`` is the campaign's ``[log]``, which is one more test.
     """
 
     __test__ = False
@@ -84,6 +106,7 @@ class TestSettings(TomlTable):
     estimator: Estimator | None = None
     reject: bool | None = None
     ignore_hz: FrequencyRanges = Field(default_factory=list)
+    log: LogSettings | None = None
 
     @property
     def variant(self) -> str:
@@ -182,6 +205,7 @@ class CampaignSettings(TomlTable):
     key: str | None = None
     layout: FileName | None = None
     test: list[TestSettings] = Field(min_length=1)
+    log: LogSettings | None = None
     sensor: dict[str, SensorSettings] = Field(default_factory=dict)
     hammer: dict[str, HammerSettings] = Field(default_factory=dict)
     loop: dict[str, CampaignLoopTable] = Field(default_factory=dict)
@@ -190,6 +214,21 @@ class CampaignSettings(TomlTable):
     coherence: CoherenceKind | None = None
     tolerance: ToleranceSettings = ToleranceSettings()
     tuning: TuningSettings = TuningSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def add_log(cls, content: Any) -> Any:
+        """Return the content with its ``[log]`` as one more test."""
+        log = content.get("log") if isinstance(content, dict) else None
+        if not isinstance(log, dict) or not isinstance(content.get("test", []), list):
+            return content
+        names = {"channels": log.get("encoders"), "references": log.get("motors")}
+        test: dict[str, Any] = {
+            key: list(value) for key, value in names.items() if isinstance(value, dict)
+        }
+        test |= {key: log[key] for key in ("file", "unit", "level", "block_s") if key in log}
+        test |= {"quantity": log.get("quantity", "receptance"), "log": log}
+        return {**content, "test": [*content.get("test", []), test]}
 
 
 def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:

@@ -56,7 +56,7 @@ def read_text_arrays(
     """
     is_labview = path.suffix.lower() == ".lvm"
     tables = read_labview_text(path) if is_labview else (read_text_table(path),)
-    chosen = [table if columns is None else _choose(table, columns) for table in tables]
+    chosen = [table if columns is None else choose_columns(table, columns) for table in tables]
     axis_words = name_words(tables[0].axis_name)
     if axis_words & _TIME_WORDS and not axis_words & _FREQUENCY_WORDS:
         return _records(chosen, forces, is_force_stated=columns is not None)
@@ -65,7 +65,7 @@ def read_text_arrays(
     return _frfs(chosen[0])
 
 
-def _choose(table: TextTable, columns: Sequence[int | str]) -> TextTable:
+def choose_columns(table: TextTable, columns: Sequence[int | str]) -> TextTable:
     """Return the columns of a table that campaign.toml names, in its order."""
     places: list[int] = []
     for column in columns:
@@ -95,7 +95,7 @@ def _records(tables: Sequence[TextTable], forces: int, *, is_force_stated: bool)
             f"{first.path}: its sections have the shapes {shorten_names(sorted(shapes))} (samples, "
             "channels): export force and responses of equal length, two samples at least"
         )
-    rates = [_rate(table) for table in tables]
+    rates = [find_rate(table) for table in tables]
     if max(rates) - min(rates) > _MAX_TIME_STEP_SPREAD * max(rates):
         raise InputError(f"{first.path}: its sections have different rates: export one rate a file")
     values = np.array([table.values.T for table in tables])
@@ -120,7 +120,7 @@ def _records(tables: Sequence[TextTable], forces: int, *, is_force_stated: bool)
     return arrays
 
 
-def _rate(table: TextTable) -> float:
+def find_rate(table: TextTable) -> float:
     """Return the samples per second of a record."""
     steps = np.diff(table.axis)
     mean = float(steps.mean())

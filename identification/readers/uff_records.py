@@ -121,7 +121,7 @@ def _stack_forces_at_once(path: Path, recordings: list[list[Channel]]) -> list[R
     return [
         replace(
             records,
-            further_forces=np.stack([other.force for other in stacks if other is not records]),
+            further_forces=np.stack([s.force for s in stacks if s is not records]),
             further_references=tuple(s.reference for s in stacks if s is not records),
         )
         for records in stacks

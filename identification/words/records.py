@@ -36,6 +36,8 @@ class Records:
             unknown; (1 + n_out,).
         further_forces: forces that act at the same time [N, N m]; (n_further, n_record, n_sample).
         further_references: where they act; n_further.
+        set_points: signals that are independent of the noise, such as a controller's reference;
+            (n_set, n_record, n_sample).
         test: name of the file, for messages.
         remarks: sentences on the file that a reader of the result must know.
 
@@ -52,6 +54,7 @@ class Records:
     ceilings: Real | None = None
     further_forces: Real = field(default_factory=lambda: np.zeros((0, 0, 0)))
     further_references: tuple[Input, ...] = ()
+    set_points: Real = field(default_factory=lambda: np.zeros((0, 0, 0)))
     test: str = ""
     remarks: tuple[str, ...] = ()
 
@@ -73,13 +76,8 @@ class Records:
             "outputs": tuple(self.outputs),
             "further_references": tuple(self.further_references),
         }
-        further = np.asarray(self.further_forces)
-        if not self.further_references:
-            further = np.zeros((0, n_record, n_sample))
-        shape = (len(self.further_references), n_record, n_sample)
-        checked["further_forces"] = frozen_array(
-            further, np.float64, shape, "further_forces", MAX_INPUT_MAGNITUDE
-        )
+        for name, count in (("further_forces", len(self.further_references)), ("set_points", None)):
+            checked[name] = _check_signals(getattr(self, name), name, count, force.shape)
         if not self.outputs:
             raise ValueError("there is no motion channel")
         if len({dof.positive for dof in self.outputs}) < len(self.outputs):
@@ -108,3 +106,18 @@ class Records:
             outputs=tuple(dof for dof, keep in zip(self.outputs, chosen, strict=True) if keep),
             ceilings=None if ceilings is None else ceilings[np.append(True, chosen)],
         )
+
+
+def _check_signals(values: Real, name: str, count: int | None, shape: tuple[int, ...]) -> Real:
+    """Return signals that were recorded beside the force, as (n_signal, n_record, n_sample).
+
+    Args:
+        values: the signals; no signal may have any shape.
+        name: of the field.
+        count: number of signals; None for any.
+        shape: of the force.
+    """
+    signals = np.asarray(values)
+    if not len(signals):
+        signals = np.zeros((0, *shape))
+    return frozen_array(signals, np.float64, (count, *shape), name, MAX_INPUT_MAGNITUDE)

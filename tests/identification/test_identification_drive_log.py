@@ -1,0 +1,181 @@
+"""A controller's own record: the plant inside a closed loop, from references, without bias."""
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.signal
+import scipy.stats
+
+from identification import read_campaign, read_layout, read_settings
+from identification.continuous import estimate_continuous_frf, remove_hold
+from identification.words import Dof, InputError, Records
+
+RATE_HZ = 1000.0
+POINT = Dof("axis", "+tx")
+# A motor of 12 kg drives a load of 8 kg by a spring, a mode at 75 Hz; its own position is measured.
+STIFFNESS, RATES = 1.07e6, (40.0, 60.0)  # of the spring; of guide and spring
+A = np.array(
+    [
+        [0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+        [-STIFFNESS / 12, STIFFNESS / 12, -sum(RATES) / 12, RATES[1] / 12],
+        [STIFFNESS / 8, -STIFFNESS / 8, RATES[1] / 8, -RATES[1] / 8],
+    ]
+)
+B, C = np.array([[0.0], [0.0], [1 / 12], [0.0]]), np.array([[1.0, 0.0, 0.0, 0.0]])
+STEP, PUSH, *_ = scipy.signal.cont2discrete((A, B, C, np.zeros((1, 1))), 1 / RATE_HZ)
+GAIN, RATE_GAIN = 3e5, 1.5e3
+
+
+def run_loop(reference, noise, seed):
+    """Command and position under PD control; the noise is a force on the motor."""
+    disturbance = noise * np.random.default_rng(seed).standard_normal(len(reference))
+    state, before = np.zeros(4), 0.0
+    command, position = np.zeros(len(reference)), np.zeros(len(reference))
+    for k, wanted in enumerate(reference):
+        position[k] = state[0]
+        error = wanted - position[k]
+        command[k] = GAIN * error + RATE_GAIN * (error - before) * RATE_HZ
+        before = error
+        state = STEP @ state + PUSH[:, 0] * (command[k] + disturbance[k])
+    return command, position
+
+
+def exact(freq_hz):
+    """Position by command, as sampled with a hold; (n_freq,)."""
+    z = np.exp(2j * np.pi * freq_hz / RATE_HZ)
+    inverse = np.linalg.inv(z[:, None, None] * np.eye(4) - STEP)
+    return (C @ inverse @ PUSH)[:, 0, 0]
+
+
+@pytest.fixture(scope="module")
+def record():
+    reference = 1e-4 * np.random.default_rng(1).standard_normal(60_000)
+    command, position = run_loop(reference, noise=60.0, seed=2)
+    return reference, command, position
+
+
+def records_of(reference, command, position, **changes):
+    set_points = {} if reference is None else {"set_points": reference[None, None]}
+    return Records(
+        RATE_HZ,
+        command[None],
+        position[None, None],
+        (POINT,),
+        POINT,
+        "receptance",
+        test="trace.csv",
+        **(set_points | changes),
+    )
+
+
+def squares_and_bias(records):
+    found = estimate_continuous_frf(records)
+    frf = found.estimate.frf
+    band = (frf.freq_hz > 10) & (frf.freq_hz < 150)  # below, references hardly move the motor
+    truth = exact(frf.freq_hz[band])
+    error = frf.values[band, 0, 0] - truth
+    squares = np.abs(error) ** 2 / found.estimate.variance[band, 0, 0]
+    return squares, float(np.abs((error / truth).mean())), found
+
+
+def test_references_remove_the_bias_that_a_closed_loop_gives(record):
+    squares, bias, found = squares_and_bias(records_of(*record))
+    assert 0.5 < squares.mean() < 1.5
+    bound = scipy.stats.f.ppf(0.95, 2, 2 * (found.estimate.averages - 1))
+    assert (squares < bound).mean() > 0.93
+    _, direct, _ = squares_and_bias(records_of(None, *record[1:]))
+    assert direct > 0.1
+    assert bias < direct / 4
+
+
+def test_periods_of_a_reference_are_instruments_by_themselves():
+    period = 1e-4 * np.random.default_rng(3).standard_normal(4096)
+    reference = np.tile(period, 16)
+    command, position = run_loop(reference, noise=60.0, seed=4)
+    squares, bias, found = squares_and_bias(records_of(reference, command, position))
+    assert found.blocks.kind == "periodic"
+    assert 0.4 < squares.mean() < 1.6
+    assert bias < 0.1
+
+
+def test_a_command_that_is_held_acts_half_a_sample_late(record):
+    held = estimate_continuous_frf(records_of(*record))
+    free = remove_hold(held, RATE_HZ).estimate
+    band = (free.frf.freq_hz > 15) & (free.frf.freq_hz < 150)
+    s = 2j * np.pi * free.frf.freq_hz[band, None, None]
+    truth = (C @ np.linalg.inv(s * np.eye(4) - A) @ B)[:, 0, 0]
+    squares = np.abs(free.frf.values[band, 0, 0] - truth) ** 2 / free.variance[band, 0, 0]
+    assert 0.4 < squares.mean() < 1.6
+    late = np.abs(held.estimate.frf.values[: len(band)][band, 0, 0] - truth) ** 2
+    assert (late / held.estimate.variance[: len(band)][band, 0, 0]).mean() > 5
+    np.testing.assert_allclose(free.coherence, held.estimate.coherence[: len(band)])
+
+
+def test_fewer_references_than_motors_are_refused(record):
+    reference, command, position = record
+    records = records_of(
+        reference,
+        command,
+        position,
+        further_forces=np.random.default_rng(5).standard_normal((1, 1, len(command))),
+        further_references=(Dof("axis", "+ty"),),
+    )
+    with pytest.raises(InputError, match="1 references for 2 motors: record a reference"):
+        estimate_continuous_frf(records)
+
+
+LAYOUT = (
+    '[body.axis]\ncentre = [0.0, 0.0, 0.0]\n[site.acc1]\nbody = "axis"\nposition = [0.1, 0, 0]\n'
+)
+LOG = """
+layout = "layout.toml"
+[log]
+file = "{file}"
+motors = {{ "acc1:+x" = "{motor}" }}
+encoders = {{ "acc1:+x" = "{encoder}" }}
+unit = "m/N"
+"""
+
+
+def read(folder, text):
+    (folder / "layout.toml").write_text(LAYOUT)
+    (folder / "campaign.toml").write_text(text)
+    source, settings = read_settings(folder)
+    return read_campaign(source, settings, read_layout(folder / "layout.toml"))
+
+
+def test_a_trace_of_a_drive_is_a_campaign(tmp_path, record):
+    reference, command, position = record
+    time = np.arange(len(command)) / RATE_HZ
+    lines = ["Trace tool 3.1", "time;Cmd;Pos;Ref", "s;N;m;m"]
+    rows = zip(time, command, position, reference, strict=True)
+    lines += [";".join(f"{value:.9e}".replace(".", ",") for value in row) for row in rows]
+    (tmp_path / "trace.csv").write_text("\n".join(lines) + "\n")
+    text = LOG.format(file="trace.csv", motor="Cmd N", encoder="Pos m")
+    campaign = read(tmp_path, text + 'references = ["Ref m"]\n')
+    (test,) = campaign.tests
+    expected = estimate_continuous_frf(records_of(*record)).estimate
+    np.testing.assert_allclose(test.estimate.frf.values, expected.frf.values, rtol=1e-5)
+    assert not any("biased" in remark for remark in campaign.remarks)
+    direct = read(tmp_path, text)
+    assert any("which no coherence shows" in remark for remark in direct.remarks)
+
+
+@pytest.mark.parametrize("clock", ["rate_hz", "time"])
+def test_signals_may_be_variables_of_matlab(tmp_path, record, clock):
+    reference, command, position = record
+    times = {"rate_hz": RATE_HZ, "time": np.arange(len(command)) / RATE_HZ}
+    content = {"i_q": command, "x_1": position, "x_ref": reference, clock: times[clock]}
+    scipy.io.savemat(tmp_path / "trace.mat", content)
+    text = LOG.format(file="trace.mat", motor="i_q", encoder="x_1")
+    (test,) = read(tmp_path, text + 'references = ["x_ref"]\n').tests
+    expected = estimate_continuous_frf(records_of(*record)).estimate
+    np.testing.assert_allclose(test.estimate.frf.values, expected.frf.values, rtol=1e-6)
+    with pytest.raises(InputError, match=r"no variable 'ref' .* correct its name under"):
+        read(tmp_path, text + 'references = ["ref"]\n')
+
+
+def test_a_log_needs_a_motor_and_an_encoder(tmp_path):
+    with pytest.raises(InputError, match="encoders"):
+        read(tmp_path, 'layout = "layout.toml"\n[log]\nfile = "a.mat"\nmotors = { m = "a" }\n')
