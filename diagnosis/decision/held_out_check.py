@@ -7,10 +7,10 @@ better on lines that it did not see. There a set must be more probable than no c
 
 c being the mean -ln L per value on held-out lines, each block of neighbouring lines at the floor
 of its own residuals: at one floor for all lines, the few that a fit misses by far would decide. N
-is the number of independent values of the fit with the causes, and the rest as in
-``diagnosis.inference.posterior``: on lines that they were not fitted to, parameters gain nothing by
-chance, and pay nothing. The residuals on held-out lines are no measure of N, since they hold the
-errors of the parameters too.
+is the number of independent values of the fit with the causes, at least one for each block, whose
+error is seen apart from that of all others, and the rest as in ``diagnosis.inference.posterior``:
+on lines that they were not fitted to, parameters gain nothing by chance, and pay nothing. The
+residuals on held-out lines are no measure of N, since they hold the errors of the parameters too.
 
 A set fails too if it closes nothing of the gap on these lines. A set that fails is rejected, with
 every set that contains it, and the most probable one of the others is checked (cross-validation of
@@ -87,7 +87,7 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bo
     first, last = (_mean_cost(gap) for gap in (before, after))
     if first is None or last is None:
         return True
-    count = after.refit.count_independent(load_calibration())
+    count = max(after.refit.count_independent(load_calibration()), len(after.starts))
     return count * (first - last) > price
 
 

@@ -361,8 +361,8 @@ def _choose_lines(spectra: _Spectra, blocks: ContinuousBlocks, records: Records)
     if spectra.weak is not None:
         # A force that the set points hardly move is noise, and no FRF has a region there. Of many
         # such lines some pass by chance, but not most of their neighbours.
-        ours, noise = (np.einsum("fii->fi", m[chosen]).real for m in (spectra.force, spectra.weak))
-        strength = (ours / np.maximum(noise, _MIN_LINE_POWER * ours)).min(axis=1)
+        power, noise = (np.einsum("fii->fi", m[chosen]).real for m in (spectra.force, spectra.weak))
+        strength = (power / np.maximum(noise, _MIN_LINE_POWER * power)).min(axis=1)
         width = min(_NEIGHBOURS, len(strength))
         chosen[chosen] = median_filter(strength, width, mode="nearest") > _MIN_STRENGTH
     return chosen
