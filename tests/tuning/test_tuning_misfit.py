@@ -48,7 +48,7 @@ def weights(model, test, model_error_floor, logarithmic):
         same = [k for k, d in enumerate(frf.outputs)
                 if d.point == dof.point and d.is_rotation == dof.is_rotation]  # fmt: skip
         power = sum(abs(frf.values[line, k, 0]) ** 2 for k in same)
-        variance = estimate.variance[line, row, 0] + max(model_error_floor, 1e-4) ** 2 * power
+        variance = estimate.variance[line, row, 0] + max(model_error_floor, 3e-4) ** 2 * power
         still = np.abs(drawn[:, row]).max() <= 1e-10 * np.abs(drawn).max()
         near = abs(frf.values[line, row, 0]) ** 2 <= 25 * estimate.variance[line, row, 0]
         if estimate.measured[row, 0] and not (logarithmic and (still or near)):

@@ -12,7 +12,7 @@ from tuning.misfit.reduction import BodyWeight, body_weights
 _MIN_MOTION_RATIO = 1e-10  # of the largest channel: below it a channel does not move
 _MIN_POWER_RATIO = 25.0  # of |H|^2 to its variance: the logarithm of noisier values is biased
 # Least relative error of any line: the force sensor's linearity and noise.
-FORCE_ERROR_FLOOR = 1e-4
+FORCE_ERROR_FLOOR = 3e-4
 
 
 @dataclass(frozen=True, eq=False)
