@@ -122,6 +122,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "averages": 7,
         "model": None,  # one of its own needs a model of the campaign, in place of a layout
         "pose": {},
+        "log": None,
         "as_stated": True,
         "level": 150.0,
         "hammer": "small",
