@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.continuous import ContinuousEstimate, estimate_continuous_frf, remove_hold
 from identification.hits.detection import find_blows
-from identification.hits.excitation import is_continuous
+from identification.hits.excitation import is_continuous, refuse_exchanged_force
 from identification.hits.hit_frfs import estimate_hit_frfs
 from identification.hits.remarks import window_remarks
 from identification.hits.settings import HitSettings
@@ -95,6 +95,8 @@ def tests_from_records(
             test = Test(_condition(entry, each), hits.estimate, hits)
             remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]
         else:
+            if entry.log is None:
+                refuse_exchanged_force(each)
             continuous = estimate_continuous_frf(each, setting)
             if entry.log is not None and entry.log.hold:
                 continuous = remove_hold(continuous, each.rate_hz)

@@ -1,10 +1,11 @@
 """Kind of excitation: hits of a hammer, or the force of a shaker or motor that never rests."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from identification.hits.detection import Blow
+from identification.hits.detection import Blow, find_blows
 from identification.words import InputError, Records
 
 # Net over absolute impulse of all pulses: a hammer pushes and never pulls, so that its hits have 1.
@@ -29,6 +30,25 @@ def is_continuous(records: Records, blows: Sequence[Blow]) -> bool:
             "channel is the force"
         )
     return not blows or _net_impulse(records, blows) < _MIN_NET_IMPULSE
+
+
+def refuse_exchanged_force(records: Records) -> None:
+    """Refuse records in which a motion is a series of hits and the force is not.
+
+    Args:
+        records: of a force that never rests.
+
+    Raises:
+        InputError: a motion looks like the force of a hammer.
+    """
+    for row, output in enumerate(records.outputs):
+        motion = records.motion[:, row]
+        exchanged = replace(records, force=motion)
+        if np.ptp(motion, axis=1).any() and not is_continuous(exchanged, find_blows(exchanged)):
+            raise InputError(
+                f"{records.test}: the force along {records.reference} never rests, but {output} is "
+                "a series of hits: check which channel is the force"
+            )
 
 
 def _net_impulse(records: Records, blows: Sequence[Blow]) -> float:
