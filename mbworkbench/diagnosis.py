@@ -33,7 +33,7 @@ class DiagnosisResult(Shown):
 
     @property
     def sentence(self) -> str:
-        """What the model lacks, and how far the gap shrinks with it."""
+        """Sentence of the verdict: the missing effect, its place, and the fall of the gap."""
         return verdict_sentence(self.verdict)
 
     def write(self, file: AnyPath) -> Path:

@@ -46,9 +46,8 @@ class IdentifiedModel(Shown):
         """Return the receptance between the measured labels as a state space of python-control."""
         import control  # noqa: PLC0415  # slow to load
 
-        space = modal_state_space(self.model)
         return control.ss(
-            *(space.a, space.b, space.c, space.d),
+            *modal_state_space(self.model),
             inputs=list(map(str, self.model.inputs)),
             outputs=list(map(str, self.model.outputs)),
         )

@@ -1,4 +1,4 @@
-"""What a further test shows beyond a test as it is, by the smallest sizes of both."""
+"""Gain of a further test: the smallest sizes that it shows beside those of the planned test."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,12 +7,10 @@ import numpy as np
 
 from diagnosis.next_test.smallest_sizes import SmallestSize
 
-_MAX_FINDABLE_SIZE = 1.0  # part of a usual size up to which a fault counts as found
-
 
 @dataclass(frozen=True)
 class FurtherGain:
-    """What a further test shows beyond the test as it is.
+    """Gain of a further test over the planned one.
 
     Args:
         name: of the further test.
@@ -72,7 +70,7 @@ def _key(row: SmallestSize) -> tuple[str, str, str]:
 
 def _is_findable(row: SmallestSize) -> bool:
     """Tell whether a usual size is found."""
-    return row.is_found and (row.of_usual is None or row.of_usual <= _MAX_FINDABLE_SIZE)
+    return row.is_found and (row.of_usual is None or row.of_usual <= 1)
 
 
 def _ratio(old: SmallestSize, new: SmallestSize) -> float:

@@ -37,7 +37,7 @@ from identification.modal.shapes import (
     shapes_at_bodies,
 )
 from identification.modal.single_mode_checks import SingleModeCheck, check_single_modes
-from identification.modal.state_space import ModalStateSpace, modal_state_space
+from identification.modal.state_space import modal_state_space
 from identification.modal.synthesis import (
     SynthesisError,
     full_matrix_model,
@@ -55,7 +55,6 @@ __all__ = [
     "IdentifiedModes",
     "MeasuredFrfs",
     "ModalFit",
-    "ModalStateSpace",
     "ModeChoices",
     "ModeCriteria",
     "Poles",

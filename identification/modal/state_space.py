@@ -1,7 +1,5 @@
 """State space of an identified modal model, for control."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.linalg
 
@@ -10,24 +8,7 @@ from identification.words import ModalModel, Real
 _RANK_SHARE = 1e-12  # of the largest singular value of the residual of lower modes
 
 
-@dataclass(frozen=True, eq=False)
-class ModalStateSpace:
-    """Matrices of x' = A x + B u, y = C x + D u, with forces u and displacements y.
-
-    Args:
-        a: (n_state, n_state).
-        b: (n_state, n_in).
-        c: (n_out, n_state).
-        d: (n_out, n_in).
-    """
-
-    a: Real
-    b: Real
-    c: Real
-    d: Real
-
-
-def modal_state_space(model: ModalModel) -> ModalStateSpace:
+def modal_state_space(model: ModalModel) -> tuple[Real, Real, Real, Real]:
     r"""Return the receptance of a modal model as a real state space.
 
     A mode z' = s_r z + l_r' u adds 2 Re(phi_r z) to y. With z = p + i q its two real states are
@@ -40,6 +21,10 @@ def modal_state_space(model: ModalModel) -> ModalStateSpace:
 
     Args:
         model: poles, shapes, participation and residuals of receptance.
+
+    Returns:
+        A (n_state, n_state), B (n_state, n_in), C (n_out, n_state) and D (n_out, n_in) of
+        x' = A x + B u, y = C x + D u, with forces u and displacements y.
     """
     blocks = [np.array([[s.real, -s.imag], [s.imag, s.real]]) for s in model.poles]
     of_inputs = [np.vstack([row.real, row.imag]) for row in model.participation.T]
@@ -52,8 +37,8 @@ def modal_state_space(model: ModalModel) -> ModalStateSpace:
     if not blocks:
         empty = np.zeros((0, 0))
         none = np.zeros((0, len(model.inputs))), np.zeros((len(model.outputs), 0))
-        return ModalStateSpace(empty, *none, np.asarray(model.upper))
-    return ModalStateSpace(
+        return empty, *none, np.asarray(model.upper)
+    return (
         scipy.linalg.block_diag(*blocks),
         np.vstack(of_inputs),
         np.hstack(of_outputs),

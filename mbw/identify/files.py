@@ -171,9 +171,8 @@ def _matlab(result: IdentificationResult) -> dict[str, Any]:
     def names(labels: Sequence[str]) -> Any:
         return column(np.array([*labels, ""], dtype=object)[:-1])
 
-    space = modal_state_space(_modal_model(result))
     return {
-        **{"A": space.a, "B": space.b, "C": space.c, "D": space.d},
+        **dict(zip("ABCD", modal_state_space(_modal_model(result)), strict=True)),
         "freqs": column(np.abs(poles) / (2 * np.pi)),
         "damping": column(-poles.real / np.abs(poles)),
         "freqs_sd": column(arrays["freq_sd"][:count]),

@@ -30,10 +30,10 @@ def _coverage(kind: str, inputs: int) -> dict[str, object]:
     inside, averages = [], 0
     for number, force in enumerate(_forces(kind, inputs)):
         records = shake(force, tuple(range(inputs)), NOISE, FIRST + number)
-        found = estimate_continuous_frf(records)
-        averages = found.estimate.averages or 0
+        result = estimate_continuous_frf(records)
+        averages = result.estimate.averages or 0
         bound = scipy.stats.f.ppf(0.95, 2, 2 * (averages - inputs))
-        inside.append(float((ratio(records, found) <= bound).mean()))
+        inside.append(float((ratio(records, result) <= bound).mean()))
     half = 1.96 * np.std(inside, ddof=1) / np.sqrt(len(inside))
     mean = float(np.mean(inside))
     return {

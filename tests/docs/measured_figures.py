@@ -43,9 +43,15 @@ def measured_table() -> str:
             for row in verdict["causes"]
             if row["probability"] >= LEAST_PROBABILITY
         ]
-        told = f"{verdict['probability']['unexplained']:.2f}"
+        unexplained = f"{verdict['probability']['unexplained']:.2f}"
         rows.append(
-            (path.stem, verdict["verdict"], told, ", ".join(places), ", ".join(causes) or "none")
+            (
+                path.stem,
+                verdict["verdict"],
+                unexplained,
+                ", ".join(places),
+                ", ".join(causes) or "none",
+            )
         )
     header = ("Campaign", "Verdict", "Probability unexplained", "First places", "Causes")
     return table(header, rows, text=5)

@@ -58,10 +58,10 @@ def multisine(n_in, n_record, periods, length=2048, seed=2):
     return np.tile(period, periods)
 
 
-def ratio(records, found):
+def ratio(records, result):
     """|error|^2 over its variance from 4 to 60 Hz, where all modes are."""
-    frf = found.estimate.frf
+    frf = result.estimate.frf
     band = (frf.freq_hz > 4) & (frf.freq_hz < 60)
     column = OUTPUTS.index(records.reference)
     error = frf.values[band, :, 0] - exact(frf.freq_hz[band])[:, :, column]
-    return np.abs(error) ** 2 / found.estimate.variance[band, :, 0]
+    return np.abs(error) ** 2 / result.estimate.variance[band, :, 0]

@@ -46,13 +46,13 @@ FORCES = {
 def test_the_error_is_that_which_the_variance_says(name):
     force, points = FORCES[name]
     records = shake(force.reshape(len(points), -1, force.shape[-1]), points, noise=0.05)
-    found = estimate_continuous_frf(records)
-    squares = ratio(records, found)
+    result = estimate_continuous_frf(records)
+    squares = ratio(records, result)
     assert 0.4 < squares.mean() < 1.5
-    count, inputs = found.estimate.averages, len(points)
+    count, inputs = result.estimate.averages, len(points)
     inside = squares < scipy.stats.f.ppf(0.95, 2, 2 * (count - inputs))
     assert inside.mean() > 0.93
-    assert np.median(found.estimate.variance / np.abs(found.estimate.frf.values) ** 2) < 0.1
+    assert np.median(result.estimate.variance / np.abs(result.estimate.frf.values) ** 2) < 0.1
 
 
 def test_each_force_has_its_own_column():
@@ -76,21 +76,21 @@ def test_bursts_need_no_window():
     time = np.arange(8192) / RATE_HZ
     force = random_force(1, 12, 8192) * ((time > 10) & (time < 14))
     records = shake(force, noise=1e-5)
-    found = estimate_continuous_frf(records)
-    assert found.blocks.kind == "burst"
-    assert found.blocks.count == 12
-    assert "bursts, 12 blocks of 24 s, 12 independent" in found.remarks[0]
-    frf = found.estimate.frf
+    result = estimate_continuous_frf(records)
+    assert result.blocks.kind == "burst"
+    assert result.blocks.count == 12
+    assert "bursts, 12 blocks of 24 s, 12 independent" in result.remarks[0]
+    frf = result.estimate.frf
     band = (frf.freq_hz > 4) & (frf.freq_hz < 60)
     error = np.abs(frf.values[band, :, 0] / exact(frf.freq_hz[band])[:, :, 0] - 1)
     assert np.median(error) < 2e-3
 
 
 def test_lines_of_periods_are_those_that_the_force_excites():
-    found = estimate_continuous_frf(shake(multisine(1, 1, 8), noise=0.01))
-    freq = found.estimate.frf.freq_hz
-    assert found.blocks.kind == "periodic"
-    assert (found.blocks.length, len(found.blocks.starts)) == (2048, 6)  # the first one settles
+    result = estimate_continuous_frf(shake(multisine(1, 1, 8), noise=0.01))
+    freq = result.estimate.frf.freq_hz
+    assert result.blocks.kind == "periodic"
+    assert (result.blocks.length, len(result.blocks.starts)) == (2048, 6)  # the first one settles
     assert (freq[0], freq[-1]) == (3.0, 65.0 - RATE_HZ / 2048)
 
 
@@ -104,10 +104,10 @@ def test_distortion_is_told_from_noise_by_realisations():
 
 def test_leakage_at_sharp_modes_widens_the_variance_and_is_said():
     records = shake(random_force(1, 1, 8_000), noise=1e-4)
-    found = estimate_continuous_frf(records, HitSettings(block_s=2.0))
-    (said,) = [remark for remark in found.remarks if "leakage" in remark]
+    result = estimate_continuous_frf(records, HitSettings(block_s=2.0))
+    (said,) = [remark for remark in result.remarks if "leakage" in remark]
     assert "% of the peak" in said
-    assert np.quantile(ratio(records, found), 0.9) < 20  # noise alone would say thousands
+    assert np.quantile(ratio(records, result), 0.9) < 20  # noise alone would say thousands
     longer = estimate_continuous_frf(shake(random_force(1, 1, 80_000)), HitSettings(block_s=40.0))
     assert not any("leakage" in remark for remark in longer.remarks)
 

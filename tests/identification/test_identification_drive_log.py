@@ -70,19 +70,19 @@ def records_of(reference, command, position, **changes):
 
 
 def squares_and_bias(records):
-    found = estimate_continuous_frf(records)
-    frf = found.estimate.frf
+    result = estimate_continuous_frf(records)
+    frf = result.estimate.frf
     band = (frf.freq_hz > 10) & (frf.freq_hz < 150)  # below, references hardly move the motor
     truth = exact(frf.freq_hz[band])
     error = frf.values[band, 0, 0] - truth
-    squares = np.abs(error) ** 2 / found.estimate.variance[band, 0, 0]
-    return squares, float(np.abs((error / truth).mean())), found
+    squares = np.abs(error) ** 2 / result.estimate.variance[band, 0, 0]
+    return squares, float(np.abs((error / truth).mean())), result
 
 
 def test_references_remove_the_bias_that_a_closed_loop_gives(record):
-    squares, bias, found = squares_and_bias(records_of(*record))
+    squares, bias, result = squares_and_bias(records_of(*record))
     assert 0.5 < squares.mean() < 1.5
-    bound = scipy.stats.f.ppf(0.95, 2, 2 * (found.estimate.averages - 1))
+    bound = scipy.stats.f.ppf(0.95, 2, 2 * (result.estimate.averages - 1))
     assert (squares < bound).mean() > 0.93
     _, direct, _ = squares_and_bias(records_of(None, *record[1:]))
     assert direct > 0.1
@@ -93,8 +93,8 @@ def test_periods_of_a_reference_are_instruments_by_themselves():
     period = 1e-4 * np.random.default_rng(3).standard_normal(4096)
     reference = np.tile(period, 16)
     command, position = run_loop(reference, noise=60.0, seed=4)
-    squares, bias, found = squares_and_bias(records_of(reference, command, position))
-    assert found.blocks.kind == "periodic"
+    squares, bias, result = squares_and_bias(records_of(reference, command, position))
+    assert result.blocks.kind == "periodic"
     assert 0.4 < squares.mean() < 1.6
     assert bias < 0.1
 
