@@ -53,6 +53,11 @@ class DiagnosisSettings:
         interval_points: random points of the ellipsoid of confidence on which intervals of
             nonlinear parameters are found.
         added_mass_share: known mass of a next experiment, as a share of the body's mass.
+        predicted_share: part of all tests in which a predicted size is found.
+        predicted_shapes: shapes of an effect at a place that a prediction compares.
+        predicted_directions: directions of each: of 24 the ninth tenth is known to a few per cent.
+        predicted_size_steps: doublings of a predicted size at most, from the deviation of the one
+            that a fit finds, and halvings of the last: to two per cent.
         slope_tolerance: relative difference of the slopes of a plug-in from central differences.
     """
 
@@ -81,6 +86,10 @@ class DiagnosisSettings:
     force_powers: tuple[float, ...] = (1.0, 10.0, 100.0, 1e3, 1e4)
     interval_points: int = 100
     added_mass_share: float = 0.1
+    predicted_share: float = 0.9
+    predicted_shapes: int = 6
+    predicted_directions: int = 24
+    predicted_size_steps: tuple[int, int] = (12, 5)
     slope_tolerance: float = 0.01
 
 

@@ -12,10 +12,8 @@ if l pushes every held coordinate outwards, and no other one crosses a bound.
 
 import numpy as np
 
+from diagnosis.rounding import NEGLIGIBLE_SHARE
 from identification.words import Real
-
-_CROSSED = 1e-6  # distance from a bound above which a coordinate lies beyond it
-_MAX_PIVOTS, _MAX_BLOCK_PIVOTS = 200, 20  # all rounds, and those that change whole blocks
 
 
 def clip_to_bounds(
@@ -24,7 +22,7 @@ def clip_to_bounds(
     """Return coordinates within bounds, and what that adds to the cost [nats].
 
     Block principal pivoting: all that violate the conditions of optimality change at once between
-    free and held, and later one at a time (Portugal, Judice and Vicente 1994).
+    free and held while they become fewer, else one at a time (Portugal, Judice and Vicente 1994).
 
     Args:
         start: y without bounds; (n,).
@@ -34,7 +32,8 @@ def clip_to_bounds(
     """
     of_null, root = covariance
     side, inside, rise, count = np.zeros(len(start)), start, 0.0, len(of_null)
-    for turn in range(_MAX_PIVOTS):
+    fewest = len(start) + 1
+    for _ in range(2 * len(start)):
         held = np.flatnonzero(side)
         excess = start[held] - np.where(side > 0, upper, lower)[held]
         columns = root @ root[held].T
@@ -42,12 +41,14 @@ def clip_to_bounds(
         push = np.linalg.solve(columns[held], excess)
         inside, rise = start - columns @ push, float(excess @ push) / 2
         inside[held] = start[held] - excess
-        changed = (inside < lower - _CROSSED) | (inside > upper + _CROSSED)
+        changed = (inside < lower - NEGLIGIBLE_SHARE) | (inside > upper + NEGLIGIBLE_SHARE)
         changed[held] = push * side[held] < 0
         if not changed.any():
             break
-        if turn > _MAX_BLOCK_PIVOTS:
+        if changed.sum() >= fewest:
             changed &= np.cumsum(changed) == 1
+        else:
+            fewest = int(changed.sum())
         crossed = np.where(inside > upper, 1.0, -1.0) * (side == 0)
         side = np.where(changed, crossed, side)
     return inside, rise

@@ -17,9 +17,6 @@ from diagnosis.search.linearised_fit import find_signed
 from diagnosis.stated_values import Value
 from identification.words import Integers, Real
 
-_MAX_SHAPES = 6  # of an effect at a place
-_MAX_DIRECTIONS = 24  # of each shape: of 24 the ninth tenth is known to a few per cent
-
 
 def propose_linear(scene: Scene) -> list[Hypothesis]:
     """Return the hypotheses of a score test that a linear change of the FRFs describes."""
@@ -31,9 +28,9 @@ def propose_linear(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-def select_shapes(shapes: Sequence[Hypothesis]) -> list[Hypothesis]:
+def select_shapes(shapes: Sequence[Hypothesis], count: int) -> list[Hypothesis]:
     """Return some shapes of an effect, evenly from its scan without the ends out of the band."""
-    places = np.arange(0.5, _MAX_SHAPES) * len(shapes) / _MAX_SHAPES
+    places = np.arange(0.5, count) * len(shapes) / count
     return [shapes[k] for k in np.unique(places.astype(int))]
 
 
@@ -81,11 +78,12 @@ class DrawnEffects:
         Where a size may have either sign, as added and missing mass, it is positive.
         """
         random = np.random.default_rng(0)
+        directions = self.scene.settings.predicted_directions
         drawn: list[SizedEffect] = []
-        for hypothesis in select_shapes(shapes):
+        for hypothesis in select_shapes(shapes, self.scene.settings.predicted_shapes):
             chosen = self.linear.find_coordinates(hypothesis)
             square = self.linear.projected[np.ix_(chosen, chosen)]
-            for along in _draw_directions(hypothesis, random):
+            for along in _draw_directions(hypothesis, random, directions):
                 moved, dof = np.zeros(self.linear.whole.size), hypothesis.dof or ""
                 moved[chosen] = along
                 strength = float(np.sqrt(max(float(along @ square @ along), 0.0)))
@@ -130,7 +128,8 @@ class DrawnEffects:
         is_shown = np.array([component is not None for component in components])
         if is_shown.all():
             return [replace(effect, size=value - none)]
-        count = _MAX_DIRECTIONS if len(effect.hypothesis.coordinates) == 1 else 1
+        count = self.scene.settings.predicted_directions
+        count = count if len(effect.hypothesis.coordinates) == 1 else 1
         squares = random.standard_normal((count, len(components))) ** 2
         lengths = np.sqrt(squares.sum(axis=1) / squares[:, is_shown].sum(axis=1)).tolist()
         return [replace(effect, size=hidden * value, hidden=hidden) for hidden in lengths]
@@ -171,7 +170,9 @@ def _find_number(name: str, value: Value) -> float:
     return min(numbers) if name == "fraction" else float(np.linalg.norm(numbers))
 
 
-def _draw_directions(hypothesis: Hypothesis, random: np.random.Generator) -> Iterator[Real]:
+def _draw_directions(
+    hypothesis: Hypothesis, random: np.random.Generator, count: int
+) -> Iterator[Real]:
     """Yield directions of the scored coordinates, in their units; (n_coordinate,)."""
     names = hypothesis.coordinates
     free = np.array([name not in hypothesis.believed for name in names])
@@ -182,6 +183,6 @@ def _draw_directions(hypothesis: Hypothesis, random: np.random.Generator) -> Ite
         yield from np.eye(len(names))[free]
         return
     is_signed = find_signed(hypothesis)
-    for along in random.standard_normal((_MAX_DIRECTIONS, len(names))):
+    for along in random.standard_normal((count, len(names))):
         direction = np.where(is_signed, np.abs(along), along) * free
         yield direction / np.linalg.norm(direction)

@@ -95,7 +95,7 @@ class LinearSearch:
         schedule = settings.schedule.thin(len(campaign.freq_hz), scene.stride_factor)
         ratio = len(thin_lines(campaign, schedule.stride).freq_hz) / len(thin.freq_hz)
         values = misfit.values * len(campaign.freq_hz) / len(thin.freq_hz)
-        doubt = float(norm.ppf(0.9) / np.sqrt(values))
+        doubt = float(norm.ppf(settings.predicted_share) / np.sqrt(values))
         seen = round(ratio * misfit.values)
         return cls(tuple(hypotheses), varies, whole, ratio * normal, seen, doubt)
 
@@ -143,7 +143,7 @@ class LinearSearch:
             hypothesis: the hypothesis that is added; None for the null model.
         """
         count, acting = self.varies.size, np.flatnonzero(moved)
-        left = self.projected[:, acting] @ moved[acting]
+        slope = self.projected[:, acting] @ moved[acting]
         chosen, signed = np.zeros(0, np.intp), np.zeros(0, bool)
         if hypothesis is not None:
             chosen, signed = self.find_coordinates(hypothesis), find_signed(hypothesis)
@@ -153,12 +153,12 @@ class LinearSearch:
         values = np.maximum(values, 0.0) + HALF_PRECISION
         to_x = np.vstack([self.followed[:, chosen], -np.eye(len(chosen))])
         root = to_x @ (unit[:, None] * vectors / np.sqrt(values))
-        along = vectors.T @ (unit * left[chosen]) / np.sqrt(values)
+        along = vectors.T @ (unit * slope[chosen]) / np.sqrt(values)
         followed = self.followed[:, acting] @ moved[acting]
         start = np.append(followed, np.zeros(len(chosen))) - root @ along
         ends = np.where(signed, 0.0, -np.inf), np.full(len(chosen), np.inf)
         inside, risen = self._hold_within_bounds(start, root, ends)
-        x, cost = inside[:count], float(moved @ left - along @ along) / 2 + risen
+        x, cost = inside[:count], float(moved @ slope - along @ along) / 2 + risen
         prior = float(x @ (self.varies.precision * x)) / 2
         return PredictedFit(max(cost - prior, 0.0), prior, x, inside[count:])
 

@@ -20,27 +20,22 @@ An effect with a direction or a scanned shape has that of nine in ten of its dir
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 from scipy.stats import norm
 
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.inference.calibration import find_variance_source
-from diagnosis.inference.evidence import Evidence, FittedSet, Key
-from diagnosis.inference.posterior import compute_posterior
-from diagnosis.next_test.drawn_effects import DrawnEffects, SizedEffect, is_sign, propose_linear
-from diagnosis.next_test.linear_search import LinearSearch, PredictedFit
-from diagnosis.refits.refit import find_shift
+from diagnosis.inference.evidence import Key
+from diagnosis.next_test.drawn_effects import DrawnEffects, SizedEffect, propose_linear
+from diagnosis.next_test.linear_search import LinearSearch
+from diagnosis.next_test.predicted_verdict import PredictedVerdict
 from diagnosis.released_session import release_session
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from identification import lines_are_independent
 from tuning import Session
 
-NINE_OF_TEN = 0.9
-_SLIGHT = 1e-3  # size at which all is linear
-_NOISE_QUANTILES = norm.ppf((np.arange(10) + 0.5) / 10)  # of the size that a fit finds
-_MAX_SIZE_DOUBLINGS = 12  # of a size, from the standard deviation of the one that a fit finds
-_HALVINGS = 5  # of the last doubling: to two per cent
+Row = TypeVar("Row")
 
 
 @dataclass(frozen=True)
@@ -90,7 +85,8 @@ def predict_smallest_sizes(
     scene = _set_scene(session, settings)
     hypotheses = propose_linear(scene)
     linear = LinearSearch.linearise(scene, hypotheses)
-    prediction = _Prediction(scene, linear, DrawnEffects(scene, linear))
+    verdict = PredictedVerdict(scene, linear)
+    prediction = _Prediction(scene, linear, DrawnEffects(scene, linear), verdict)
     families: dict[Key, list[Hypothesis]] = {}
     for hypothesis in hypotheses:
         if hypothesis.effect in (effects or (hypothesis.effect,)) and hypothesis.location in (
@@ -121,11 +117,13 @@ class _Prediction:
         scene: campaign and nominal model.
         linear: normal equations of the test.
         effects: effects in their shapes and directions.
+        verdict: verdict on an effect of any size.
     """
 
     scene: Scene
     linear: LinearSearch
     effects: DrawnEffects
+    verdict: PredictedVerdict
 
     def predict(self, shapes: Sequence[Hypothesis]) -> list[SmallestSize]:
         """Return the smallest size of an effect in each direction that the verdict may state.
@@ -140,23 +138,28 @@ class _Prediction:
 
     def _predict_direction(self, drawn: Sequence[SizedEffect]) -> SmallestSize:
         """Return the smallest size of an effect over its shapes, the smallest size first."""
-        weak = drawn[_count_nine_of_ten(drawn) - 1]
+        weak = self._pick(drawn)
         effect, location, _ = weak.hypothesis.key
-        confused = self._find_confused(weak)
+        confused = self.verdict.find_confused(weak)
         row = SmallestSize(effect, location, weak.dof, "", None, None, False, 0.0, confused)
         if not weak.is_sized:
             null = self.linear.refit(weak.moved)
-            is_named = self._is_named(weak, 1.0, self._rank_rivals(weak, 1.0))
+            is_named = self.verdict.is_named(weak, 1.0, self.verdict.rank_rivals(weak, 1.0))
             return replace(row, is_found=is_named, gain=null.cost)
         strength = self._find_threshold(weak)
         if strength is None:
             return row
-        rows = list(product(drawn, np.maximum(strength + _NOISE_QUANTILES, 0.0).tolist()))
+        noise = norm.ppf((np.arange(10) + 0.5) / 10)  # tenths of the size that a fit finds
+        rows = list(product(drawn, np.maximum(strength + noise, 0.0).tolist()))
         rows.sort(key=lambda pair: pair[0].size * pair[1])
-        typical, size = rows[_count_nine_of_ten(rows) - 1]
+        typical, size = self._pick(rows)
         parameter, value = self.effects.state_size(typical, size)
         gain = self.linear.refit(size * typical.moved).cost
         return replace(row, parameter=parameter, value=value, is_found=True, gain=gain)
+
+    def _pick(self, rows: Sequence[Row]) -> Row:
+        """Return the row that nine of ten do not exceed."""
+        return rows[int(np.ceil(self.scene.settings.predicted_share * len(rows))) - 1]
 
     def _find_threshold(self, effect: SizedEffect) -> float | None:
         """Return the size from which the effect is named; None if none within its bounds is.
@@ -166,114 +169,23 @@ class _Prediction:
         alone = self._double(effect, 1.0, ())
         if alone is None:
             return None
-        return self._double(effect, alone, self._rank_rivals(effect, alone))
+        return self._double(effect, alone, self.verdict.rank_rivals(effect, alone))
 
     def _double(
         self, effect: SizedEffect, size: float, rivals: Sequence[Hypothesis]
     ) -> float | None:
         """Return the size from which an effect is named beside rivals, by doubling and halving."""
-        low = size
-        for _ in range(_MAX_SIZE_DOUBLINGS):
+        low, (doublings, halvings) = size, self.scene.settings.predicted_size_steps
+        for _ in range(doublings):
             if not self.effects.is_within_bounds(effect, size):
                 return None
-            if self._is_named(effect, size, rivals):
+            if self.verdict.is_named(effect, size, rivals):
                 break
             low, size = size, 2 * size
         else:
             return None
-        for _ in range(_HALVINGS if size > low else 0):
+        for _ in range(halvings if size > low else 0):
             middle = float(np.sqrt(low * size))
-            is_named = self._is_named(effect, middle, rivals)
+            is_named = self.verdict.is_named(effect, middle, rivals)
             low, size = (low, middle) if is_named else (middle, size)
         return size
-
-    def _is_named(self, effect: SizedEffect, size: float, rivals: Sequence[Hypothesis]) -> bool:
-        """Return whether the diagnosis names an effect of a size at its place."""
-        linear, settings, cause = self.linear, self.scene.settings, effect.hypothesis
-        moved = size * effect.moved
-        null, known = linear.refit(moved), linear.refit(moved, cause)
-        fits = [(cause, known)]
-        fits += [(rival, linear.refit(moved, rival)) for rival in rivals]
-        explained = settings.min_place_cosine**2 * (null.cost - known.cost)
-        alike = [
-            hypothesis.key[:2]
-            for hypothesis, fit in fits[1:]
-            if hypothesis.effect == cause.effect and null.cost - fit.cost >= explained
-        ]
-        evidence = Evidence(
-            null=self._summarise(None, null),
-            sets=tuple(self._summarise(*fit) for fit in fits),
-            hypotheses=linear.count_sites,
-            variance=find_variance_source(self.scene.session.campaign),
-            interchangeable=tuple((cause.key[:2], site) for site in alike),
-        )
-        posterior = compute_posterior(evidence, settings=settings)
-        return any(
-            share > settings.min_probability
-            and key[0] == cause.effect
-            and cause.location in posterior.list_places(key)
-            for key, share in posterior.causes
-        )
-
-    def _rank_rivals(self, effect: SizedEffect, size: float) -> list[Hypothesis]:
-        """Return the most promising other effects and places, as a round of the search has them."""
-        moved = size * effect.moved
-        ranked = self.linear.rank(self._list_rivals(effect), moved, self.linear.refit(moved))
-        return ranked[: self.scene.settings.max_refits]
-
-    def _list_rivals(self, effect: SizedEffect) -> list[Hypothesis]:
-        """Return the hypotheses of other effects and places.
-
-        An effect that is there or not has one size, at which one of any size is no rival.
-        """
-        site = effect.hypothesis.site
-        return [
-            hypothesis
-            for hypothesis in self.linear.hypotheses
-            if hypothesis.site != site and is_sign(hypothesis) is not effect.is_sized
-        ]
-
-    def _summarise(self, hypothesis: Hypothesis | None, refit: PredictedFit) -> FittedSet:
-        """Return a fit as the plain numbers of the posterior."""
-        gap, values = refit.gap / self.linear.fitted_values, self.linear.fitted_values
-        shift, parameters, doubt = None, 0, self.linear.gap_doubt
-        if hypothesis is not None:
-            shift = find_shift(hypothesis, refit.step)
-            parameters = _count_parameters(hypothesis) - int((refit.step == 0).sum())
-            doubt = 0.0
-        return FittedSet(
-            keys=() if hypothesis is None else (hypothesis.key,),
-            floor=0.0,
-            cost=1 + float(np.log1p(gap)),
-            prior=refit.prior,
-            values=2 * values,  # the statistics of a residual count twice as many lines
-            fitted_values=values,
-            noise_share=1 / (1 + gap),
-            effective_values=float(values),
-            chi_square=1 + gap,
-            serial=gap - doubt if self.scene.has_independent_lines else None,
-            doubt=doubt,
-            shifts=() if hypothesis is None else (shift,),
-            parameters=() if hypothesis is None else (parameters,),
-        )
-
-    def _find_confused(self, effect: SizedEffect) -> tuple[str, ...]:
-        """Return the other effects and places whose signature is nearly that of an effect."""
-        moved = _SLIGHT * effect.moved  # no tolerance is at its bound
-        linear, left = self.linear, self.linear.projected @ moved
-        least = self.scene.settings.min_twin_cosine**2 * float(moved @ left) / 2
-        bounds, cost = linear.bound_gains(left), float(moved @ left) / 2
-        near = (rival for rival in self._list_rivals(effect) if bounds[rival] >= least)
-        alike = (rival.site for rival in near if cost - linear.refit(moved, rival).cost >= least)
-        return tuple(dict.fromkeys(alike))
-
-
-def _count_nine_of_ten(rows: Sequence[object]) -> int:
-    return int(np.ceil(NINE_OF_TEN * len(rows)))
-
-
-def _count_parameters(hypothesis: Hypothesis) -> int:
-    """Return the number of parameters that a fit gives a cause (``Refit.count_parameters``)."""
-    narrow = {name for name, deviation in hypothesis.believed.items() if deviation < 1}
-    added = {parameter.name for part in hypothesis.parts for parameter in part.parameters}
-    return len({*added, *hypothesis.release} - {*hypothesis.follow, *hypothesis.held, *narrow})

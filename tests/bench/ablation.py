@@ -73,6 +73,15 @@ KEPT = {
     "min_local_share": "a word about the rest, not a rate",
     "added_mass_share": "what the next experiment proposes",
     "slope_tolerance": "effects of other packages",
+    **dict.fromkeys(
+        (
+            "predicted_share",
+            "predicted_shapes",
+            "predicted_directions",
+            "predicted_size_steps",
+        ),
+        "predictions of a test, no verdict",
+    ),
 }
 
 

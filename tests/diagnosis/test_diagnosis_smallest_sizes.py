@@ -10,6 +10,7 @@ from diagnosis.next_test import smallest_sizes
 from diagnosis.next_test.drawn_effects import DrawnEffects, propose_linear
 from diagnosis.next_test.further_gains import compare_sizes, rank_gains
 from diagnosis.next_test.linear_search import LinearSearch
+from diagnosis.next_test.predicted_verdict import PredictedVerdict
 from diagnosis.next_test.smallest_sizes import SmallestSize, predict_smallest_sizes
 from diagnosis.search.linearised_fit import find_signed
 from identification.words import TOLERANCE_BOUND_SIGMA
@@ -29,7 +30,9 @@ def prediction(session):
     scene = smallest_sizes._set_scene(session, early_scene(session).settings)
     hypotheses = [h for h in propose_linear(scene) if h.effect in EFFECTS]
     linear = LinearSearch.linearise(scene, hypotheses)
-    return smallest_sizes._Prediction(scene, linear, DrawnEffects(scene, linear))
+    return smallest_sizes._Prediction(
+        scene, linear, DrawnEffects(scene, linear), PredictedVerdict(scene, linear)
+    )
 
 
 def solve(linear, moved, hypothesis):
@@ -84,16 +87,17 @@ def test_the_size_is_halved_in_to_the_one_that_the_posterior_names(prediction):
     shapes = [h for h in prediction.linear.hypotheses if h.effect == "joint_coupling"]
     effect = prediction.effects.draw(shapes[:1])[0]
     size = prediction._find_threshold(effect)
-    rivals = prediction._rank_rivals(effect, size)
-    assert prediction._is_named(effect, 1.1 * size, rivals)
-    assert not prediction._is_named(effect, 0.9 * size, rivals)
+    rivals = prediction.verdict.rank_rivals(effect, size)
+    assert prediction.verdict.is_named(effect, 1.1 * size, rivals)
+    assert not prediction.verdict.is_named(effect, 0.9 * size, rivals)
 
 
 def test_a_twin_is_never_found(prediction):
     gain = next(h for h in prediction.linear.hypotheses if h.effect == "sensor_gain")
     twin = replace(gain, effect="twin")
     linear = replace(prediction.linear, hypotheses=(gain, twin))
-    (row,) = replace(prediction, linear=linear).predict([gain])
+    verdict = replace(prediction.verdict, linear=linear)
+    (row,) = replace(prediction, linear=linear, verdict=verdict).predict([gain])
     assert not row.is_found
     assert row.confused == (f"twin@{gain.location}",)
 
