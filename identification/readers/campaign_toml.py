@@ -204,8 +204,8 @@ class CampaignSettings(TomlTable):
     model: FileName | None = None
     key: str | None = None
     layout: FileName | None = None
-    test: list[TestSettings] = Field(min_length=1)
     log: LogSettings | None = None
+    test: list[TestSettings] = Field(min_length=1)
     sensor: dict[str, SensorSettings] = Field(default_factory=dict)
     hammer: dict[str, HammerSettings] = Field(default_factory=dict)
     loop: dict[str, CampaignLoopTable] = Field(default_factory=dict)

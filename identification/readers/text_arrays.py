@@ -79,7 +79,7 @@ def choose_columns(table: TextTable, columns: Sequence[int | str]) -> TextTable:
             headings = [name or k for k, name in enumerate(table.names, start=1)]
             raise InputError(
                 f"{table.path} has {count} {column!r} beside {table.axis_name or 'the first'} "
-                f"(there are {shorten_names(headings)}): correct columns in its [[test]]"
+                f"(there are {shorten_names(headings)}): correct columns in campaign.toml"
             )
         places += fitting
     names = tuple(table.names[place] for place in places)
