@@ -16,7 +16,7 @@ def match_channels(location: str, dof: str | None) -> Callable[[Port], bool]:
     """Return a function that says whether a fault concerns a channel.
 
     Args:
-        location: ``sensor:<site>`` or ``sensor:<site>+<site>``.
+        location: ``sensor:<site>``, ``sensor:<site>+<site>`` or ``hammer:<site>``.
         dof: such as ``tx`` or ``tx+ty``; None for all.
     """
     sites = location.partition(":")[2].split("+")
@@ -54,6 +54,25 @@ def divide_channels(
     return _edit_estimates(campaign, edit)
 
 
+def divide_hits(campaign: Campaign, location: str, dof: str | None, reading: Reading) -> Campaign:
+    """Return the campaign with the tests of one reference divided by a factor on their force.
+
+    Args:
+        campaign: tests.
+        location: ``hammer:<site>``, the point of the reference.
+        dof: its direction; None for all.
+        reading: the factor; (n_freq,) of (n_freq,).
+    """
+    hits = match_channels(location, dof)
+    tests = [
+        divide_channels(replace(campaign, tests=(test,)), lambda _: True, reading).tests[0]
+        if isinstance(test.condition.reference, Dof) and hits(test.condition.reference)
+        else test
+        for test in campaign.tests
+    ]
+    return replace(campaign, tests=tuple(tests))
+
+
 def exchange_channels(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) -> Campaign:
     """Return the campaign with exchanged channels; a channel without its partner is masked."""
     partner: dict[Port, Port] = {a.positive: b.positive for a, b in pairs}
@@ -77,6 +96,7 @@ def exchange_channels(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) ->
             variance=estimate.variance[:, rows],
             measured=estimate.measured[rows],
             coherence=None if estimate.coherence is None else estimate.coherence[:, rows],
+            shared=None if estimate.shared is None else estimate.shared[:, rows],
         )
         return _keep_channels(moved, kept)
 
@@ -89,7 +109,7 @@ def read_inverted(freq_hz: Real) -> Complex:
 
 
 def find_correction(fault: Fault, campaign: Campaign) -> Callable[[Campaign], Campaign] | None:
-    """Return what corrects the channels of a sensor; None for another kind of fault."""
+    """Return what corrects the channels of a sensor, or hits; None for another kind of fault."""
     concerns = match_channels(fault.location, fault.dof)
     if fault.effect == "sensor_polarity":
         return lambda c: divide_channels(c, concerns, read_inverted)
@@ -97,15 +117,19 @@ def find_correction(fault: Fault, campaign: Campaign) -> Callable[[Campaign], Ca
         pairs = _list_pairs(fault, campaign)
         return lambda c: exchange_channels(c, pairs)
     reading = _find_reading(fault)
-    return None if reading is None else lambda c: divide_channels(c, concerns, reading)
+    if reading is None:
+        return None
+    if fault.location.startswith("hammer:"):
+        return lambda c: divide_hits(c, fault.location, fault.dof, reading)
+    return lambda c: divide_channels(c, concerns, reading)
 
 
 def _find_reading(fault: Fault) -> Reading | None:
-    """Return the reading of a faulty channel per motion; None for another kind of fault."""
-    if fault.effect == "sensor_gain":
+    """Return the factor of a faulty channel, or of hits; None for another kind of fault."""
+    if fault.effect in ("sensor_gain", "hammer_gain"):
         gain = _read_number(fault.parameters["gain"])
         return lambda freq_hz: np.full(len(freq_hz), gain, np.complex128)
-    if fault.effect == "sensor_delay":
+    if fault.effect in ("sensor_delay", "hammer_delay"):
         return partial(delay_response, delay=_read_number(fault.parameters["delay"]))
     if fault.effect == "mount_resonance":
         frequency, damping = (_read_number(fault.parameters[k]) for k in ("frequency", "damping"))

@@ -110,7 +110,7 @@ def check_data_after(
         if before.null.floor > min(tolerance.sensor_gain, tolerance.hammer_gain):
             theta = _calibrate_nominally(before.null.fit.parametrisation, theta)
             estimate = estimate_rest(fitted.model, theta, before.scene.session.campaign) or estimate
-        rest, variance = shrink_rest(
+        rest, carried = shrink_rest(
             estimate, checks.alive, before.null.floor, VISIT_PRIORS.stiffness
         )
         rest = replace(
@@ -119,8 +119,8 @@ def check_data_after(
         machine = replace(model.machine, rest=rest)
         model = Model(machine, (*model.parts, RestPart(), *_hit_gains(checks.alive)))
         alive, left = (
-            add_variance(campaign, estimate, variance).select_lines(
-                find_known_lines(campaign, estimate, variance)
+            add_variance(campaign, estimate, carried).select_lines(
+                find_known_lines(campaign, estimate, carried)
             )
             for campaign in (alive, left)
         )

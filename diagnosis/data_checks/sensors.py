@@ -60,6 +60,24 @@ class SensorChecks:
     campaign: Campaign
     reciprocal: tuple[Fault, ...] = ()
 
+    def blame_hits(self, fault: Fault) -> "SensorChecks | None":
+        """Return these checks with a fault of the hits in place of that of a channel.
+
+        Args:
+            fault: one that reciprocity proves.
+
+        Returns:
+            None where the fault is that of the channel alone.
+        """
+        if fault.of_hits is None:
+            return None
+        faults, reciprocal = (
+            tuple(fault.of_hits if each is fault else each for each in group)
+            for group in (self.faults, self.reciprocal)
+        )
+        campaign = _take_out(self.alive, faults, reciprocal)
+        return replace(self, faults=faults, campaign=campaign, reciprocal=reciprocal)
+
     @property
     def gross(self) -> tuple[Fault, ...]:
         """Exchanged channels, opposite signs and unreciprocal ones, which every set has."""
@@ -70,12 +88,8 @@ class SensorChecks:
     @property
     def small(self) -> tuple[Fault, ...]:
         """Faults of some size, which compete with all other hypotheses."""
-        taken_out = (*GROSS, *_USELESS)
-        return tuple(
-            fault
-            for fault in self.faults
-            if fault.effect not in taken_out and fault not in self.reciprocal
-        )
+        gross = self.gross
+        return tuple(f for f in self.faults if f.effect not in _USELESS and f not in gross)
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -129,21 +143,27 @@ def check_sensors(
     faults = tuple(fault for fault in proven.values() if _is_credible(fault, campaign, silent))
     useless = [fault for fault in faults if fault.effect in _USELESS]
     audible = mask_channels(campaign, lambda dof: dof.positive in silent) if silent else campaign
-    gross = [
-        fault for fault in faults if fault.effect in (*GROSS, *_USELESS) and fault not in reciprocal
-    ]
     moved = {check.moved.phrase: None for check in bodies if check.moved is not None}
     remarks = (f"{phrase}; its channels were left out of the diagnosis" for phrase in moved)
     audible = replace(audible, remarks=(*audible.remarks, *remarks))
-    corrections = (find_correction(fault, campaign) for fault in reciprocal)
-    right = reduce(lambda c, correct: correct(c), filter(None, corrections), audible)
+    alive = _remove_channels(audible, useless)
     return SensorChecks(
-        bodies,
-        faults,
-        _remove_channels(audible, useless),
-        _remove_channels(right, gross),
-        tuple(reciprocal),
+        bodies, faults, alive, _take_out(alive, faults, reciprocal), tuple(reciprocal)
     )
+
+
+def _take_out(campaign: Campaign, faults: Sequence[Fault], reciprocal: Sequence[Fault]) -> Campaign:
+    """Return the campaign without the channels of gross faults.
+
+    Args:
+        campaign: all channels that are of use.
+        faults: proven faults.
+        reciprocal: those of them that reciprocity proves, which are corrected.
+    """
+    corrections = (find_correction(fault, campaign) for fault in reciprocal)
+    right = reduce(lambda c, correct: correct(c), filter(None, corrections), campaign)
+    gross = [fault for fault in faults if fault.effect in GROSS and fault not in reciprocal]
+    return _remove_channels(right, gross)
 
 
 def _is_credible(fault: Fault, campaign: Campaign, silent: Collection[Output]) -> bool:

@@ -10,7 +10,7 @@ from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import FitSummary, FittedSet, Key
 from diagnosis.refits.level_dependence import measure_level_dependence
 from diagnosis.stated_values import Value
-from identification.words import Real
+from identification.words import Campaign, Real
 from tuning import (
     Fit,
     Misfit,
@@ -188,10 +188,28 @@ def describe_fit(session: Session, fit: Fit, stride: int, lags: Sequence[int]) -
         misfit = Misfit(session.model, campaign, session.parametrisation, model_error_floor=0.0)
         fitted = np.isin(np.arange(lines), np.arange(lines)[thinning_slice(lines, stride)])
         serial = misfit.serial_covariance(fit.x, lags, fitted)
+        if serial is not None:
+            serial -= mean_shared_part(campaign)
     fitted_lines = len(thin_lines(session.campaign, stride).freq_hz)
     fitted_values = max(1, round(statistics.values * fitted_lines / len(counted.freq_hz)))
     excess = measure_level_dependence(predicted, counted)
     return Refit(None, session, fit, statistics, fitted_values, serial, level_excess=excess)
+
+
+def mean_shared_part(campaign: Campaign) -> float:
+    """Return the mean product of neighbouring residuals by errors that a state before brings along.
+
+    Args:
+        campaign: tests, the variance of which says what part of it neighbouring lines share.
+    """
+    estimates = [test.estimate for test in campaign.tests]
+    if all(estimate.shared is None for estimate in estimates):
+        return 0.0
+    parts = [
+        np.zeros(0) if estimate.shared is None else estimate.shared[estimate.variance > 0]
+        for estimate in estimates
+    ]
+    return float(np.concatenate(parts).mean())
 
 
 def summarise_refit(refit: Refit) -> FittedSet:

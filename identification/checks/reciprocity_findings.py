@@ -147,8 +147,8 @@ class Reciprocity:
     def faults(self, campaign: Campaign) -> list[Fault]:
         """Return the faults of sensors that compete with all others in a diagnosis.
 
-        Hits that share a force channel share gain and delay, so that a ratio is that of the
-        channel. A sign or an exchange may be of hits too, which the fit of the model shows.
+        A ratio is that of the channel, or of the hits at its reference: their gain is 1 / k, their
+        delay that of k with the other sign (``of_hits``). Only a model tells both apart.
 
         Args:
             campaign: its tests state hammers, its tolerances what is no fault.
@@ -162,12 +162,18 @@ class Reciprocity:
         for row in self.rows:
             if ":" not in row.channel:  # the sensors of a body
                 continue
-            channel = Dof.parse(row.channel)
+            channel, hit = Dof.parse(row.channel), Dof.parse(row.reference)
             place = f"sensor:{channel.point}", channel.direction[1:]
-            if row.gain < 0:
-                faults.append(Fault("sensor_polarity", *place, 1.0, {}, self.excess))
-            for name, (size, probability) in self._proven(row, campaign.tolerance).items():
+            of_hits = f"hammer:{hit.point}", hit.direction[1:]
+            proven = self._proven(row, campaign.tolerance)
+            named = [("polarity", -1.0, 1.0)] if row.gain < 0 else []
+            for name, size, probability in (*named, *((k, *size) for k, size in proven.items())):
+                kind, of_hit = ("delay", -size) if name == "delay" else ("gain", 1 / size)
+                hits = Fault(f"hammer_{kind}", *of_hits, probability, {kind: of_hit}, self.excess)
+                sizes: dict[str, float | tuple[float, ...]] = (
+                    {} if name == "polarity" else {name: size}
+                )
                 faults.append(
-                    Fault(f"sensor_{name}", *place, probability, {name: size}, self.excess)
+                    Fault(f"sensor_{name}", *place, probability, sizes, self.excess, hits)
                 )
         return faults

@@ -50,6 +50,8 @@ class Fault:
         parameters: gain; rotation [rad] and offset [m] in world axes; delay [s]; frequency [Hz],
             damping ratio.
         excess_after: residual over noise with this fault corrected; noise alone gives 1.
+        of_hits: the fault of the hits at a reference (hammer_gain, hammer_delay) that breaks
+            reciprocity in the same way; None where redundant channels prove that of the sensor.
     """
 
     effect: str
@@ -58,6 +60,7 @@ class Fault:
     probability: float
     parameters: dict[str, float | tuple[float, ...]]
     excess_after: float
+    of_hits: "Fault | None" = None
 
 
 @dataclass(frozen=True, eq=False)

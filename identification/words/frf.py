@@ -178,6 +178,8 @@ class FrfEstimate:
         averages: number of averaged hits, or None if unknown.
         window_tau: time constant of the exponential window whose effect the FRFs contain [s];
             0 for no window.
+        shared: part 0..1 of the variance that neighbouring lines have in common, or None where
+            their errors are independent; (n_freq, n_out, n_in).
 
     Raises:
         ValueError: a shape or range contradicts this description.
@@ -190,6 +192,7 @@ class FrfEstimate:
     coherence: Real | None = None
     averages: int | None = None
     window_tau: float = 0.0
+    shared: Real | None = None
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
@@ -200,6 +203,9 @@ class FrfEstimate:
         object.__setattr__(self, "variance", variance)
         measured = frozen_array(self.measured, np.bool_, shape[1:], "measured")
         object.__setattr__(self, "measured", measured)
+        if self.shared is not None:
+            shared = frozen_array(self.shared, np.float64, shape, "shared")
+            object.__setattr__(self, "shared", shared)
         if self.coherence is not None:
             coherence = frozen_array(self.coherence, np.float64, shape, "coherence")
             if (coherence < 0).any() or (coherence > 1).any():
@@ -238,4 +244,5 @@ class FrfEstimate:
             frf=self.frf.select_lines(chosen),
             variance=self.variance[chosen],
             coherence=None if self.coherence is None else self.coherence[chosen],
+            shared=None if self.shared is None else self.shared[chosen],
         )

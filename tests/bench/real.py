@@ -47,7 +47,7 @@ from tests.helpers.changed_tower import (
 from truth.grade.rates import wilson
 from tuning import channel_gaps, fit, open_session, predict, summarise_gaps
 
-CASES, FIRST = 216, 470_000
+CASES, FIRST = 210, 470_000
 RATIOS = (2.0, 8.0)
 STATES = {"1": "one state", "2": "before and after"}
 _TRIES = 8  # of sizes
@@ -237,7 +237,8 @@ def _find_named(
 ) -> tuple[list[tuple[str, str]], dict | None]:
     """Return the names under which a change is true, and the sizes named; None if it is not."""
     keys = [(change.effect, change.location)]
-    if change.effect == "hammer_gain":  # there is one force channel, whatever its place is called
+    is_common = change.location == "hammer:default"
+    if is_common:  # there is one force channel, whatever its place is called
         keys = [key for key in named if key[0] == change.effect]
     if keys and keys[0] in named:
         return keys, named[keys[0]]
@@ -246,7 +247,7 @@ def _find_named(
         is_leg = abs(leg - change.sizes["stiffness"]) <= abs(change.sizes["stiffness"]) / 4
         return [], {"change": leg} if is_leg else None
     floors = [("mass_error", f"body:floor{number}") for number in (1, 2, 3)]
-    if change.effect == "hammer_gain" and all(floor in named for floor in floors):
+    if is_common and all(floor in named for floor in floors):
         return floors, {}
     return [], None
 

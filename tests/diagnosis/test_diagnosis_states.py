@@ -9,6 +9,7 @@ import pytest
 from diagnosis import build_verdict, diagnose
 from diagnosis.data_checks.check_data import check_data
 from diagnosis.null_model import fit_baseline
+from diagnosis.refits.refit import mean_shared_part
 from diagnosis.settings import SETTINGS
 from diagnosis.states import (
     VISIT_PRIORS,
@@ -77,10 +78,10 @@ def test_the_noise_before_adds_to_the_noise_after_an_unchanged_machine(tower):
     # A = B = 1 where nothing changed: the variances add, but for what the shrinkage takes.
     session, estimate = tower
     featured = replace(estimate, narrow=1e6 * estimate.narrow)  # nothing of it is noise
-    rest, variance = shrink_rest(featured, session.campaign, floor=1e3, drift=0.0)
-    np.testing.assert_allclose(variance, estimate.variance, rtol=1e-3, atol=1e-30)
+    rest, carried = shrink_rest(featured, session.campaign, floor=1e3, drift=0.0)
+    np.testing.assert_allclose(carried.variance, estimate.variance, rtol=1e-3, atol=1e-30)
     np.testing.assert_allclose(rest.values, estimate.rest.values, rtol=1e-3, atol=1e-9)
-    added = add_variance(session.campaign, estimate, variance)
+    added = add_variance(session.campaign, estimate, carried)
     for first, second in zip(session.campaign.tests, added.tests, strict=True):
         ratio = second.estimate.variance / first.estimate.variance
         np.testing.assert_allclose(ratio, 2.0, rtol=2e-3)
@@ -93,9 +94,12 @@ def test_where_noise_hides_the_rest_the_error_of_the_model_counts(tower):
         variance=1e12 * estimate.variance,
         smooth_variance=1e12 * estimate.smooth_variance,
     )
-    rest, variance = shrink_rest(noisy, session.campaign, floor=0.1, drift=0.0)
+    rest, carried = shrink_rest(noisy, session.campaign, floor=0.1, drift=0.0)
     allowed = 0.01 * (np.abs(estimate.receptance) ** 2).sum(axis=(1, 2))
-    np.testing.assert_allclose(variance.sum(axis=(1, 2)), allowed, rtol=1e-3)
+    np.testing.assert_allclose(carried.variance.sum(axis=(1, 2)), allowed, rtol=1e-3)
+    shared = carried.shared.sum(axis=(1, 2)) / allowed
+    assert (shared > 0.2).all()
+    assert (shared < 1.001).all()
     assert (np.abs(rest.values) <= 1e-3 * np.abs(estimate.rest.values)).all()
 
 
@@ -181,7 +185,7 @@ def test_beside_a_narrow_mode_the_rest_is_known_to_a_few_percent(heavier):
     session, theta = heavier, heavier.model.drawn
     before, after = map(session.campaign.select_state, ("before", "after"))
     estimate = estimate_rest(session.model, theta, before)
-    rest, variance = shrink_rest(estimate, after, 0.3, VISIT_PRIORS.stiffness)
+    rest, carried = shrink_rest(estimate, after, 0.3, VISIT_PRIORS.stiffness)
     model = replace(session.model, machine=replace(session.model.machine, rest=rest))
     theta = theta.copy()
     theta[[p.name for p in model.parameters].index("floor1.mass")] += 1.0
@@ -192,12 +196,13 @@ def test_beside_a_narrow_mode_the_rest_is_known_to_a_few_percent(heavier):
     power = (np.abs(measured) ** 2).sum(axis=(1, 2))
     near = ((after.freq_hz > 5.5) & (after.freq_hz < 6.0)) | (abs(after.freq_hz - 7.5) < 0.5)
     assert np.sqrt(np.median((error / power)[near])) < 0.04
-    stated = variance.sum(axis=(1, 2))
+    stated = carried.variance.sum(axis=(1, 2))
     assert np.median((error / stated)[near]) < 2
-    well_known_lines = find_known_lines(after, estimate, variance)
+    well_known_lines = find_known_lines(after, estimate, carried)
     assert well_known_lines.mean() > 0.9
     assert np.sqrt((stated / power)[well_known_lines].max()) < MAX_NOISE_RATIO
-    assert (variance >= 0).all()
+    assert (carried.variance >= 0).all()
+    assert (carried.shared <= carried.variance).all()
 
 
 def test_a_mass_is_as_right_as_the_calibration_where_the_model_lacks_much(heavier):
@@ -236,3 +241,48 @@ def test_without_a_full_matrix_causes_of_the_state_before_are_part_of_the_machin
     varying = set(after.parametrisation.names)
     assert of_causes
     assert not of_causes & varying
+
+
+@pytest.fixture(scope="module")
+def fit_after(tmp_path_factory):
+    """Return the null model of the tower after changes, a second visit drawn by a seed."""
+    freq_hz, frf = read_tower()
+    fitted = []
+
+    def fit(changes, seed):
+        values = change_tower(freq_hz, frf, changes, np.random.default_rng(seed))
+        folder = tmp_path_factory.mktemp("after")
+        write_tower(folder, TOWER / "model.xml", freq_hz, values, before=frf)
+        session = open_session(folder)
+        if not fitted:
+            fitted.append(fit_baseline(check_data(session, SETTINGS), 1, SETTINGS))
+        return fit_baseline(check_data_after(session, fitted[0], SETTINGS), 1, SETTINGS)
+
+    return fit
+
+
+def test_what_neighbouring_lines_share_of_the_noise_before_is_no_gap(fit_after):
+    # Nothing changed: products of neighbouring residuals hold errors of the smooth rest alone.
+    after = fit_after([], 11)
+    shared = mean_shared_part(after.scene.session.campaign)
+    assert 0.005 < shared < 0.1
+    assert after.null.serial + shared > 0.005
+    assert after.null.serial < 0.01
+
+
+@pytest.mark.parametrize(
+    ("effect", "place", "sizes"),
+    [
+        ("sensor_gain", "sensor:acc2", {"gain": 1.2}),
+        ("hammer_gain", "hammer:acc2", {"gain": 1.2}),
+        ("hammer_gain", "hammer:acc2", {"gain": -1.0}),
+        ("hammer_delay", "hammer:acc1", {"delay": -5e-4}),
+    ],
+)
+def test_what_breaks_reciprocity_is_of_a_channel_or_of_the_hits_there(
+    fit_after, effect, place, sizes
+):
+    (proven,) = fit_after([Change(effect, place, sizes)], 12).proven
+    assert proven.key == (effect, place, "tx")
+    ((name, size),) = sizes.items()
+    assert proven.state({})[name] == pytest.approx(size, abs=0.02 if name == "gain" else 5e-5)

@@ -28,6 +28,8 @@ KINDS = (
     "damper",
     "exchange",
     "common_gain",
+    "hit_gain",
+    "hit_delay",
 )
 _BAND_HZ = (2.0, 60.0)
 _STIFFNESS_SD, GAIN_SD, _DELAY_SD = 2e-3, 5e-3, 1e-5
@@ -69,6 +71,11 @@ def draw_change(kind, rng, scale=1.0):
     def size(low, high):
         return float(scale * np.exp(rng.uniform(np.log(low), np.log(high))))
 
+    if kind == "hit_gain":
+        gain = float(np.exp(size(0.05, 0.3) * rng.choice([-1.0, 1.0])))
+        return [Change("hammer_gain", f"hammer:acc{floor + 1}", {"gain": gain})]
+    if kind == "hit_delay":
+        return [Change("hammer_delay", f"hammer:acc{floor + 1}", {"delay": -size(2e-4, 2e-3)})]
     on_body, at_sensor = f"body:floor{floor + 1}", f"sensor:acc{floor + 1}"
     first, second = _LINKS[floor]
     pair = f"pair:{'world' if first is None else f'floor{first + 1}'}-floor{second + 1}"
@@ -175,15 +182,18 @@ def _dynamic_change(change, omega):
 
 
 def _read(change, omega, values):
-    """Return what changed channels read."""
+    """Return what changed channels and hits make of the FRFs."""
     where, factor = change.location.partition(":")[2], np.ones((len(omega), 3), complex)
     if change.effect == "sensor_swap":
         first, second = (int(name[-1]) - 1 for name in where.split("+"))
         order = np.arange(3)
         order[[first, second]] = second, first
         return values[:, order]
-    if change.effect == "hammer_gain":
-        return values * change.sizes["gain"]
+    if change.effect in ("hammer_gain", "hammer_delay"):
+        gain = change.sizes.get("gain", 1.0) * np.exp(-1j * omega * change.sizes.get("delay", 0.0))
+        hits = slice(None) if where == "default" else slice(int(where[-1]) - 1, int(where[-1]))
+        values[:, :, hits] *= gain[:, None, None]
+        return values
     if change.effect in ("sensor_gain", "sensor_delay", "sensor_polarity"):
         row = int(where[-1]) - 1
         factor[:, row] = {

@@ -11,7 +11,9 @@ are combined for the least variance (empirical Bayes):
     u = max(|H' N H'|^2 - v, 0),   w = (u + s) / (u + s + v),   E -> S + w N,   v -> w v.
 
 Where noise hides S too, as far below the first mode, the model is known better without it: with the
-floor a of the fit before and p = sum |H'|^2, E and v shrink by a^2 p / (a^2 p + sum v).
+floor a of the fit before and p = sum |H'|^2, E and v shrink by b = a^2 p / (a^2 p + sum v).
+Errors of S and of the model are alike on neighbouring lines. They have b^2 (1 - w)^2 s and
+(1 - b)^2 a^2 |H'|^2 of the variance, which a product of neighbouring residuals holds as well.
 
 Features are leakage of modes that ring longer than the record, or sharp modes. A drift of stiffness
 moves them by a line or more, so that their part of the FRFs after, H' N H', counts as noise too;
@@ -57,6 +59,19 @@ class RestEstimate:
     factor: Complex
     narrow: Complex
     smooth_variance: Real
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedNoise:
+    """What noise of the tests before, and drift, make of the receptances after a change.
+
+    Args:
+        variance: their variance; (n_freq, n_out, n_in).
+        shared: the part of it that neighbouring lines have in common; (n_freq, n_out, n_in).
+    """
+
+    variance: Real
+    shared: Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,17 +173,14 @@ def _measure_matrix(
 
 def shrink_rest(
     estimate: RestEstimate, campaign: Campaign, floor: float, drift: float
-) -> tuple[MeasuredRest, Real]:
-    """Return the rest where noise does not hide it, and its variance in the FRFs after a change.
+) -> tuple[MeasuredRest, CarriedNoise]:
+    """Return the rest where noise does not hide it, and what it brings to the FRFs after a change.
 
     Args:
         estimate: rest of the tests before.
         campaign: tests after the change, on the same lines.
         floor: relative model error of the fit before.
         drift: standard deviation of ln of the common factor on all stiffness.
-
-    Returns:
-        The rest, and the variance of receptances; (n_freq, n_out, n_in).
     """
     outputs, inputs = estimate.rest.outputs, estimate.rest.inputs
     lines = np.isin(campaign.freq_hz, estimate.rest.freq_hz)
@@ -210,7 +222,8 @@ def shrink_rest(
     spacing = (whole.freq_hz[-1] - whole.freq_hz[0]) / max(len(whole.freq_hz) - 1, 1)
     shift = 0.5 * drift * whole.freq_hz / max(spacing, np.finfo(float).tiny)  # f is as sqrt(k)
     total = weight * variance + np.minimum(shift, 1.0)[:, None, None] ** 2 * moved
-    return rest, np.asarray(total)
+    shared = (weight * (1 - kept)) ** 2 * smooth + ((1 - weight) * floor) ** 2 * size
+    return rest, CarriedNoise(np.asarray(total), np.minimum(shared, total))
 
 
 def _average_lines(power: Real) -> Real:
@@ -230,27 +243,30 @@ def _add_cells(power: Real) -> Real:
     return total
 
 
-def add_variance(campaign: Campaign, estimate: RestEstimate, variance: Real) -> Campaign:
+def add_variance(campaign: Campaign, estimate: RestEstimate, carried: CarriedNoise) -> Campaign:
     """Return tests with a variance of their receptances added to that of their noise.
 
     Args:
         campaign: tests after the change, on the lines of the tests before.
         estimate: rest of the tests before.
-        variance: what is added; (n_freq, n_out, n_in).
+        carried: what is added.
     """
     outputs, inputs = estimate.rest.outputs, estimate.rest.inputs
     lines = np.isin(campaign.freq_hz, estimate.rest.freq_hz)
-    added = variance * np.abs(estimate.factor) ** 2
+    power = np.abs(estimate.factor) ** 2
     tests = []
     for test in campaign.tests:
         rows, column = _find_cells(test, outputs, inputs)
-        total = test.estimate.variance.copy()
-        total[lines, :, 0] += added[:, rows, column]
-        tests.append(replace(test, estimate=replace(test.estimate, variance=total)))
+        total, shared = test.estimate.variance.copy(), np.zeros(test.estimate.variance.shape)
+        total[lines, :, 0] += (carried.variance * power)[:, rows, column]
+        shared[lines, :, 0] = (carried.shared * power)[:, rows, column]
+        shared /= np.maximum(total, np.finfo(float).tiny)
+        estimated = replace(test.estimate, variance=total, shared=shared)
+        tests.append(replace(test, estimate=estimated))
     return replace(campaign, tests=tuple(tests))
 
 
-def find_known_lines(campaign: Campaign, estimate: RestEstimate, variance: Real) -> Mask:
+def find_known_lines(campaign: Campaign, estimate: RestEstimate, carried: CarriedNoise) -> Mask:
     """Return the lines on which the state before tells enough of the FRFs after a change.
 
     Around a mode that is narrower than the lines it tells nothing. A few such lines would else be
@@ -259,13 +275,13 @@ def find_known_lines(campaign: Campaign, estimate: RestEstimate, variance: Real)
     Args:
         campaign: tests after the change, on the lines of the tests before.
         estimate: rest of the tests before.
-        variance: what it adds to that of the receptances after; (n_freq, n_out, n_in).
+        carried: what it adds to the receptances after.
 
     Returns:
         Whether each line counts; (n_line,).
     """
     lines = np.isin(campaign.freq_hz, estimate.rest.freq_hz)
-    added = (variance * np.abs(estimate.factor) ** 2).sum(axis=(1, 2))
+    added = (carried.variance * np.abs(estimate.factor) ** 2).sum(axis=(1, 2))
     power = sum((np.abs(test.estimate.frf.values) ** 2).sum(axis=(1, 2)) for test in campaign.tests)
     known = ~lines
     known[lines] = added < MAX_NOISE_RATIO**2 * np.asarray(power)[lines]

@@ -87,6 +87,7 @@ def _on_lines(test: Test, freq_hz: Real) -> Test:
             variance=np.zeros(shape),
             variance_source="differences",
             coherence=None,
+            shared=None,
         ),
     )
 
