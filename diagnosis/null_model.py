@@ -64,8 +64,8 @@ def fit_baseline(
 
     best = fit(data.checks)
     for fault in data.checks.reciprocal:
-        if other := best.checks.blame_hits(fault):
-            best = min(best, fit(other), key=lambda baseline: baseline.null.objective)
+        if of_hits := best.checks.blame_hits(fault):
+            best = min(best, fit(of_hits), key=lambda baseline: baseline.null.objective)
     return best
 
 

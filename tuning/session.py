@@ -11,6 +11,7 @@ from identification.readers.frf_units import parse_frf_units
 from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import Campaign, InputError
 from mbmodel import Machine, Model, as_drawn, load_machine, with_variants
+from tuning.attached_instruments import attach_instruments
 from tuning.campaign_machine import (
     close_loops,
     load_variants,
@@ -89,6 +90,9 @@ def open_session(
             "add them to the model"
         )
     model = build_toleranced_model(machine, campaign)
+    attached, remarks = attach_instruments(source, read_settings(path)[1], machine, campaign)
+    model = Model(machine, (*model.parts, *attached))
+    campaign = replace(campaign, remarks=(*campaign.remarks, *remarks))
     campaign = _refuse_wrong_exports(source, model, campaign)
     try:
         parametrisation = parametrise(model, campaign.tolerance, _read_specification(path))

@@ -17,7 +17,7 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
-from mbmodel.parts import ToleranceKind
+from mbmodel.parts import AttachedPart, ToleranceKind
 
 
 def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
@@ -119,7 +119,7 @@ def rebuild_for_machine(model: Model, machine: Machine) -> Model:
         *(
             part
             for part in model.parts
-            if isinstance(part, HammerGainPart | ChannelPart | RestPart)
+            if isinstance(part, HammerGainPart | ChannelPart | RestPart | AttachedPart)
         ),
     )
     by_parameters = {part.parameters: part for part in parts}

@@ -16,6 +16,7 @@ beyond the noise of the difference, is added to the variance. Forces in closed l
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
 
 from identification.continuous.plan import ContinuousBlocks, plan_continuous_blocks
 from identification.continuous.spectra import (
@@ -41,6 +42,8 @@ _MIN_FORCE_EIGENVALUE = 1e-8  # of S_xx: below it one force follows from the oth
 _HELD_SHARE = 0.2  # of the rate, above which images of a held command count
 _MIN_DISTORTION = 1.5  # variance between realisations over that between periods, to be said
 _MIN_LEAKAGE = 0.02  # of the motion at its peak, to be said
+_DROPPED = 0.01  # force power over its usual size about a line, to be said: 20 dB
+_DROP_LINES = 41  # about a line, that say what is usual: far more than a mode is wide
 _KIND_WORDS = {
     "periodic": "a force that repeats",
     "burst": "bursts",
@@ -99,7 +102,10 @@ def estimate_continuous_frf(
             spectra.force[:, 0, 0].real, spectra.motion, spectra.cross[:, :, 0], int(spectra.count)
         )
         values = estimate_frf(single, settings.estimator)
-    remarks = [_describe(records, blocks)]
+    remarks = [
+        _describe(records, blocks),
+        *_drop_sentence(records, freq, spectra.force[:, 0, 0].real, inputs),
+    ]
     if blocks.kind == "random":
         leakage = _leakage(records, blocks, lines, values, variance)
         remarks += _leakage_sentence(records, freq, values, leakage, variance)
@@ -197,6 +203,22 @@ def _leakage_sentence(
         f"{records.test}, force along {records.reference}: leakage at sharp modes is up to "
         f"{100 * share[line, row]:.2g} % of the peak ({freq_hz[line]:.4g} Hz, "
         f"{records.outputs[row]}) and counts as noise; longer blocks (block_s) have less"
+    ]
+
+
+def _drop_sentence(records: Records, freq_hz: Real, power: Real, inputs: int) -> list[str]:
+    """Return a sentence on a force that falls at a mode, where its channel reads noise."""
+    lines = max(_DROP_LINES, len(power) // 10)
+    usual = median_filter(power, lines, mode="nearest")
+    level = uniform_filter1d(power, 3, mode="nearest") / np.maximum(usual, 1e-300)
+    line = int(level.argmin())
+    if level[line] > _DROPPED:
+        return []
+    way_out = "" if inputs > 1 else '; estimator = "H2" or "Hv" is not biased in this way'
+    return [
+        f"{records.test}: the force along {records.reference} falls by "
+        f"{-10 * np.log10(max(level[line], 1e-30)):.0f} dB at {freq_hz[line]:.4g} Hz, as that of a "
+        f"shaker at a mode: noise of the force channel makes H1 too small there{way_out}"
     ]
 
 

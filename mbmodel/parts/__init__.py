@@ -1,6 +1,7 @@
 """Parts: named, parametrised, low-rank changes of the equation of motion."""
 
 from mbmodel.parts.added import AddedPart
+from mbmodel.parts.attached import AttachedPart, Stinger
 from mbmodel.parts.bodies import BodyPart, body_parts
 from mbmodel.parts.channels import ChannelPart, channel_parts
 from mbmodel.parts.hammer_gain import HammerGainPart, hammer_gain_parts
@@ -19,6 +20,7 @@ from mbmodel.parts.springs import SpringPart, spring_parts
 
 __all__ = [
     "AddedPart",
+    "AttachedPart",
     "BodyPart",
     "Change",
     "ChannelPart",
@@ -32,6 +34,7 @@ __all__ = [
     "SensorPart",
     "Slot",
     "SpringPart",
+    "Stinger",
     "ToleranceKind",
     "body_parts",
     "channel_parts",

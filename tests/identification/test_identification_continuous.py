@@ -112,6 +112,22 @@ def test_leakage_at_sharp_modes_widens_the_variance_and_is_said():
     assert not any("leakage" in remark for remark in longer.remarks)
 
 
+def test_a_force_that_falls_at_a_mode_is_said():
+    force = random_force(1, 1, 40_000)
+    assert not said(force, "falls")
+    freq = np.fft.rfftfreq(40_000, 1 / RATE_HZ)
+    notch = 1 - 0.97 * np.exp(-(((freq - 30.0) / 0.5) ** 2))  # as of a shaker at a resonance
+    dropped = np.fft.irfft(np.fft.rfft(force) * notch, 40_000)
+    (sentence,) = said(dropped, "falls")
+    assert " dB at 30" in sentence or " dB at 29.9" in sentence or " dB at 30." in sentence
+    assert "H2" in sentence
+
+
+def said(force, word):
+    """Remarks on a record that hold a word."""
+    return [text for text in estimate_continuous_frf(shake(force)).remarks if word in text]
+
+
 def test_estimators_of_one_force_bracket_the_frf():
     records = shake(random_force(1, 1, 40_000), noise=0.3)
     low, middle, high = (

@@ -1,0 +1,84 @@
+"""Accelerometers, force gauges and stingers that hang on the machine in some tests."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+from identification.readers.campaign_toml import CampaignSettings, port_key
+from identification.words import Campaign, Dof, InputError
+from mbmodel import Machine
+from mbmodel.parts import AttachedPart, Stinger
+
+
+def attach_instruments(
+    source: Path, settings: CampaignSettings, machine: Machine, campaign: Campaign
+) -> tuple[list[AttachedPart], list[str]]:
+    """Return what ``[sensor.*]`` and ``[hammer.*]`` hang on the machine, and remarks on it.
+
+    Args:
+        source: path of campaign.toml.
+        settings: its content.
+        machine: nominal machine.
+        campaign: tests, whose files say where instruments hang.
+
+    Raises:
+        InputError: a mass or stinger where no test reads or drives a point of the machine.
+    """
+    points = set(machine.layout.points)
+    parts = list(_sensors(source, settings, campaign, points))
+    parts += _shakers(source, settings, campaign, points)
+    if not parts:
+        return [], []
+    texts = [
+        f"{1e3 * part.mass:g} g at {part.pushes.point}"
+        + (" with a stinger" if part.stinger else "")
+        for part in parts
+    ]
+    remark = f"{source.name}: on the machine in the tests of their files: {', '.join(texts)}"
+    if machine.statics is not None:
+        remark += "; their weight does not move the equilibrium here"
+    return parts, [remark]
+
+
+def _sensors(
+    source: Path, settings: CampaignSettings, campaign: Campaign, points: set[str]
+) -> Iterator[AttachedPart]:
+    """Yield each accelerometer with a mass, in the tests of the files that it reads."""
+    files = defaultdict[str, set[str]](set)
+    for test in campaign.tests:
+        for dof in test.estimate.frf.outputs:
+            if isinstance(dof, Dof):
+                files[dof.point].add(test.condition.test)
+    for site, table in settings.sensor.items():
+        if table.mass is None:
+            continue
+        if site not in points or not files[site]:
+            raise InputError(
+                f"{source}: sensor.{site}: mass = {table.mass:g} kg, but no test reads a site of "
+                "that name: name the site of a channel, or remove mass"
+            )
+        yield AttachedPart(f"sensor:{site}", Dof.of(site, 0), frozenset(files[site]), table.mass)
+
+
+def _shakers(
+    source: Path, settings: CampaignSettings, campaign: Campaign, points: set[str]
+) -> Iterator[AttachedPart]:
+    """Yield what each shaker has at each point and direction in which it pushes."""
+    for name, table in settings.hammer.items():
+        if table.mass is None and table.stinger is None:
+            continue
+        files = defaultdict[Dof, set[str]](set)
+        for condition in (test.condition for test in campaign.tests):
+            reference, is_mine = condition.reference, condition.instrument == port_key(name)
+            if is_mine and isinstance(reference, Dof) and reference.point in points:
+                files[reference].add(condition.test)
+        if not files:
+            raise InputError(
+                f"{source}: hammer.{name}: a mass or stinger, but no test of it pushes at a point "
+                "of the machine: name a site as reference, or remove them"
+            )
+        rod = Stinger(**table.stinger.model_dump()) if table.stinger else None
+        for reference, tests in files.items():
+            yield AttachedPart(
+                f"hammer:{name}", reference, frozenset(tests), table.mass or 0.0, rod
+            )
