@@ -64,6 +64,7 @@ from identification.words import (
     node_number,
     settle_port,
 )
+from identification.words.signal import FLOOR
 
 _MIN_LINES_OF_PHASE = 4  # a static test of one to three lines may well be real
 
@@ -295,7 +296,8 @@ def _name_sites(
 ) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
     """Return responses and references at the sites of the layout instead of node numbers.
 
-    A signal keeps its name, but that of a pair or offset which is a site's name is the site.
+    A signal keeps its name, but that of a pair or offset which is a site's name is the site. So
+    does the floor as a reference.
     """
     names = (*layout.points, *layout.bodies)
 
@@ -304,6 +306,8 @@ def _name_sites(
         dof = settle_port(port, names)
         if isinstance(dof, Signal):
             return _refuse_point(file, layout, dof)
+        if dof.point == FLOOR and FLOOR not in names and find == layout.hammer_at_node:
+            return dof
         named = dof.point if dof.point in names else None
         site = find(int(dof.point)) if dof.point.isdecimal() else named
         if site is None:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 
 from identification.words import TOLERANCE_BOUND_SIGMA, percent_text
+from identification.words.signal import FLOOR
 from mbw.gain_text import gain_sentence
 from mbw.page.numbers import format_percent
 from tuning import TunedFile
@@ -105,7 +106,7 @@ def calibration_sentence(tolerance: float | None) -> str:
 def gain_tolerance(summary: TunedFile) -> float | None:
     """Return the largest tolerance of a known gain of a force that varied, 0 if none varied.
 
-    None if all gains of forces are unknown.
+    None if all gains of forces are unknown, or the floor alone moves the machine.
     """
     gains = {
         row.name: row.prior or 0.0
@@ -113,7 +114,7 @@ def gain_tolerance(summary: TunedFile) -> float | None:
         if re.fullmatch(r"hammer\(.*\)\.gain", row.name)
     }
     drives = (row.location.partition(":")[2] for row in summary.channel_gains if row.dof is None)
-    unknown = {f"hammer({name}).gain" for name in drives}
+    unknown = {f"hammer({name}).gain" for name in (*drives, FLOOR)}
     if gains and set(gains) <= unknown:
         return None
     return max((prior for name, prior in gains.items() if name not in unknown), default=0.0)

@@ -10,6 +10,7 @@ from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
 from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import Campaign, InputError
+from identification.words.signal import FLOOR
 from mbmodel import Machine, Model, as_drawn, load_machine, with_variants
 from tuning.attached_instruments import attach_instruments
 from tuning.campaign_machine import (
@@ -50,7 +51,7 @@ class Session:
         It is that of the campaign, of ``[hammer.*]`` or of ``[tuning]``; 0 where none varies.
         """
         instruments = {test.condition.instrument for test in self.campaign.tests}
-        known = instruments - set(self.campaign.unknown_gains.hammers)
+        known = instruments - {*self.campaign.unknown_gains.hammers, FLOOR}
         if not known:
             return None
         varies, gains = self.parametrisation, {f"hammer({name}).gain" for name in known}

@@ -23,6 +23,7 @@ from identification.words import (
     parse_port,
 )
 from identification.words.file_access import check_file
+from identification.words.signal import FLOOR
 
 MAX_LOSS_FACTOR = 10.0  # rubber has 1; beyond 10 the number is a slip
 MAX_LAW_TIME_S = 100.0  # of a delay or relaxation: slower ones are a drift, not dynamics
@@ -356,7 +357,7 @@ def _refuse_unnamed_hammers(path: Path, settings: CampaignSettings) -> None:
         for test in settings.test
         if test.hammer is None
         for text in test.references or []
-        if isinstance(port := _try_port(text), Signal)
+        if isinstance(port := _try_port(text), Signal) or (port and port.point == FLOOR)
     }
     for name in settings.hammer:
         if port_key(name) not in named | motors:

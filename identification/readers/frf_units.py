@@ -22,6 +22,7 @@ from identification.readers.units import (
     torque_label_factor,
 )
 from identification.words import Campaign, Dof, Input, InputError, Output, Quantity, Real, Signal
+from identification.words.signal import FLOOR
 
 _TRANSLATION, _ROTATION, _FORCE, _TORQUE, _SIGNAL = (
     "translations",
@@ -99,13 +100,19 @@ class FrfUnits:
             return self.signal_unit
         if isinstance(reference, Signal) and not reference.is_directed and not reference.is_joint:
             return ""
+        if reference.point == FLOOR:
+            return "rad/s^2" if reference.is_rotation else "m/s^2"
         return "N m" if reference.is_rotation else "N"
 
     def factors(self, outputs: tuple[Output, ...], references: tuple[Input, ...]) -> Real:
-        """Return the factors of FRFs, SI where no unit states a kind; (n_out, n_in)."""
+        """Return the factors of FRFs, SI where no unit states a kind; (n_out, n_in).
+
+        Transmissibilities of the floor are plain ratios of accelerations.
+        """
         motion = [self.motion_factor(output) or 1.0 for output in outputs]
         drive = [self.drive_factor(reference) or 1.0 for reference in references]
         factors: Real = np.divide.outer(np.array(motion), np.array(drive))
+        factors[:, [reference.point == FLOOR for reference in references]] = 1.0
         return factors
 
     @property

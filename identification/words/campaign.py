@@ -13,7 +13,7 @@ from identification.words.hits import HitEstimate
 from identification.words.large_tests import thinning_step
 from identification.words.layout import Layout
 from identification.words.names import shorten_names
-from identification.words.signal import Input, Output, Signal
+from identification.words.signal import FLOOR, Input, Output, Signal
 
 # Standard deviations within which every tolerance is kept in a fit; what lies beyond is an effect
 # that the model lacks, or a fault of a sensor.
@@ -71,11 +71,13 @@ class Condition:
     def instrument(self) -> str:
         """Name of the hammer or drive whose force channel this test shares with others.
 
-        Tests share one hammer unless they name theirs, and each motor is an instrument of its own.
+        Tests share one hammer unless they name theirs. Each motor is an instrument of its own, and
+        so is the accelerometer on the floor.
         """
         if self.hammer is not None:
             return self.hammer
-        return self.reference.point if isinstance(self.reference, Signal) else DEFAULT_HAMMER
+        has_own = isinstance(self.reference, Signal) or self.reference.point == FLOOR
+        return self.reference.point if has_own else DEFAULT_HAMMER
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from identification.words.dof import DIRECTIONS, Dof
 
 JOINT_PREFIX = "joint:"  # of signals of joints, such as joint:ty_tx
 OFFSET_MARK = "@"  # between a body and the offset of a point: ty@0,0,0.2:+tx
+FLOOR = "floor"  # the point of labels for motions of the floor, where no site has that name
 PAIR_MARK = "-"  # between two points whose difference is meant: coil-magnet:+tx
 _SIGNED_DIRECTION = re.compile(r"(?P<place>.+):(?P<sign>[+-]?)(?P<axis>[tr]?[xyz])")
 

@@ -25,12 +25,10 @@ from identification.words import (
     settle_port,
     shorten_names,
 )
-from identification.words.signal import OFFSET_MARK, PAIR_MARK
+from identification.words.signal import FLOOR, OFFSET_MARK, PAIR_MARK
 from mbmodel.linearisation.sensors import SensorReading
 from mbmodel.machine import Axle, Machine
 from mbmodel.spatial import cross_matrix
-
-FLOOR = "floor"  # the point of labels for motions of the floor
 
 
 def is_floor(machine: Machine, port: Port) -> bool:

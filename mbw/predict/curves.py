@@ -15,10 +15,10 @@ from identification.words import (
     Real,
     UsageError,
 )
+from identification.words.signal import FLOOR
 from mbmodel import Evaluator, FrfRequest, Machine, Model, Modes
 from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
 from mbmodel.ports.ports import find_ports
-from mbmodel.ports.signal_rows import FLOOR
 from mbw.site_kinds import hammer_sites
 
 _MAX_CURVES = 300  # FRFs that the page shows; more would make it slow
