@@ -87,8 +87,11 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         gain = "unknown"
         gain_tolerance = 0.2
         delay_tolerance = 1e-3
+        mass = 0.01
         [hammer.small]
         gain = "unknown"
+        mass = 0.02
+        stinger = { diameter = 0.002, length = 0.05 }
         [tolerance]
         mass = 0.011
         inertia = 0.012
@@ -156,8 +159,11 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "gain": "unknown",
         "gain_tolerance": 0.2,
         "delay_tolerance": 1e-3,
+        "mass": 0.01,
     }
-    assert settings.hammer["small"].gain == "unknown"
+    hammer = settings.hammer["small"]
+    assert (hammer.gain, hammer.mass) == ("unknown", 0.02)
+    assert hammer.stinger.model_dump() == {"diameter": 0.002, "length": 0.05, "modulus": 2.1e11}
     values = list(settings.tolerance.model_dump().values())
     assert values == [
         0.011,
