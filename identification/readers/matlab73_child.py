@@ -1,4 +1,4 @@
-"""Script for a child process that reads a MATLAB file of version 7.3, which is HDF5, by h5py.
+"""Script for a child process that reads HDF5, such as a MATLAB file of version 7.3, by h5py.
 
 Only bytes of the file itself are read: links to other files, external storage and virtual datasets
 are refused.
@@ -15,7 +15,8 @@ _COMPLEX_FIELDS = ("real", "imag")
 def read(path: Path, max_array_bytes: int) -> dict[str, np.ndarray]:
     """Read the numeric variables by name, with the order of axes of MATLAB.
 
-    HDF5 stores the axes in reversed order, and complex numbers as pairs named real and imag.
+    HDF5 stores the axes in reversed order, and complex numbers as pairs named real and imag. What
+    lies in a group has its name before, as in ``log/current``.
 
     Args:
         path: the file.
@@ -27,11 +28,14 @@ def read(path: Path, max_array_bytes: int) -> dict[str, np.ndarray]:
     """
     with h5py.File(path, "r") as file:
         _refuse_links(file)
-        datasets = {
-            name: item
-            for name in file
-            if isinstance(item := file[name], h5py.Dataset) and _is_numeric(item.dtype)
-        }
+        datasets: dict[str, h5py.Dataset] = {}
+
+        def collect(name: str, item: h5py.Dataset | h5py.Group) -> None:
+            is_cell = name.startswith("#")  # of MATLAB, which only references name
+            if isinstance(item, h5py.Dataset) and not is_cell and _is_numeric(item.dtype):
+                datasets[name] = item
+
+        file.visititems(collect)
         for name, item in datasets.items():
             if item.external or item.is_virtual:
                 raise ValueError(f"{name} takes its values from another file")

@@ -1,13 +1,21 @@
 """A controller's own record: the plant inside a closed loop, from references, without bias."""
 
+import json
+
+import h5py
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
 import scipy.io
 import scipy.signal
 import scipy.stats
+from mcap.writer import Writer
 
 from identification import read_campaign, read_layout, read_settings
 from identification.continuous import estimate_continuous_frf, remove_hold
+from identification.readers.campaign_toml import LogSettings
+from identification.readers.drive_log import _resample
 from identification.words import Dof, InputError, Records
 
 RATE_HZ = 1000.0
@@ -179,3 +187,91 @@ def test_signals_may_be_variables_of_matlab(tmp_path, record, clock):
 def test_a_log_needs_a_motor_and_an_encoder(tmp_path):
     with pytest.raises(InputError, match="encoders"):
         read(tmp_path, 'layout = "layout.toml"\n[log]\nfile = "a.mat"\nmotors = { m = "a" }\n')
+
+
+def write_hdf5(path, time, signals):
+    with h5py.File(path, "w") as file:
+        file["time"] = time
+        for name, values in signals.items():
+            file[f"log/{name}"] = values
+    return {name: f"log/{name}" for name in signals}
+
+
+def write_parquet(path, time, signals):
+    pyarrow.parquet.write_table(pyarrow.table({"time": time, **signals}), path)
+    return {name: name for name in signals}
+
+
+def write_mcap(path, time, signals, drop=()):
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("numbers", "jsonschema", b"{}")
+        channels = {name: writer.register_channel(f"/{name}", "json", schema) for name in signals}
+        for k, moment in enumerate(time):
+            if k in drop:
+                continue
+            nanoseconds = 1_700_000_000_000_000_000 + round(moment * 1e9)
+            for name, values in signals.items():
+                data = json.dumps({"data": [float(values[k]), 1.0], "frame": "a"}).encode()
+                writer.add_message(channels[name], nanoseconds, data, nanoseconds)
+        writer.finish()
+    return {name: f"/{name}.data[0]" for name in signals}
+
+
+@pytest.mark.parametrize(
+    ("suffix", "write"),
+    [(".h5", write_hdf5), (".parquet", write_parquet), (".mcap", write_mcap)],
+)
+def test_a_record_may_be_that_of_a_robot(tmp_path, record, suffix, write):
+    count = 16_384
+    reference, command, position = (signal[:count] for signal in record)
+    signals = {"cmd": command, "pos": position, "ref": reference}
+    names = write(tmp_path / f"trace{suffix}", np.arange(count) / RATE_HZ, signals)
+    text = LOG.format(file=f"trace{suffix}", motor=names["cmd"], encoder=names["pos"])
+    (test,) = read(tmp_path, text + f'references = ["{names["ref"]}"]\n').tests
+    expected = estimate_continuous_frf(records_of(reference, command, position)).estimate
+    if suffix == ".mcap":  # times in nanoseconds round, and the last sample ends the time base
+        assert len(test.estimate.frf.freq_hz) == len(expected.frf.freq_hz)
+        np.testing.assert_allclose(test.estimate.frf.values, expected.frf.values, rtol=1e-3)
+    else:
+        np.testing.assert_allclose(test.estimate.frf.values, expected.frf.values, rtol=1e-6)
+    with pytest.raises(InputError, match=r"no variable 'nothing' .* correct its name"):
+        read(tmp_path, text + 'references = ["nothing"]\n')
+
+
+def test_messages_that_are_missing_are_refused(tmp_path, record):
+    signals = {"cmd": record[1][:2000], "pos": record[2][:2000]}
+    drop = set(range(100, 2000, 20)) | set(range(101, 2000, 20))
+    names = write_mcap(tmp_path / "trace.mcap", np.arange(2000) / RATE_HZ, signals, drop)
+    text = LOG.format(file="trace.mcap", motor=names["cmd"], encoder=names["pos"])
+    with pytest.raises(InputError, match=r"missing or late, up to 0\.003 s apart"):
+        read(tmp_path, text)
+
+
+def test_topics_of_two_rates_are_read_at_the_slower_one(tmp_path):
+    time = np.arange(2001) / RATE_HZ
+    slow = time[::4]
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, time, {"fast": np.sin(20 * time)})
+    log = LogSettings(file="trace.mcap", motors={"m": "/fast.data[0]"}, encoders={"e": "/b"})
+    arrays = {
+        "/fast.data[0]": np.sin(20 * time),
+        "/fast:time": time,
+        "/b": np.cos(20 * slow),
+        "/b:time": slow + 1e-4,
+    }
+    columns = [*log.motors.values(), *log.encoders.values()]
+    result = _resample(path, arrays, columns)
+    np.testing.assert_allclose(np.diff(result["time"]), 4 / RATE_HZ, rtol=1e-9)
+    moments = result["time"] + 1e-4
+    np.testing.assert_allclose(result["/fast.data[0]"], np.sin(20 * moments), atol=1e-4)
+    np.testing.assert_allclose(result["/b"], np.cos(20 * (moments - 1e-4)), atol=1e-9)
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".parquet", ".mcap"])
+def test_a_damaged_record_is_refused_in_one_sentence(tmp_path, suffix):
+    (tmp_path / f"trace{suffix}").write_bytes(b"no such file" * 100)
+    text = LOG.format(file=f"trace{suffix}", motor="a", encoder="b")
+    with pytest.raises(InputError, match=f"trace{suffix} cannot be read"):
+        read(tmp_path, text)
