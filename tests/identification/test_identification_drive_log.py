@@ -11,6 +11,7 @@ import scipy.io
 import scipy.signal
 import scipy.stats
 from mcap.writer import Writer
+from mcap_ros2.writer import Writer as RosWriter
 
 from identification import read_campaign, read_layout, read_settings
 from identification.continuous import estimate_continuous_frf, remove_hold
@@ -275,3 +276,32 @@ def test_a_damaged_record_is_refused_in_one_sentence(tmp_path, suffix):
     text = LOG.format(file=f"trace{suffix}", motor="a", encoder="b")
     with pytest.raises(InputError, match=f"trace{suffix} cannot be read"):
         read(tmp_path, text)
+
+
+def test_messages_of_ros_2_go_by_their_stamp(tmp_path, record):
+    count = 8192
+    _, command, position = (signal[:count] for signal in record)
+    path = tmp_path / "trace.mcap"
+    header = "std_msgs/Header header\nfloat64[] position\nfloat64[] effort\n"
+    parts = (
+        "=" * 80 + "\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+        + "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+    )  # fmt: skip
+    late = np.random.default_rng(6).uniform(0, 4e-4, count)  # on its way to the recorder
+    with path.open("wb") as stream:
+        writer = RosWriter(stream)
+        schema = writer.register_msgdef("sensor_msgs/msg/JointState", header + parts)
+        for k in range(count):
+            seconds, rest = divmod(1_700_000_000_000_000_000 + k * 1_000_000, 1_000_000_000)
+            message = {
+                "header": {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": ""},
+                "position": [0.0, position[k]],
+                "effort": [command[k]],
+            }
+            arrived = seconds * 1_000_000_000 + rest + round(1e9 * late[k])
+            writer.write_message("/joint_states", schema, message, arrived, arrived)
+        writer.finish()
+    names = {"motor": "/joint_states.effort[0]", "encoder": "/joint_states.position[1]"}
+    (test,) = read(tmp_path, LOG.format(file="trace.mcap", **names)).tests
+    expected = estimate_continuous_frf(records_of(None, command, position)).estimate
+    np.testing.assert_allclose(test.estimate.frf.values, expected.frf.values, rtol=1e-3)
