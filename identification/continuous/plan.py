@@ -4,8 +4,8 @@ Three kinds are told apart by the force alone:
 
 * *periodic*: the force repeats. Blocks are its periods, without a window, which have no leakage
   once the machine has settled: the first period of a record is left out.
-* *burst*: the force rests at the end of each record, and so does the motion. A block is a record,
-  without a window.
+* *burst*: the force rests at the end of each record, or before each of several bursts in a record,
+  and so does the motion. A block is a record, or a burst with its decay, without a window.
 * *random*: everything else. Blocks have Hann windows that overlap by two thirds (Bendat and Piersol
   2010, ch. 11.5).
 
@@ -21,6 +21,7 @@ from typing import Literal
 
 import numpy as np
 import scipy.fft
+from scipy.ndimage import uniform_filter1d
 
 from identification.words import InputError, Real, Records
 
@@ -29,6 +30,7 @@ Kind = Literal["periodic", "burst", "random"]
 _MIN_REPEATED = 0.98  # correlation of a force with itself a period later
 _MAX_BETWEEN = 0.5  # correlation below which a force has changed before it repeats
 _REST_SHARE, _REST_RATIO = 0.05, 0.02  # end of a record, and its rms over that of the record
+_BINS, _REST_GAP = 1000, 0.2  # of a record; rest after a burst over the time between bursts
 _BEFORE_SHARE = 0.2  # of the record, before its end: where a decay would still be larger
 _MAX_END_NOISE, _MIN_STEADY = 0.1, 0.6  # rms of noise over that of the record, and over that before
 _BLOCKS = 8  # lengths of a block that a random force lasts: 16 independent blocks, for each input
@@ -83,9 +85,10 @@ def plan_continuous_blocks(records: Records, block_s: float | None = None) -> Co
         starts = tuple(range(0, n_sample - period + 1, period))
         starts = starts[1:] if len(starts) > _MIN_REPETITIONS else starts
         return ContinuousBlocks("periodic", np.ones(period), starts, float(n_record * len(starts)))
-    if block_s is None and n_record > 1 and _is_at_rest(records):
-        even = n_sample - n_sample % 2
-        return ContinuousBlocks("burst", np.ones(even), (0,), float(n_record))
+    bursts, length = ((0,), n_sample) if n_record > 1 else find_bursts(records.force)
+    length -= length % 2
+    if block_s is None and n_record * len(bursts) > 1 and _is_at_rest(records, bursts, length):
+        return ContinuousBlocks("burst", np.ones(length), bursts, float(n_record * len(bursts)))
     length = round(block_s * records.rate_hz) if block_s is not None else 0
     if not length:
         inputs = 1 + len(records.further_references)
@@ -137,16 +140,46 @@ def find_period(force: Real) -> int | None:
     return int(run[np.argmax(correlation[run])])
 
 
-def _is_at_rest(records: Records) -> bool:
-    """Return whether force and motion rest at the end of the records.
+def find_bursts(force: Real) -> tuple[tuple[int, ...], int]:
+    """Return the first sample of each burst of a record, and the samples from one to the next.
 
-    What is left there is small, or noise: nearly as much as a fifth of the record before.
+    A burst ends where the force rests for a fifth of the time between bursts.
+
+    Args:
+        force: one input; (1, n_sample).
+
+    Returns:
+        Starts and their smallest distance; no start where the force does not rest.
     """
-    n_sample = records.force.shape[1]
-    last, before = max(round(_REST_SHARE * n_sample), 1), round(_BEFORE_SHARE * n_sample)
-    signals = [records.force, *records.further_forces, *np.moveaxis(records.motion, 1, 0)]
-    for signal in signals:
-        part = signal - np.median(signal, axis=1, keepdims=True)
+    n_sample = force.shape[1]
+    width = max(n_sample // _BINS, 4)
+    power = uniform_filter1d((force[0] - np.median(force[0])) ** 2, 2 * width + 1, mode="nearest")
+    active = np.flatnonzero(power > _REST_RATIO**2 * power.mean())
+    gaps = np.diff(active, prepend=-n_sample)
+    rest = np.flatnonzero(gaps > width)
+    starts = active[rest]
+    if len(starts) < _MIN_REPETITIONS:
+        return (), n_sample
+    length = int(min(np.diff(starts).min(), n_sample - starts[-1]))
+    if gaps[rest[1:]].min() < _REST_GAP * length:
+        return (), n_sample
+    return tuple(starts.tolist()), length
+
+
+def _is_at_rest(records: Records, starts: tuple[int, ...], length: int) -> bool:
+    """Return whether force and motion rest at the end of the blocks.
+
+    What is left there is small, or noise: nearly as much as a fifth of the block before.
+
+    Args:
+        records: of one reference.
+        starts: first sample of each block of a record.
+        length: of a block [samples].
+    """
+    last, before = max(round(_REST_SHARE * length), 1), round(_BEFORE_SHARE * length)
+    for signal in (records.force, *records.further_forces, *np.moveaxis(records.motion, 1, 0)):
+        blocks = np.concatenate([signal[:, start : start + length] for start in starts])
+        part = blocks - np.median(blocks, axis=1, keepdims=True)
         whole, end, earlier = (
             np.sqrt((piece**2).mean())
             for piece in (part, part[:, -last:], part[:, -last - before : -before])

@@ -86,6 +86,23 @@ def test_bursts_need_no_window():
     assert np.median(error) < 2e-3
 
 
+def test_bursts_of_one_record_need_no_window_either():
+    burst = np.zeros((1, 1, 12 * 6144))
+    lengths = np.random.default_rng(8).integers(6000, 6144, 12)
+    starts = np.cumsum(lengths) - lengths
+    for k, start in enumerate(starts):
+        burst[0, 0, start : start + 600] = random_force(600, seed=20 + k)
+    records = shake(np.concatenate([np.zeros((1, 1, 2048)), burst], axis=2), noise=0.02, seed=9)
+    result = estimate_continuous_frf(records)
+    assert result.blocks.kind == "burst"
+    assert len(result.blocks.starts) == 12
+    frf = result.estimate.frf
+    band = (frf.freq_hz > 5) & (frf.freq_hz < 60)
+    error = frf.values[band, :, 0] - exact(frf.freq_hz[band])[:, :, 0]
+    squares = np.abs(error) ** 2 / result.estimate.variance[band, :, 0]
+    assert 0.8 < squares.mean() < 1.3
+
+
 def test_lines_of_periods_are_those_that_the_force_excites():
     result = estimate_continuous_frf(shake(multisine(1, 1, 8), noise=0.01))
     freq = result.estimate.frf.freq_hz
