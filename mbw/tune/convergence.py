@@ -2,7 +2,7 @@
 
 from html import escape
 
-from mbw.page.html import badge
+from mbw.page.html import badge, input_files
 from mbw.remarks import describe_not_in_mjcf, describe_search
 from tuning import TunedFile
 from tuning.files.mode_table_result import MODE_TABLE_JSON
@@ -102,9 +102,4 @@ def provenance(
     missing = describe_not_in_mjcf(summary.not_held_by_mjcf, not_held_error, list_file)
     search = describe_search(summary.fit)
     text = escape(" ".join(filter(None, [f"{search[0].upper()}{search[1:]}.", sentence, missing])))
-    files = ", ".join(
-        f'{escape(row.file)} <code title="SHA-256 {escape(row.sha256)}">{escape(row.sha256[:10])}'
-        "</code>"
-        for row in summary.inputs
-    )
-    return f"{text}<br>Input files: {files}." if files else text
+    return "<br>".join(filter(None, [text, input_files(summary.inputs)]))

@@ -6,14 +6,8 @@ from html import escape
 from tuning import TunedFile
 from tuning.files.schema import ModePairRow, ModePartnerRow
 
-_PARTNER = ("f / Hz", "off by / %", "damping / %", "off by / %", "MAC", "moves most")
-_TITLES = (
-    *("mode", "f / Hz", "damping / %", "moves most"),
-    *(f"as drawn: {_PARTNER[0]}", *_PARTNER[1:]),
-    *(f"tuned: {_PARTNER[0]}", *_PARTNER[1:]),
-)
-_MOTION_COLUMNS = (3, 9, 15)
-_TERMINAL_COLUMNS = (0, 1, 2, 3, 4, 6, 10, 12, 15)
+_PARTNER = ("f / Hz", "damping / %", "MAC", "moves most")
+_MOTION_COLUMNS = (3, 10)
 _NAMES = {"modal": "modes", "log": "FRFs"}
 
 
@@ -32,55 +26,67 @@ def pairs_section(summary: TunedFile) -> str:
 
 
 def pairs_table(pairs: Sequence[ModePairRow]) -> str:
-    """Return HTML of one row for each measured mode; columns without any value are left out."""
-    rows = [_cells(number, row) for number, row in enumerate(pairs, start=1)]
-    columns = [k for k in range(len(_TITLES)) if any(row[k] for row in rows)]
+    """Return HTML of one row for each measured mode, with differences in brackets."""
     lines = [
         "".join(
-            f"<{kind}{' class=name' if k in _MOTION_COLUMNS else ''}>{escape(row[k])}</{kind}>"
-            for k in columns
+            f"<td class=name>{escape(cell)}</td>"
+            if is_name
+            else f"<td>{escape(cell).replace(' (', '&nbsp;(').replace(' %)', '&nbsp;%)')}</td>"
+            for cell, is_name in row
         )
-        for kind, row in [("th", _TITLES), *(("td", row) for row in rows)]
+        for row in _rows(pairs)
     ]
+    head = lines[0].replace("td", "th")
     body = "".join(f"<tr>{line}</tr>" for line in lines[1:])
     return (
-        f'<div class="scroll"><table><thead><tr>{lines[0]}</tr></thead>'
+        f'<div class="scroll"><table><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
     )
 
 
 def pair_lines(pairs: Sequence[ModePairRow]) -> list[str]:
-    """Return the lines of the terminal: frequencies, damping and largest motions."""
-    rows = [_TITLES, *(_cells(number, row) for number, row in enumerate(pairs, start=1))]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(_TITLES))]
+    """Return that table as lines of the terminal."""
+    rows = _rows(pairs)
+    widths = [max(len(cell) for cell, _ in column) for column in zip(*rows, strict=True)]
     return [
         "  ".join(
-            row[k].ljust(widths[k]) if k in _MOTION_COLUMNS else row[k].rjust(widths[k])
-            for k in _TERMINAL_COLUMNS
+            cell.ljust(width) if is_name else cell.rjust(width)
+            for (cell, is_name), width in zip(row, widths, strict=True)
         ).rstrip()
         for row in rows
     ]
 
 
-def _cells(number: int, row: ModePairRow) -> tuple[str, ...]:
-    """Return the cells of all columns; those that do not apply are empty."""
+def _rows(pairs: Sequence[ModePairRow]) -> list[list[tuple[str, bool]]]:
+    """Return titles and rows of cells, each with whether it holds a name.
+
+    Columns without any value are left out: a table of modes has no MAC, and other modes name no
+    motion.
+    """
+    source = "measured" if any(row.line is None for row in pairs) else "table"
+    titles = ["mode", f"{source}: {_PARTNER[0]}", _PARTNER[1], _PARTNER[3]]
+    titles += [f"as drawn: {_PARTNER[0]}", *_PARTNER[1:3], f"tuned: {_PARTNER[0]}", *_PARTNER[1:]]
+    rows = [_cells(number, row) for number, row in enumerate(pairs, start=1)]
+    columns = [k for k in range(len(titles)) if any(row[k] for row in rows)]
+    return [[(row[k], k in _MOTION_COLUMNS) for k in columns] for row in (titles, *rows)]
+
+
+def _cells(number: int, row: ModePairRow) -> list[str]:
     damping = "" if row.damping is None else f"{100 * row.damping:.2f}"
-    measured = (str(number), f"{row.frequency:.2f}", damping, row.motion or "")
-    return (*measured, *_partner_cells(row, row.as_drawn), *_partner_cells(row, row.tuned))
+    measured = [str(number), f"{row.frequency:.2f}", damping, row.motion or ""]
+    return measured + _partner_cells(row, row.as_drawn)[:3] + _partner_cells(row, row.tuned)
 
 
-def _partner_cells(row: ModePairRow, partner: ModePartnerRow | None) -> tuple[str, ...]:
+def _partner_cells(row: ModePairRow, partner: ModePartnerRow | None) -> list[str]:
     if partner is None:
-        return ("none", *[""] * (len(_PARTNER) - 1))
+        return ["none", "", "", ""]
     change = partner.damping_error
     moves = partner.largest or ""
     if partner.moves_most is not None:
         moves = row.motion or "" if partner.moves_most else f"{moves}, not {row.motion}"
-    return (
-        f"{partner.frequency:.2f}",
-        f"{100 * partner.frequency_error:+.2f}",
-        f"{100 * partner.damping:.2f}",
-        "" if change is None else f"{100 * change:+.0f}",
+    return [
+        f"{partner.frequency:.2f} ({100 * partner.frequency_error:+.2g} %)",
+        f"{100 * partner.damping:.2f}" + ("" if change is None else f" ({100 * change:+.0f} %)"),
         "" if partner.mac is None else f"{partner.mac:.3f}",
         moves,
-    )
+    ]

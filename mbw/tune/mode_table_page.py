@@ -1,6 +1,5 @@
 """Page of ``mbw tune --modes``: the page of a tuning, with a chart of modes in place of FRFs."""
 
-from collections.abc import Sequence
 from html import escape
 
 from identification.words import percent_text
@@ -8,7 +7,7 @@ from mbw.page.html import badge, fill_template, warning_boxes
 from mbw.tune.convergence import provenance
 from mbw.tune.mode_pairs import pairs_table
 from mbw.tune.parameters import parameters_table
-from tuning.files.schema import ModePairRow, ModePartnerRow, ModeTableFile
+from tuning.files.schema import ModeTableFile
 
 MODE_TABLE_PAGE = "mode_table.html"
 _CHART = (
@@ -30,7 +29,7 @@ def render(summary: ModeTableFile) -> str:
         end = f"{badge('not converged', good=False)} {escape(fit.advice)}"
     return fill_template(
         "tune/template.html",
-        _data(summary.modes),
+        {"modes": [row.model_dump() for row in summary.modes]},
         title=escape(f"{summary.model}: model and table of modes"),
         subtitle=escape(
             f"table {summary.table}, {len(summary.modes)} modes, "
@@ -51,9 +50,8 @@ def render(summary: ModeTableFile) -> str:
 
 
 def _lead(summary: ModeTableFile) -> str:
-    drawn, tuned = (
-        [abs(row.frequency_error) for row in partners] for partners in _partners(summary.modes)
-    )
+    drawn = [abs(row.as_drawn.frequency_error) for row in summary.modes if row.as_drawn]
+    tuned = [abs(row.tuned.frequency_error) for row in summary.modes if row.tuned]
     if not (drawn and tuned):
         return "No row of the table has a mode of the model."
     return (
@@ -62,30 +60,3 @@ def _lead(summary: ModeTableFile) -> str:
         f"{len(summary.determined)} of {len(summary.parameters)} parameters; the "
         "others stay near the nominal model."
     )
-
-
-def _partners(rows: Sequence[ModePairRow]) -> tuple[list[ModePartnerRow], list[ModePartnerRow]]:
-    """Return the modes of the model as drawn, and tuned, that have a row."""
-    drawn = [row.as_drawn for row in rows if row.as_drawn is not None]
-    return drawn, [row.tuned for row in rows if row.tuned is not None]
-
-
-def _data(rows: Sequence[ModePairRow]) -> dict[str, object]:
-    """Return damping over frequency of the table, of the model as drawn, and tuned."""
-    damped = [row for row in rows if row.damping is not None]
-    table = {
-        "freq": [row.frequency for row in damped],
-        "freq_sd": [row.frequency_sd for row in damped],
-        "damping": [100 * (row.damping or 0.0) for row in damped],
-        "damping_sd": [100 * (row.damping_sd or 0.0) for row in damped],
-        "moves": [row.motion or "" for row in damped],
-    }
-    drawn, tuned = (
-        {
-            "freq": [row.frequency for row in partners],
-            "damping": [100 * row.damping for row in partners],
-            "moves": [row.largest for row in partners],
-        }
-        for partners in _partners(rows)
-    )
-    return {"table": table, "drawn": drawn, "tuned": tuned}

@@ -65,7 +65,7 @@ def test_the_table_stands_on_stdout_beside_the_model_before_and_after(result):
     _, run = result
     lines = run.stdout.splitlines()
     assert len(lines) == 4
-    assert lines[0].split()[:2] == ["mode", "f"]
+    assert lines[0].split()[:2] == ["mode", "table:"]
     assert lines[3].split()[:4] == ["3", "100.00", "3.00", "head:tx"]
     assert lines[3].endswith("head:tx")
     assert "converged after" in run.stderr

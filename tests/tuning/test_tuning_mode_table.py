@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from identification.readers.mode_table import ModeTable, TabulatedMode
-from identification.words import InputError
+from identification.words import InputError, UsageError
 from mbmodel import as_drawn, load_machine, modes_of_matrices
 from tuning.files.mode_table_result import summarise_mode_table
 from tuning.fitting import fitter
+from tuning.fitting.stages import STAGES
 from tuning.misfit.mode_table_misfit import ModeTableMisfit, TableStage
 from tuning.mode_table_tuning import parametrise_for_table, tune_to_modes
 
@@ -259,3 +260,9 @@ def test_an_interrupt_ends_the_search_and_keeps_the_best_end(small_station, monk
     assert (tuned.fit.outcome, tuned.fit.advice) == ("interrupted", "kept")
     np.testing.assert_array_equal(tuned.fit.theta, one.fit.theta)
     assert tuned.fit.agreeing_starts == 1
+
+
+def test_a_stage_of_frfs_needs_a_campaign(small_station):
+    model, parametrisation = parametrise_for_table(small_station[0], [])
+    with pytest.raises(UsageError, match="a stage of FRFs needs a campaign: read one first"):
+        fitter.fit_table(model, parametrisation, np.zeros(parametrisation.size), STAGES[:1])
