@@ -89,16 +89,9 @@ def exchange_channels(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) ->
             if counterpart is not None:
                 rows[row] = counterpart
                 signs[row] = dof.sign * outputs[counterpart].sign
-        values = estimate.frf.values[:, rows] * signs[:, None]
-        moved = replace(
-            estimate,
-            frf=replace(estimate.frf, values=values),
-            variance=estimate.variance[:, rows],
-            measured=estimate.measured[rows],
-            coherence=None if estimate.coherence is None else estimate.coherence[:, rows],
-            shared=None if estimate.shared is None else estimate.shared[:, rows],
-        )
-        return _keep_channels(moved, kept)
+        moved = estimate.select_outputs(rows)
+        frf = replace(estimate.frf, values=moved.frf.values * signs[:, None])
+        return _keep_channels(replace(moved, frf=frf), kept)
 
     return _edit_estimates(campaign, edit)
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 
-from identification.words import Campaign
+from identification.words import Campaign, NominalGain
 from tuning.files.schema import ChannelGainRow
 
 _MIN_SHOWN_DELAY_S = 1e-5  # half of the default tolerance
@@ -62,8 +62,7 @@ def gain_table(rows: Sequence[ChannelGainRow]) -> str:
 
 def _label(row: ChannelGainRow) -> str:
     """Return the place of a gain in words."""
-    kind, _, place = row.location.partition(":")
-    name = f"{kind} {place}" if row.dof is None else f"{place} {row.dof}"
+    name = NominalGain(row.location, row.dof, row.gain).label
     return f"{name} (times the force channel's)" if row.is_product else name
 
 

@@ -9,6 +9,7 @@ from mbw.gain_text import gain_sentence
 from mbw.page.numbers import format_percent
 from tuning import TunedFile
 from tuning.files.result import TUNED_JSON
+from tuning.files.schema import FitRow
 from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 
 # What instruments have and an MJCF has not: how a sentence calls it, parts of parameters' names
@@ -20,6 +21,14 @@ _ELECTRIC = (
     ("delay", r"\)\.delay", "force channel"),
 )
 _MAX_LISTED_NAMES = 4  # entries of a list that a sentence names; more would hide the sentence
+
+
+def describe_search(fit: FitRow) -> str:
+    """Return how a search ended, and how many of several starts agree."""
+    text = f"{fit.outcome} after {fit.evaluations} evaluations"
+    if fit.starts == 1:
+        return text
+    return f"{text}; {fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost"
 
 
 def list_remarks(summary: TunedFile) -> list[str]:

@@ -10,8 +10,8 @@ from pathlib import Path
 from identification.readers.mode_table import read_mode_table
 from mbmodel import as_drawn, load_machine, modes_of_matrices, refuse_difference, write_model
 from tuning.files.mode_table_result import summarise_mode_table
-from tuning.files.mode_table_schema import ModeTableFile, TablePartnerRow, TabulatedModeRow
-from tuning.mode_table.mode_table_tuning import ModeTableTuning, tune_to_modes
+from tuning.files.schema import ModePairRow, ModePartnerRow, ModeTableFile
+from tuning.mode_table_tuning import ModeTableTuning, tune_to_modes
 
 HERE = Path(__file__).resolve().parent
 STATION, MODES = HERE / "station.xml", HERE / "modes.csv"
@@ -30,7 +30,7 @@ _HEADER = """<!--
 def main() -> None:
     """Write the tuned machine, and the figures of the README."""
     tuned = identify()
-    written = write_model(tuned.model, tuned.theta, IDENTIFIED)
+    written = write_model(tuned.model, tuned.fit.theta, IDENTIFIED)
     refuse_difference(written.file, written.difference)
     text = IDENTIFIED.read_text(encoding="utf-8")
     named = text.replace(
@@ -97,7 +97,7 @@ def _modes(summary: ModeTableFile) -> str:
     return "\n".join(lines)
 
 
-def _partner(row: TabulatedModeRow, partner: TablePartnerRow | None) -> list[str]:
+def _partner(row: ModePairRow, partner: ModePartnerRow | None) -> list[str]:
     if partner is None:
         return ["none", "", ""]
     moves = row.motion if partner.moves_most and row.motion else partner.largest
@@ -107,7 +107,7 @@ def _partner(row: TabulatedModeRow, partner: TablePartnerRow | None) -> list[str
 def _counts(tuned: ModeTableTuning) -> str:
     drawn, identified = (
         modes_of_matrices(tuned.model.matrices(theta)).freq_hz
-        for theta in (tuned.model.drawn, tuned.theta)
+        for theta in (tuned.model.drawn, tuned.fit.theta)
     )
     below = [int((freq < HIGHEST_HZ).sum()) for freq in (drawn, identified)]
     beyond = identified[identified >= HIGHEST_HZ].min()

@@ -68,7 +68,8 @@ def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
                 channels = tuple(outputs[row].positive for row in chosen)
                 group.setdefault(channels, []).append(str(test.condition.reference))
         kept = [row for row in range(len(outputs)) if row not in left_out]
-        tests.append(_keep_rows(test, kept) if left_out and kept else test)
+        estimate = test.estimate.select_outputs(kept) if kept else test.estimate
+        tests.append(replace(test, estimate=estimate))
     remarks = [
         f"{shorten_names(channels)} read noise alone if hit at {', '.join(hits)}, although the "
         "sensor moves in other tests and should move there: a cable was off; left out there"
@@ -80,21 +81,6 @@ def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
         for channels, hits in silent.items()
     ]
     return replace(campaign, tests=tuple(tests)), tuple(remarks)
-
-
-def _keep_rows(test: Test, rows: list[int]) -> Test:
-    """Return a test with these channels alone."""
-    estimate = test.estimate
-    frf = estimate.frf
-    outputs = tuple(frf.outputs[row] for row in rows)
-    kept = replace(
-        estimate,
-        frf=replace(frf, values=frf.values[:, rows], outputs=outputs),
-        variance=estimate.variance[:, rows],
-        measured=estimate.measured[rows],
-        coherence=None if estimate.coherence is None else estimate.coherence[:, rows],
-    )
-    return replace(test, estimate=kept)
 
 
 def _whole_sensor_is_in(outputs: tuple[Output, ...], row: int, silent: list[int]) -> bool:

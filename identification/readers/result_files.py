@@ -31,6 +31,11 @@ class ResultFile(BaseModel):
         self.model_fields_set.add("format")
 
 
+def json_text(content: BaseModel) -> str:
+    """Return a result as JSON; keys that were never set do not apply to it and are left out."""
+    return content.model_dump_json(indent=1, exclude_unset=True)
+
+
 def check_format(stated: object, path: Path) -> None:
     """Refuse a file of a newer format.
 

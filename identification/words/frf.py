@@ -11,6 +11,7 @@ from identification.words._arrays import (
     MAX_INPUT_MAGNITUDE,
     MIN_FREQUENCY_HZ,
     Complex,
+    Integers,
     Mask,
     Real,
     frozen_array,
@@ -245,4 +246,23 @@ class FrfEstimate:
             variance=self.variance[chosen],
             coherence=None if self.coherence is None else self.coherence[chosen],
             shared=None if self.shared is None else self.shared[chosen],
+        )
+
+    def select_outputs(self, rows: Sequence[int] | Integers) -> Self:
+        """Return the estimate of these outputs alone, in this order.
+
+        Args:
+            rows: numbers of the outputs.
+        """
+        frf, coherence = self.frf, self.coherence
+        if list(rows) == list(range(len(frf.outputs))):
+            return self
+        outputs = tuple(frf.outputs[row] for row in rows)
+        return replace(
+            self,
+            frf=replace(frf, values=frf.values[:, rows], outputs=outputs),
+            variance=self.variance[:, rows],
+            measured=self.measured[rows],
+            coherence=None if coherence is None else coherence[:, rows],
+            shared=None if self.shared is None else self.shared[:, rows],
         )

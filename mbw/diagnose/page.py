@@ -17,6 +17,7 @@ from mbw.diagnose.tables import causes_section, hypotheses_section
 from mbw.gain_text import gain_table
 from mbw.page.html import (
     fill_template,
+    input_files,
     pack_magnitudes,
     pack_polar,
     pack_real,
@@ -58,7 +59,7 @@ def render(result: StoredDiagnosis) -> str:
         gates="".join(f"<p>{escape(text)}</p>" for text in sensor_check_sentences(shown)),
         tried=hypotheses_section(result),
         gains=gain_table(result.verdict.channel_gains),
-        provenance=_provenance(result),
+        provenance=input_files(result.shown.inputs),
         scripts=scripts,
         styles=["diagnose/style.css"],
     )
@@ -233,13 +234,3 @@ def _place_note(row: PlaceRow | None) -> str:
     lower, upper = row.bodies
     axis = f"; it is stiffest {axis_words(row.axis)}, in world axes" if row.axis else ""
     return f"link between the centres of mass of {lower} and {upper}{axis}"
-
-
-def _provenance(result: StoredDiagnosis) -> str:
-    """Return HTML of the input files with their hashes."""
-    files = ", ".join(
-        f'{escape(row.file)} <code title="SHA-256 {escape(row.sha256)}">{escape(row.sha256[:10])}'
-        "</code>"
-        for row in result.shown.inputs
-    )
-    return f"Input files: {files}." if files else ""

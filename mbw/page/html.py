@@ -12,6 +12,7 @@ import numpy as np
 from plotly.offline import get_plotlyjs
 
 from mbw.page.glossary import explain_words
+from tuning.files.schema import InputRow
 
 # Resolution of 16-bit numbers; page/common.js decodes them with these values.
 _STEPS_PER_DECADE = 1500  # of a magnitude's logarithm
@@ -96,6 +97,16 @@ def badge(text: str, good: bool | None) -> str:
     """Return HTML of a few words in a coloured pill: green if good, red if not, grey for None."""
     kind = "plain" if good is None else "good" if good else "trouble"
     return f'<span class="badge {kind}">{escape(text)}</span>'
+
+
+def input_files(rows: Iterable[InputRow]) -> str:
+    """Return HTML of the files that were read, with their hashes; empty without any."""
+    files = ", ".join(
+        f'{escape(row.file)} <code title="SHA-256 {escape(row.sha256)}">{escape(row.sha256[:10])}'
+        "</code>"
+        for row in rows
+    )
+    return f"Input files: {files}." if files else ""
 
 
 def pack_real(values: np.ndarray) -> str:

@@ -1,10 +1,13 @@
-"""Sections of the page on convergence, trust, unidentifiable parameters and random starts."""
+"""Sections of the page on the search: convergence, trust, identifiability, starts, input files."""
 
 from html import escape
 
-from mbw.page.html import badge
+from mbw.page.html import badge, input_files
+from mbw.remarks import describe_not_in_mjcf, describe_search
 from tuning import TunedFile
-from tuning.files.schema import StartRow
+from tuning.files.mode_table_result import MODE_TABLE_JSON
+from tuning.files.result import TUNED_JSON
+from tuning.files.schema import ModeTableFile, StartRow
 
 _MAX_CORRELATION_ROWS = 10  # rows of the table of correlated parameters
 
@@ -83,3 +86,20 @@ def _start(number: int, row: StartRow, best: float | None) -> str:
         f'<tr><td class="name">{name}</td><td>{cost}</td><td>{above}</td>'
         f'<td class="name">{agrees}</td><td class="name">{far}</td></tr>'
     )
+
+
+def provenance(
+    summary: TunedFile | ModeTableFile, sentence: str = "", not_held_error: float | None = None
+) -> str:
+    """Return HTML of how the search ended, what the tuned MJCF lacks, and which files were read.
+
+    Args:
+        summary: the tuning.
+        sentence: further sentence on the fit.
+        not_held_error: change of the FRFs without what the MJCF lacks; None if it is not known.
+    """
+    list_file = TUNED_JSON if isinstance(summary, TunedFile) else MODE_TABLE_JSON
+    missing = describe_not_in_mjcf(summary.not_held_by_mjcf, not_held_error, list_file)
+    search = describe_search(summary.fit)
+    text = escape(" ".join(filter(None, [f"{search[0].upper()}{search[1:]}.", sentence, missing])))
+    return "<br>".join(filter(None, [text, input_files(summary.inputs)]))

@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from identification.readers.mode_table import read_mode_table
+from identification.readers.result_files import json_text
 from identification.words import UsageError
 from identification.words.file_access import check_file
 from mbmodel import load_machine, refuse_difference
@@ -14,9 +15,9 @@ from mbw.files import write_json
 from mbw.interrupts import INTERRUPTED
 from mbw.messages import NOT_CONVERGED, SCREEN
 from mbw.output_folder import ResultOptions
-from mbw.remarks import describe_not_in_mjcf
+from mbw.remarks import describe_not_in_mjcf, describe_search
+from mbw.tune.mode_pairs import pair_lines
 from mbw.tune.mode_table_page import MODE_TABLE_PAGE, render
-from mbw.tune.mode_table_text import mode_lines
 from tuning.files.mode_table_result import (
     MISSED_SD,
     MODE_TABLE_CSV,
@@ -25,10 +26,10 @@ from tuning.files.mode_table_result import (
     missed_rows,
     write_mode_table_result,
 )
-from tuning.files.mode_table_schema import ModeTableFile
 from tuning.files.posterior_file import POSTERIOR_NPZ
 from tuning.files.result import TUNED_MJCF
-from tuning.mode_table.mode_table_tuning import tune_to_modes
+from tuning.files.schema import ModeTableFile
+from tuning.mode_table_tuning import tune_to_modes
 
 NAMES = (MODE_TABLE_JSON, MODE_TABLE_CSV, TUNED_MJCF, POSTERIOR_NPZ, MODE_TABLE_PAGE)
 _MAX_LISTED_PARAMETERS = 12  # that the terminal names as determined
@@ -48,7 +49,13 @@ def run_options(  # noqa: PLR0913  # one for each option
     pictures: bool,
     overwrite: bool,
 ) -> None:
-    """Run the verb with the values of its options, as ``mbw.tune.options`` describes them."""
+    """Tune the model, write the result, print the table beside the modes of the model.
+
+    ``mbw.tune.options`` describes the options.
+
+    Raises:
+        typer.Exit: the fit was interrupted (code 130), did not converge or misses a row (code 4).
+    """
     if misplaced:
         names = ", ".join(f"--{name.replace('_', '-')}" for name in misplaced)
         raise UsageError(f"{names} cannot be combined with --modes: a table of modes has no FRFs")
@@ -61,63 +68,19 @@ def run_options(  # noqa: PLR0913  # one for each option
         raise UsageError(f"--complete-below {complete_below:g}: give a frequency in Hz above 0")
     parsed = [_parse_prior(text) for text in priors]
     check_file(table, "name a CSV file with the columns frequency, damping, body, direction")
-    run(
-        model,
-        table,
-        ResultOptions(out, json, overwrite, pictures),
-        priors=parsed,
-        complete_below_hz=complete_below,
-        starts=starts,
-        seed=seed,
-    )
-
-
-def run(  # one for each option
-    model: Path,
-    table: Path,
-    outputs: ResultOptions,
-    *,
-    priors: Sequence[tuple[str, float]] = (),
-    complete_below_hz: float | None = None,
-    starts: int | None = None,
-    seed: int = 0,
-) -> Path:
-    """Tune the model, write the result, print the table beside the modes of the model.
-
-    Args:
-        model: MJCF of the machine.
-        table: CSV file with the modes.
-        outputs: where the result is written.
-        priors: patterns of parameters' names with the standard deviations of their priors.
-        complete_below_hz: frequency below which the table has all modes; None if it may lack some.
-        starts: number of starts: the nominal model, then random ones; None for as many as it
-            takes to reach every row.
-        seed: seed of the random starts.
-
-    Returns:
-        The folder of the result.
-
-    Raises:
-        typer.Exit: the fit was interrupted (code 130) or did not converge (code 4).
-    """
-    modes = read_mode_table(table)
-    machine = load_machine(model)
+    modes, machine = read_mode_table(table), load_machine(model)
+    outputs = ResultOptions(out, json, overwrite, pictures)
     with outputs.open("tune", model, "tuned", NAMES) as output:
         with SCREEN.status(f"tuning {machine.name} to {len(modes.modes)} modes"):
             tuned = tune_to_modes(
-                machine,
-                modes,
-                priors,
-                complete_below_hz=complete_below_hz,
-                starts=starts,
-                seed=seed,
+                machine, modes, parsed, complete_below_hz=complete_below, starts=starts, seed=seed
             )
         with output.write() as place:
             summary = write_mode_table_result(tuned, place)
-            if outputs.pictures:
+            if pictures:
                 (place / MODE_TABLE_PAGE).write_text(render(summary), encoding="utf-8")
-        if outputs.json is not None:
-            write_json(summary.model_dump_json(indent=1), outputs.json)
+        if json is not None:
+            write_json(json_text(summary), json)
         _say(summary, output.path, outputs)
     refuse_difference(TUNED_MJCF, summary.mjcf_difference)
     if summary.fit.outcome == "interrupted":
@@ -125,10 +88,8 @@ def run(  # one for each option
         raise typer.Exit(INTERRUPTED)
     if not summary.fit.converged:
         SCREEN.error(f"not converged, {summary.fit.outcome}: {summary.fit.advice}")
+    if not summary.fit.converged or missed_rows(summary.modes, MISSED_SD):
         raise typer.Exit(NOT_CONVERGED)
-    if missed_rows(summary.modes, MISSED_SD):
-        raise typer.Exit(NOT_CONVERGED)
-    return output.path
 
 
 def _parse_prior(text: str) -> tuple[str, float]:
@@ -146,18 +107,13 @@ def _parse_prior(text: str) -> tuple[str, float]:
 
 
 def _say(summary: ModeTableFile, folder: Path, outputs: ResultOptions) -> None:
-    fit = summary.fit
-    agreement = (
-        "" if fit.starts == 1 else f"; {fit.agreeing_starts} of {fit.starts} starts agree on it"
-    )
     SCREEN.say(_describe_rows(summary))
-    SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations{agreement}")
+    SCREEN.say(describe_search(summary.fit))
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
-        typer.echo("\n".join(mode_lines(summary)))
+        typer.echo("\n".join(pair_lines(summary.modes)))
     SCREEN.say(_describe_determined(summary))
-    if missing := describe_not_in_mjcf(summary.not_held_by_mjcf, None, MODE_TABLE_JSON):
-        SCREEN.say(f"  {missing}")
-    for remark in summary.remarks:
+    missing = describe_not_in_mjcf(summary.not_held_by_mjcf, None, MODE_TABLE_JSON)
+    for remark in filter(None, [missing, *summary.remarks]):
         SCREEN.say(f"  {remark}")
     SCREEN.say(f"results in {folder}")
     if outputs.pictures:
@@ -166,9 +122,8 @@ def _say(summary: ModeTableFile, folder: Path, outputs: ResultOptions) -> None:
 
 def _describe_rows(summary: ModeTableFile) -> str:
     """Return how many rows the tuned model reaches, with the frequencies of the others."""
-    missed = missed_rows(summary.modes, REACHED_SD)
-    reached = len(summary.modes) - len(missed)
-    text = f"{reached} of {len(summary.modes)} rows are reached within their standard deviation"
+    missed, count = missed_rows(summary.modes, REACHED_SD), len(summary.modes)
+    text = f"{count - len(missed)} of {count} rows are reached within their standard deviation"
     if not missed:
         return text
     listed = ", ".join(f"{row.frequency:.5g}" for row in missed)
@@ -177,14 +132,14 @@ def _describe_rows(summary: ModeTableFile) -> str:
 
 def _describe_determined(summary: ModeTableFile) -> str:
     """Return how many parameters the table determines, with the names of the best ones."""
-    rows = sorted(summary.parameters, key=lambda row: row.ratio)
-    names = [row.name for row in rows if row.name in summary.determined][:_MAX_LISTED_PARAMETERS]
+    rows = sorted((row for row in summary.parameters if row.seen), key=lambda row: row.ratio or 0.0)
     text = (
-        f"the table determines {len(summary.determined)} of {len(rows)} parameters to less than "
+        f"the table determines {len(rows)} of {len(summary.parameters)} parameters to less than "
         "half of their prior's standard deviation"
     )
-    if not names:
+    if not rows:
         return f"{text}; the others stay near the nominal model"
-    more = len(summary.determined) - len(names)
-    listed = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+    more = len(rows) - _MAX_LISTED_PARAMETERS
+    listed = ", ".join(row.name for row in rows[:_MAX_LISTED_PARAMETERS])
+    listed += f" and {more} more" if more > 0 else ""
     return f"{text}, best first: {listed}; the others stay near the nominal model"

@@ -7,15 +7,14 @@ import numpy as np
 from identification.words import Dof, percent_text
 from mbw.gain_text import gain_table
 from mbw.gap_text import describe_gap
-from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
+from mbw.page.html import fill_template, pack_complex, pack_real, read_fragment, warning_boxes
 from mbw.page.numbers import format_percent, frf_unit
-from mbw.remarks import describe_not_in_mjcf, list_limits, list_notes
-from mbw.tune.convergence import badges, identifiability_section, starts_section
+from mbw.remarks import list_limits, list_notes
+from mbw.tune.convergence import badges, identifiability_section, provenance, starts_section
 from mbw.tune.mode_pairs import pairs_section
-from mbw.tune.parameters import interval_note, parameter_rows
+from mbw.tune.parameters import interval_note, parameters_table
 from mbw.tune.pulls import pull_points, pulls_note, pulls_table
 from tuning import LevelFrfs, TunedFile, TuningResult
-from tuning.files.result import TUNED_JSON
 
 PAGE = "report.html"
 _SERIES_COLOURS = {
@@ -41,16 +40,15 @@ def render(result: TuningResult) -> str:
         lead=escape(_lead(summary)),
         badges=badges(summary),
         warnings=warning_boxes(_warnings(summary), list_notes(summary)),
-        parameters=parameter_rows(summary),
+        charts=read_fragment("tune/frfs.html"),
+        parameters=parameters_table(summary),
         intervals=escape(interval_note(summary)),
         pulls=_pulls_section(summary),
         unknown=identifiability_section(summary),
         starts=starts_section(summary),
-        modes_drawn=_modes_table(summary, "as_drawn"),
-        modes_tuned=_modes_table(summary, "tuned"),
-        pairs=pairs_section(summary),
-        tests=_tests_table(summary) + gain_table(summary.channel_gains),
-        provenance=_provenance(summary),
+        modes=_modes_section(summary),
+        tests=f"<h2>Tests</h2>{_tests_table(summary)}{gain_table(summary.channel_gains)}",
+        provenance=provenance(summary, _held_out_sentence(summary), summary.not_held_error),
         scripts=["page/bode.js", "tune/page.js", "tune/pulls.js"],
         styles=["tune/style.css"],
     )
@@ -108,6 +106,15 @@ def _pulls_section(summary: TunedFile) -> str:
     )
 
 
+def _modes_section(summary: TunedFile) -> str:
+    drawn, tuned = (_modes_table(summary, key) for key in ("as_drawn", "tuned"))
+    return (
+        '<h2>Modes of the model in the band</h2><div class="pair">'
+        f"<div><b>as drawn</b>{drawn}</div><div><b>tuned</b>{tuned}</div></div>"
+        f"{pairs_section(summary)}"
+    )
+
+
 def _modes_table(summary: TunedFile, key: str) -> str:
     rows = "".join(
         f"<tr><td>{number}</td><td>{mode.frequency:.2f}</td><td>{100 * mode.damping:.2f}</td></tr>"
@@ -135,27 +142,14 @@ def _tests_table(summary: TunedFile) -> str:
     )
 
 
-def _provenance(summary: TunedFile) -> str:
-    fit = summary.fit
-    text = f"{fit.outcome.capitalize()} after {fit.evaluations} evaluations"
-    if fit.starts > 1:
-        text += f"; {fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost"
-    text += "."
-    if blocks := summary.held_out_blocks:
-        text += (
-            f" Held-out errors: five-fold cross-validation over {len(blocks)} blocks from "
-            "resonance to resonance."
-        )
-    missing = describe_not_in_mjcf(summary.not_held_by_mjcf, summary.not_held_error, TUNED_JSON)
-    text = escape(f"{text} {missing}".strip())
-    if not summary.inputs:
-        return text
-    files = ", ".join(
-        f'{escape(row.file)} <code title="SHA-256 {escape(row.sha256)}">{escape(row.sha256[:10])}'
-        "</code>"
-        for row in summary.inputs
+def _held_out_sentence(summary: TunedFile) -> str:
+    blocks = len(summary.held_out_blocks)
+    if not blocks:
+        return ""
+    return (
+        f"Held-out errors: five-fold cross-validation over {blocks} blocks from "
+        "resonance to resonance."
     )
-    return f"{text}<br>Input files: {files}."
 
 
 def _data(result: TuningResult) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""Table of stiffness and damping, the parameters without a prior, with their intervals."""
+"""Table of stiffness and damping with their intervals."""
 
 import math
 from html import escape
@@ -7,15 +7,33 @@ from identification.words import percent_text
 from mbw.page.numbers import format_four_digits
 from mbw.remarks import calibration_sentence, gain_tolerance
 from tuning import TunedFile
-from tuning.files.schema import ParameterRow
+from tuning.files.schema import ModeTableFile, ParameterRow
 
 _BAR_OCTAVES = 2.0  # range of a bar on either side of the nominal value: a factor of 4
 _MAX_BAR_FACTOR = 2.0**_BAR_OCTAVES
+_HEAD = (
+    '<th class="name">parameter</th><th>as drawn</th><th>tuned</th><th colspan="2">95 % interval'
+    '</th><th class="name">unit</th><th>factor</th><th class="name">÷4 … &times;4</th>'
+)
 
 
-def parameter_rows(summary: TunedFile) -> str:
-    """Return HTML of one table row for each parameter without a prior."""
-    return "".join(_row(row) for row in summary.parameters if row.prior is None)
+def parameters_table(summary: TunedFile | ModeTableFile) -> str:
+    """Return HTML of one row for each parameter without a prior, or that a table of modes tuned.
+
+    Those of a table begin with what it determines best, and state what it leaves of their priors.
+    """
+    rows = [row for row in summary.parameters if row.prior is None or row.ratio is not None]
+    rows.sort(key=lambda row: row.ratio or 0.0)
+    remains = ""
+    if any(row.ratio is not None for row in rows):
+        remains = (
+            '<th>pull</th><th title="posterior over prior standard deviation">'
+            "uncertainty that remains</th>"
+        )
+    return (
+        f'<div class="scroll"><table class="parameters"><thead><tr>{_HEAD}{remains}</tr></thead>'
+        f"<tbody>{''.join(map(_row, rows))}</tbody></table></div>"
+    )
 
 
 def interval_note(summary: TunedFile) -> str:
@@ -32,6 +50,9 @@ def interval_note(summary: TunedFile) -> str:
 
 def _row(row: ParameterRow) -> str:
     factor = row.tuned / row.drawn if row.drawn else math.nan
+    remains = ""
+    if row.ratio is not None:
+        remains = f"<td>{row.pull or 0.0:+.1f}</td><td>{100 * row.ratio:.0f} %</td>"
     bound = ' <span class="bad">at bound</span>' if row.at_bound else ""
     return (
         f"<tr{'' if row.seen else ' class=unseen'}>"
@@ -39,13 +60,13 @@ def _row(row: ParameterRow) -> str:
         f"<td>{format_four_digits(row.drawn)}</td><td>{format_four_digits(row.tuned)}</td>{_interval(row)}"
         f'<td class="name">{escape(row.unit)}</td>'
         f"<td>{'' if math.isnan(factor) else f'{factor:.3g}'}</td>"
-        f'<td class="name">{_bar(row, factor)}</td></tr>'
+        f'<td class="name">{_bar(row, factor)}</td>{remains}</tr>'
     )
 
 
 def _interval(row: ParameterRow) -> str:
     """Return two cells: both ends of the interval, and its half width relative to the value."""
-    if not row.seen:
+    if not row.seen and row.ratio is None:
         return '<td colspan="2" class="blind">unidentifiable</td>'
     if row.low is None or row.high is None:
         return "<td></td><td></td>"

@@ -9,6 +9,7 @@ import typer
 from rich.progress import Progress, TaskID
 
 from diagnosis import compute_residual_shares
+from identification.readers.result_files import json_text
 from identification.words import Campaign, UsageError, percent_text
 from mbmodel import refuse_difference
 from mbw.band import check_band
@@ -17,7 +18,7 @@ from mbw.gap_text import describe_gap, number_text
 from mbw.interrupts import INTERRUPTED
 from mbw.messages import NOT_CONVERGED, SCREEN, allow_one_interrupt
 from mbw.output_folder import OutputFolder, ResultOptions
-from mbw.remarks import calibration_sentence, gain_tolerance, list_remarks
+from mbw.remarks import calibration_sentence, describe_search, gain_tolerance, list_remarks
 from mbw.resume import open_checkpoint
 from mbw.tune.modes import measured_modes, parse_residuals
 from mbw.tune.page import PAGE, render
@@ -193,7 +194,7 @@ def _write(tuned: CampaignTuning, output: OutputFolder, outputs: ResultOptions) 
         if outputs.pictures:
             (place / PAGE).write_text(render(read_result(place)), encoding="utf-8")
     if outputs.json is not None:
-        write_json(summary.model_dump_json(indent=1), outputs.json)
+        write_json(json_text(summary), outputs.json)
     return summary
 
 
@@ -250,8 +251,8 @@ class _ProgressBar:
 
 
 def _say(summary: TunedFile, folder: Path) -> None:
-    gap, fit = summary.gap.sensors, summary.fit
-    SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations{_agreement(summary)}")
+    gap = summary.gap.sensors
+    SCREEN.say(describe_search(summary.fit))
     rows = [("as drawn (nominal model)", gap.as_drawn), ("tuned", gap.tuned)]
     if gap.held_out is not None:
         rows.append(("tuned, on held-out frequency lines", gap.held_out))
@@ -280,13 +281,6 @@ def _say(summary: TunedFile, folder: Path) -> None:
             f"intervals would shrink to {100 * gain.shrink:.0f} %"
         )
     SCREEN.say(f"results in {folder}")
-
-
-def _agreement(summary: TunedFile) -> str:
-    fit = summary.fit
-    if fit.starts == 1:
-        return ""
-    return f"; {fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost"
 
 
 def _exit_unless_converged(tuned: CampaignTuning) -> None:

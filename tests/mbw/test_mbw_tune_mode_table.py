@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from mbmodel import as_drawn, load_machine, modes_of_matrices
 from mbw.command import app
-from tuning.mode_table import mode_table_tuning
+from tuning.fitting import fitter
 
 RUNNER = CliRunner()
 TABLE = "frequency,damping/%,body,direction\n60,2,,\n80,4,,\n100,3,head,tx\n"
@@ -115,7 +115,7 @@ def test_results_of_another_model_are_not_replaced(machine, tmp_path):
 
 def test_a_search_that_runs_out_of_steps_writes_its_result_and_exits_with_4(machine, monkeypatch):
     model, table = machine
-    monkeypatch.setattr(mode_table_tuning, "_MAX_STEPS", 1)
+    monkeypatch.setattr(fitter, "_MAX_TABLE_STEPS", 1)
     run = mbw("tune", model, "--modes", table, "--quiet", "--no-pictures")
     assert run.exit_code == 4
     assert "not converged, out of evaluations" in run.stderr

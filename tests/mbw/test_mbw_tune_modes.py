@@ -104,7 +104,7 @@ def test_the_report_has_a_table_of_the_pairs(folder, identified, tmp_path):
     lost = [row.model_copy(update={"tuned": None}) for row in result.summary.pairs]
     summary = result.summary.model_copy(update={"pairs": lost})
     text = render(type(result)(summary, result.freq_hz, result.levels))
-    assert text.count('<td colspan="3">none</td>') == 5
+    assert text.count("<td>none</td>") == 5
     assert "Measured modes without a mode of the model: " in text
 
 

@@ -1,16 +1,19 @@
 """Tuning to a table of modes: closed forms, slopes, matching through a swap, what is determined."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from identification.readers.mode_table import ModeTable, TabulatedMode
-from identification.words import InputError
+from identification.words import InputError, UsageError
 from mbmodel import as_drawn, load_machine, modes_of_matrices
 from tuning.files.mode_table_result import summarise_mode_table
-from tuning.mode_table.mode_table_misfit import ModeTableMisfit
-from tuning.mode_table.mode_table_tuning import parametrise_for_table, tune_to_modes
+from tuning.fitting import fitter
+from tuning.fitting.stages import STAGES
+from tuning.misfit.mode_table_misfit import ModeTableMisfit, TableStage
+from tuning.mode_table_tuning import parametrise_for_table, tune_to_modes
 
 MASSES = (3.0, 2.0)
 STIFFNESSES, DAMPINGS = (8e5, 2e5), (40.0, 15.0)
@@ -50,7 +53,7 @@ def table_of(*modes) -> ModeTable:
 
 def values_of(tuned) -> dict[str, float]:
     names = [parameter.name for parameter in tuned.model.parameters]
-    return dict(zip(names, tuned.theta.tolist(), strict=True))
+    return dict(zip(names, tuned.fit.theta.tolist(), strict=True))
 
 
 def test_two_frequencies_of_a_chain_determine_both_stiffnesses_exactly(tmp_path):
@@ -63,10 +66,10 @@ def test_two_frequencies_of_a_chain_determine_both_stiffnesses_exactly(tmp_path)
     table = table_of(*((f, None, 1e-9 * f) for f in frequencies))
     tuned = tune_to_modes(machine, table, [("*.damping", 0.0)])
     values = values_of(tuned)
-    assert tuned.minimum.outcome == "converged"
+    assert tuned.fit.outcome == "converged"
     assert values["lower_tx.stiffness"] == pytest.approx(k1, rel=1e-8)
     assert values["upper_tx.stiffness"] == pytest.approx(k2, rel=1e-8)
-    assert (tuned.posterior_ratio < 1e-6).all()
+    assert (tuned.confidence.deviation < 1e-6).all()
 
 
 def test_two_modes_with_damping_determine_all_four_parameters(tmp_path):
@@ -78,7 +81,7 @@ def test_two_modes_with_damping_determine_all_four_parameters(tmp_path):
         *((f, z, 1e-8 * f, 1e-8 * z) for f, z in zip(modes.freq_hz, modes.damping, strict=True))
     )
     tuned = tune_to_modes(machine, table)
-    np.testing.assert_allclose(tuned.theta, truth, rtol=1e-6)
+    np.testing.assert_allclose(tuned.fit.theta, truth, rtol=1e-6)
 
 
 def test_one_frequency_determines_one_combination_of_both_stiffnesses(tmp_path):
@@ -87,19 +90,18 @@ def test_one_frequency_determines_one_combination_of_both_stiffnesses(tmp_path):
     tuned = tune_to_modes(machine, table_of((1.1 * first, None)), [("*.damping", 0.0)])
     # Posterior (J'J + 1)^-1, J = d ln f / d ln k times 0.7 (prior) over 0.01 (row), from the
     # closed form: one direction keeps its prior, the other shrinks to 1 / (1 + |J|^2).
-    k = tuned.theta[[0, 2]]
+    k = tuned.fit.theta[[0, 2]]
     rise = [frequencies_of_chain(*(k * np.exp(step)))[0] for step in 1e-6 * np.eye(2)]
     slopes = np.log(np.array(rise) / frequencies_of_chain(*k)[0]) / 1e-6 * 0.7 / 0.01
-    eigenvalues = np.linalg.eigvalsh(tuned.covariance)
+    eigenvalues = np.linalg.eigvalsh(tuned.confidence.covariance)
     np.testing.assert_allclose(eigenvalues, [1 / (1 + slopes @ slopes), 1.0], rtol=1e-3)
 
 
 def test_slopes_of_the_misfit_agree_with_differences(small_station):
     machine, table = small_station
     model, parametrisation = parametrise_for_table(machine, [("*.mass", 0.05)])
-    misfit = ModeTableMisfit(
-        model, table.modes, parametrisation, floor=0.05, complete_below_hz=150.0
-    )
+    stage = TableStage(table.modes, 0.05, complete_below_hz=150.0)
+    misfit = ModeTableMisfit(model, parametrisation, stage)
     x = 0.2 * np.random.default_rng(3).standard_normal(parametrisation.size)
     value, gradient = misfit(x)
     assert value == pytest.approx(misfit.value(x), rel=1e-12)
@@ -114,7 +116,7 @@ def test_every_residual_counts_and_some_name_a_larger_motion(small_station):
     # So that the test of slopes above covers all three kinds of residuals.
     machine, table = small_station
     model, parametrisation = parametrise_for_table(machine, [])
-    misfit = ModeTableMisfit(model, table.modes, parametrisation)
+    misfit = ModeTableMisfit(model, parametrisation, TableStage(table.modes))
     _, residuals, slopes = misfit.linearised_residuals(np.zeros(parametrisation.size))
     with_damping = sum(mode.damping is not None for mode in table.modes)
     assert len(residuals) > len(table.modes) + with_damping
@@ -183,7 +185,7 @@ def test_more_rows_than_modes_leave_the_worst_row_out(tmp_path):
     machine = load_machine(chain(tmp_path))
     f1, f2 = frequencies_of_chain(*STIFFNESSES)
     tuned = tune_to_modes(machine, table_of((f1, None), (1.4 * f1, None), (f2, None)))
-    assert tuned.counted.tolist() == [True, False, True]
+    assert (tuned.after.partner >= 0).tolist() == [True, False, True]
 
 
 def test_a_complete_table_drives_other_modes_out(tmp_path):
@@ -227,14 +229,40 @@ def test_a_prior_of_masses_lets_them_vary_and_none_keeps_them(tmp_path):
 def test_further_starts_keep_the_best_end_and_repeat_with_their_seed(small_station):
     machine, table = small_station
     one, four, again = (tune_to_modes(machine, table, starts=n, seed=5) for n in (1, 4, 4))
-    assert len(four.costs) == 4
-    assert four.costs[0] == one.minimum.value
-    assert four.minimum.value == min(four.costs)
-    np.testing.assert_array_equal(four.theta, again.theta)
+    assert len(four.fit.start_costs) == 4
+    assert four.fit.start_costs[0] == one.fit.cost
+    assert four.fit.cost == min(four.fit.start_costs)
+    np.testing.assert_array_equal(four.fit.theta, again.fit.theta)
 
 
 def test_a_search_that_begins_at_its_end_stays_there(small_station):
     machine, table = small_station
     tuned = tune_to_modes(machine, table)
     again = tune_to_modes(machine, table, begin=values_of(tuned))
-    np.testing.assert_allclose(again.theta, tuned.theta, rtol=1e-6)
+    np.testing.assert_allclose(again.fit.theta, tuned.fit.theta, rtol=1e-6)
+
+
+def test_an_interrupt_ends_the_search_and_keeps_the_best_end(small_station, monkeypatch):
+    machine, table = small_station
+    one = tune_to_modes(machine, table, starts=1)
+    calls, search = [], fitter.gauss_newton
+
+    def interrupted_after_the_first_start(*arguments, **options):
+        calls.append(None)
+        end = search(*arguments, **options)
+        if len(calls) <= 11:  # ten stages of one schedule, one of the other
+            return end
+        return replace(end, value=-1.0, outcome="interrupted", advice="kept")
+
+    monkeypatch.setattr(fitter, "gauss_newton", interrupted_after_the_first_start)
+    tuned = tune_to_modes(machine, table, starts=4)
+    assert len(calls) == 12
+    assert (tuned.fit.outcome, tuned.fit.advice) == ("interrupted", "kept")
+    np.testing.assert_array_equal(tuned.fit.theta, one.fit.theta)
+    assert tuned.fit.agreeing_starts == 1
+
+
+def test_a_stage_of_frfs_needs_a_campaign(small_station):
+    model, parametrisation = parametrise_for_table(small_station[0], [])
+    with pytest.raises(UsageError, match="a stage of FRFs needs a campaign: read one first"):
+        fitter.fit_table(model, parametrisation, np.zeros(parametrisation.size), STAGES[:1])

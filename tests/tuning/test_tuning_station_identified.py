@@ -102,8 +102,8 @@ def test_masses_and_geometry_are_those_of_the_drawing(station):
 
 def test_a_search_from_the_committed_parameters_ends_there_with_these_figures(maker, station):
     tuned = maker.identify(starts=1)
-    assert tuned.minimum.outcome == "converged"
-    values = dict(zip((p.name for p in tuned.model.parameters), tuned.theta, strict=True))
+    assert tuned.fit.outcome == "converged"
+    values = dict(zip((p.name for p in tuned.model.parameters), tuned.fit.theta, strict=True))
     for parameter in station.parameters:
         assert parameter.drawn == pytest.approx(values[parameter.name], rel=1e-6), parameter.name
     text = (HERE / "README.md").read_text(encoding="utf-8")

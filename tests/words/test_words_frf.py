@@ -336,6 +336,18 @@ def test_lines_of_an_estimate_keep_their_variance_and_coherence(chosen):
     np.testing.assert_array_equal(kept.measured, whole.measured)
 
 
+def test_outputs_of_an_estimate_keep_order_variance_coherence_and_cells():
+    whole, rows = an_estimate(measured=np.arange(12).reshape(4, 3) % 5 > 0), [3, 0, 1]
+    chosen = whole.select_outputs(rows)
+    assert chosen.frf.outputs == tuple(OUTPUTS[row] for row in rows)
+    np.testing.assert_array_equal(chosen.measured, whole.measured[rows])
+    for name in ("variance", "coherence"):
+        np.testing.assert_array_equal(getattr(chosen, name), getattr(whole, name)[:, rows])
+    np.testing.assert_array_equal(chosen.frf.values, whole.frf.values[:, rows])
+    assert whole.select_outputs(range(4)) is whole
+    assert an_estimate(coherence=None).select_outputs([2]).coherence is None
+
+
 def test_changing_a_copy_validates_again():
     with pytest.raises(ValueError, match="values has shape"):
         replace(an_frf(), outputs=OUTPUTS[:3])

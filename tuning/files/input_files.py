@@ -3,7 +3,8 @@
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from pathlib import Path
 
 from identification import read_settings
 from mbmodel import mjcf_files
@@ -20,6 +21,11 @@ def input_rows(session: Session) -> list[InputRow]:
         files |= {*mjcf_files(variant.source)}
     controllers = (table.controller for table in read_settings(session.source)[1].loop.values())
     files |= {folder / name for name in controllers if isinstance(name, str)}
+    return hash_files(files, folder)
+
+
+def hash_files(files: Collection[Path], folder: Path) -> list[InputRow]:
+    """Return those files that exist, relative to a folder, with their SHA-256."""
     return [
         InputRow(
             file=os.path.relpath(file, folder),

@@ -1,10 +1,11 @@
 """Rows of tuned.json about measured modes and their partners in the nominal and the tuned model."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from identification.words import ModalModel, Real
+from identification.words import HasPoles, ModalModel, Real
 from mbmodel import Model
 from tuning.files.schema import ModelModeRow, ModePairRow, ModePartnerRow
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost, ModePairs
@@ -46,18 +47,33 @@ def _partner(
     measured: ModalModel, pairs: ModePairs, number: int, modes: Sequence[ModelModeRow]
 ) -> ModePartnerRow | None:
     """Return the row of a measured mode's partner, None without one."""
-    partner = int(pairs.partner[number])
-    if partner < 0:
+    k = int(pairs.partner[number])
+    if k < 0:
         return None
-    frequency, damping = float(pairs.freq_hz[partner]), float(pairs.damping[partner])
-    measured_damping = float(measured.damping[number])
+    values = float(measured.freq_hz[number]), float(measured.damping[number])
+    place = _place(float(pairs.freq_hz[k]), float(pairs.damping[k]), modes)
+    return partner_row(pairs, k, values, mode=place, mac=float(pairs.mac[number]))
+
+
+def partner_row(
+    model: HasPoles, index: int, measured: tuple[float, float | None], **fields: Any
+) -> ModePartnerRow:
+    """Return the row of a mode of the model with its errors.
+
+    Args:
+        model: modes of the model.
+        index: index of the mode among them.
+        measured: frequency [Hz] and damping ratio that it is compared with.
+        fields: further fields of the row.
+    """
+    frequency, damping = float(model.freq_hz[index]), float(model.damping[index])
+    freq_hz, ratio = measured
     return ModePartnerRow(
-        mode=_place(frequency, damping, modes),
         frequency=frequency,
         damping=damping,
-        mac=float(pairs.mac[number]),
-        frequency_error=frequency / float(measured.freq_hz[number]) - 1,
-        damping_error=damping / measured_damping - 1 if measured_damping > 0 else None,
+        frequency_error=frequency / freq_hz - 1,
+        damping_error=damping / ratio - 1 if ratio is not None and ratio > 0 else None,
+        **fields,
     )
 
 

@@ -1,34 +1,30 @@
 """Output files of a tuning to a table of modes: mode_table.json, mode_table.csv, tuned MJCF."""
 
-import hashlib
 import io
-import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from identification.readers.mode_table import TabulatedMode
-from identification.readers.result_files import read_result_json
+from identification.readers.result_files import json_text, read_result_json
 from identification.words.csv_cells import write_csv
 from mbmodel import NOT_WRITTEN, WrittenModel, mjcf_files, write_model
-from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95
-from tuning.files.mode_table_schema import (
-    ModeTableFile,
-    TableFitRow,
-    TableParameterRow,
-    TablePartnerRow,
-    TabulatedModeRow,
-)
+from tuning.files.input_files import hash_files
+from tuning.files.mode_pair_rows import partner_row
+from tuning.files.parameter_rows import parameter_rows, search_fields
 from tuning.files.posterior_file import POSTERIOR_NPZ, machine_posterior, write_posterior
 from tuning.files.result import TUNED_MJCF, final_folder
-from tuning.files.schema import InputRow, ModelModeRow
-from tuning.mode_table.mode_table_misfit import MAX_FREQUENCY_RATIO, TableMatch, relative_deviations
-from tuning.mode_table.mode_table_tuning import (
-    AGREEMENT_FACTOR,
-    DETERMINED_RATIO,
-    ModeTableTuning,
+from tuning.files.schema import (
+    FitRow,
+    ModelModeRow,
+    ModePairRow,
+    ModePartnerRow,
+    ModeTableFile,
+    ParameterRow,
 )
+from tuning.misfit.mode_table_misfit import MAX_FREQUENCY_RATIO, TableMatch, relative_deviations
+from tuning.mode_table_tuning import ModeTableTuning
 
 MODE_TABLE_JSON, MODE_TABLE_CSV = "mode_table.json", "mode_table.csv"
 REACHED_SD, MISSED_SD = 1.0, 3.0  # of a row: reached within the first, missed beyond the second
@@ -43,96 +39,55 @@ def summarise_mode_table(
         tuned: the tuning.
         written: what became of the tuned MJCF.
     """
-    minimum, parameters = tuned.minimum, _parameter_rows(tuned)
-    rows = [
-        _mode_row(mode, k, tuned.before, tuned.after) for k, mode in enumerate(tuned.table.modes)
-    ]
-    without_row = _modes_without_row(tuned)
+    model, table, parameters = tuned.model, tuned.table, _parameter_rows(tuned)
+    rows = [_pair_row(mode, k, tuned.before, tuned.after) for k, mode in enumerate(table.modes)]
+    without_row, source = _modes_without_row(tuned), model.machine.source
+    files = {table.source.absolute(), *map(Path.absolute, mjcf_files(source))}
     return ModeTableFile(
-        table=tuned.table.source.name,
-        model=tuned.model.machine.name,
-        fit=TableFitRow(
-            outcome=minimum.outcome,
-            converged=minimum.outcome == "converged",
-            advice=minimum.advice,
-            evaluations=minimum.evaluations,
-            cost=minimum.value,
-            chi_square=tuned.chi_square,
-            starts=len(tuned.costs),
-            agreeing_starts=sum(cost <= AGREEMENT_FACTOR * minimum.value for cost in tuned.costs),
-        ),
+        table=table.source.name,
+        model=model.machine.name,
+        fit=FitRow(**search_fields(tuned.fit, tuned.confidence)),
         modes=rows,
         modes_without_row=without_row,
         parameters=parameters,
-        determined=[row.name for row in parameters if row.ratio < DETERMINED_RATIO],
-        remarks=[*tuned.table.remarks, *_remarks(rows, without_row)],
+        determined=[row.name for row in parameters if row.seen],
+        remarks=[*table.remarks, *_remarks(rows, without_row)],
         not_held_by_mjcf=[str(missing) for missing in written.not_held],
         mjcf_difference=written.difference,
-        inputs=_input_rows(tuned),
+        inputs=hash_files(sorted(files), source.parent),
     )
 
 
-def _parameter_rows(tuned: ModeTableTuning) -> list[TableParameterRow]:
-    """Return one row for each parameter that varied."""
-    parametrisation, x = tuned.parametrisation, tuned.minimum.x
-    spread = NORMAL_QUANTILE_95 * tuned.posterior_ratio
-    ends = np.sort([parametrisation.theta(x - spread), parametrisation.theta(x + spread)], axis=0)
-    theta = tuned.theta
-    rows = []
-    for k, parameter in enumerate(tuned.model.parameters):
-        coordinate = int(parametrisation.coordinate_of[k])
-        if coordinate < 0:
-            continue
-        ratio, scale = float(tuned.posterior_ratio[coordinate]), float(parametrisation.scale[k])
-        rows.append(
-            TableParameterRow(
-                name=parameter.name,
-                location=tuned.model.locations[k],
-                unit=parameter.unit,
-                drawn=parameter.drawn,
-                tuned=float(theta[k]),
-                at_bound=False,
-                low=float(ends[0, k]),
-                high=float(ends[1, k]),
-                deviation=ratio * scale,
-                prior=scale,
-                pull=float(x[coordinate]),
-                seen=ratio < DETERMINED_RATIO,
-                ratio=ratio,
-            )
-        )
-    return rows
+def _parameter_rows(tuned: ModeTableTuning) -> list[ParameterRow]:
+    """Return one row for each parameter that varied, with its posterior over its prior."""
+    fit, confidence = tuned.fit, tuned.confidence
+    ratios = confidence.deviation[fit.parametrisation.coordinate_of[fit.parametrisation.free]]
+    rows = parameter_rows(tuned.model, fit, confidence, bounded=fit, unbounded=fit)
+    return [
+        row.model_copy(update={"ratio": float(ratio)})
+        for row, ratio in zip(rows, ratios, strict=True)
+    ]
 
 
-def _mode_row(
-    mode: TabulatedMode, row: int, before: TableMatch, after: TableMatch
-) -> TabulatedModeRow:
+def _pair_row(mode: TabulatedMode, row: int, before: TableMatch, after: TableMatch) -> ModePairRow:
     freq_sd, damping_sd = relative_deviations(mode)
-    return TabulatedModeRow(
+
+    def partner(match: TableMatch) -> ModePartnerRow | None:
+        k = int(match.partner[row])
+        if k < 0:
+            return None
+        what_moves = {"largest": match.largest(k), "moves_most": match.moves_most(row)}
+        return partner_row(match, k, (mode.freq_hz, mode.damping), mode=k + 1, **what_moves)
+
+    return ModePairRow(
         line=mode.line,
         frequency=mode.freq_hz,
         frequency_sd=freq_sd * mode.freq_hz,
         damping=mode.damping,
         damping_sd=None if mode.damping is None else damping_sd * mode.damping,
         motion=mode.motion or None,
-        as_drawn=_partner(mode, row, before),
-        tuned=_partner(mode, row, after),
-    )
-
-
-def _partner(mode: TabulatedMode, row: int, match: TableMatch) -> TablePartnerRow | None:
-    partner = int(match.partner[row])
-    if partner < 0:
-        return None
-    frequency, damping = float(match.freq_hz[partner]), float(match.damping[partner])
-    return TablePartnerRow(
-        mode=partner + 1,
-        frequency=frequency,
-        damping=damping,
-        frequency_error=frequency / mode.freq_hz - 1,
-        damping_error=None if mode.damping is None else damping / mode.damping - 1,
-        largest=match.largest[partner],
-        moves_most=bool(match.moves_most[row]) if mode.body else None,
+        as_drawn=partner(before),
+        tuned=partner(after),
     )
 
 
@@ -147,76 +102,52 @@ def _modes_without_row(tuned: ModeTableTuning) -> list[ModelModeRow]:
     ]
 
 
-def _remarks(rows: Sequence[TabulatedModeRow], without_row: Sequence[ModelModeRow]) -> list[str]:
-    """Return one sentence for each row that the model does not reach."""
-    sentences = []
+def _remarks(rows: Sequence[ModePairRow], without_row: Sequence[ModelModeRow]) -> Iterator[str]:
+    """Yield one sentence for each row that the model does not reach, and for modes in excess."""
     for number, row in enumerate(rows, start=1):
         name = f"Mode {number} ({row.frequency:.5g} Hz, row {row.line})"
         if row.tuned is None:
-            sentences.append(
+            yield (
                 f"{name} does not count: the model as drawn has no mode left for it within a "
                 f"factor of {MAX_FREQUENCY_RATIO:g} in frequency."
             )
-            continue
-        misses = describe_misses(row, MISSED_SD)
-        if misses:
-            sentences.append(
+        elif misses := describe_misses(row, MISSED_SD):
+            yield (
                 f"{name} is not reached: {', and '.join(misses)}; search from more starts with "
                 "--starts, check the row, or widen a prior with --prior."
             )
     if without_row:
         listed = ", ".join(f"{mode.frequency:.4g}" for mode in without_row)
-        sentences.append(
-            f"Modes of the tuned model between the rows that no row names: {listed} Hz."
-        )
-    return sentences
+        yield f"Modes of the tuned model between the rows that no row names: {listed} Hz."
 
 
-def describe_misses(row: TabulatedModeRow, deviations: float) -> list[str]:
+def describe_misses(row: ModePairRow, deviations: float) -> list[str]:
     """Return how the tuned mode of a row misses it; empty where the row is reached.
 
     Args:
-        row: with its tuned mode.
+        row: row with its tuned mode.
         deviations: standard deviations of the row within which it is reached.
     """
-    if row.tuned is None:
+    tuned, misses = row.tuned, []
+    if tuned is None:
         return ["the model has no mode for it"]
-    misses = []
-    if abs(row.tuned.frequency - row.frequency) > deviations * row.frequency_sd:
+    if abs(tuned.frequency - row.frequency) > deviations * row.frequency_sd:
         misses.append(
-            f"the tuned mode lies at {row.tuned.frequency:.5g} Hz, "
-            f"{100 * row.tuned.frequency_error:+.2g} %"
+            f"the tuned mode lies at {tuned.frequency:.5g} Hz, {100 * tuned.frequency_error:+.2g} %"
         )
-    if (
-        row.damping is not None
-        and row.damping_sd is not None
-        and abs(row.tuned.damping - row.damping) > deviations * row.damping_sd
-    ):
+    damping, limit = row.damping, deviations * (row.damping_sd or 0.0)
+    if damping is not None and abs(tuned.damping - damping) > limit:
         misses.append(
-            f"its damping is {100 * row.tuned.damping:.3g} % instead of {100 * row.damping:.3g} %"
+            f"its damping is {100 * tuned.damping:.3g} % instead of {100 * damping:.3g} %"
         )
-    if row.tuned.moves_most is False:
+    if tuned.moves_most is False:
         misses.append(f"{row.motion} is not its largest motion")
     return misses
 
 
-def missed_rows(rows: Sequence[TabulatedModeRow], deviations: float) -> list[TabulatedModeRow]:
+def missed_rows(rows: Sequence[ModePairRow], deviations: float) -> list[ModePairRow]:
     """Return the rows that the tuned model does not reach within some standard deviations."""
     return [row for row in rows if describe_misses(row, deviations)]
-
-
-def _input_rows(tuned: ModeTableTuning) -> list[InputRow]:
-    """Return the files that were read, relative to the model's folder, with their SHA-256."""
-    source = tuned.model.machine.source
-    files = sorted({tuned.table.source.absolute(), *map(Path.absolute, mjcf_files(source))})
-    return [
-        InputRow(
-            file=os.path.relpath(file, source.parent),
-            sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
-        )
-        for file in files
-        if file.is_file()
-    ]
 
 
 def write_mode_table_result(tuned: ModeTableTuning, folder: Path) -> ModeTableFile:
@@ -229,49 +160,46 @@ def write_mode_table_result(tuned: ModeTableTuning, folder: Path) -> ModeTableFi
     Returns:
         The content of mode_table.json.
     """
-    written = write_model(tuned.model, tuned.theta, folder / TUNED_MJCF, final_folder(folder))
+    fit = tuned.fit
+    written = write_model(tuned.model, fit.theta, folder / TUNED_MJCF, final_folder(folder))
     summary = summarise_mode_table(tuned, written)
-    (folder / MODE_TABLE_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
-    (folder / MODE_TABLE_CSV).write_text(_csv_text(summary), "utf-8")
-    x, covariance = tuned.minimum.x, tuned.covariance
-    posterior = machine_posterior(tuned.model, tuned.parametrisation, x, covariance)
+    (folder / MODE_TABLE_JSON).write_text(json_text(summary) + "\n", "utf-8")
+    (folder / MODE_TABLE_CSV).write_text(_csv_text(summary.modes), "utf-8")
+    posterior = machine_posterior(
+        tuned.model, fit.parametrisation, fit.x, tuned.confidence.covariance
+    )
     write_posterior(posterior, folder / POSTERIOR_NPZ)
     return summary
 
 
-def _csv_text(summary: ModeTableFile) -> str:
+def _csv_text(rows: Sequence[ModePairRow]) -> str:
     """Return the rows of the table beside their modes, as CSV."""
+
+    def per_cent(ratio: float | None) -> float | str:
+        return "" if ratio is None else float(f"{100 * ratio:.12g}")
+
+    def cells(row: ModePartnerRow | None) -> list[object]:
+        if row is None:
+            return [""] * 4
+        return [row.mode, row.frequency, per_cent(row.damping), row.largest]
+
+    titles = ("mode", "frequency/Hz", "damping/%", "moves most")
+    models = [f"{which} {title}" for which in ("as drawn", "tuned") for title in titles]
+    lines = (
+        [row.frequency, per_cent(row.damping), row.motion or "",
+         *cells(row.as_drawn), *cells(row.tuned)]
+        for row in rows
+    )  # fmt: skip
     text = io.StringIO()
-    of_model = ["mode", "frequency/Hz", "damping/%", "moves most"]
-    heading = [f"{which} {name}" for which in ("as drawn", "tuned") for name in of_model]
-    rows: list[list[object]] = [["frequency/Hz", "damping/%", "motion", *heading]]
-    for row in summary.modes:
-        cells: list[object] = [row.frequency, _per_cent(row.damping), row.motion or ""]
-        for partner in (row.as_drawn, row.tuned):
-            cells += (
-                [""] * len(of_model)
-                if partner is None
-                else [
-                    partner.mode, partner.frequency, _per_cent(partner.damping), partner.largest
-                ]
-            )  # fmt: skip
-        rows.append(cells)
-    write_csv(text, rows)
+    write_csv(text, [["frequency/Hz", "damping/%", "motion", *models], *lines])
     return text.getvalue()
 
 
-def _per_cent(ratio: float | None) -> float | str:
-    return "" if ratio is None else float(f"{100 * ratio:.12g}")
-
-
 def read_mode_table_result(path: Path) -> ModeTableFile:
-    """Read the result of a tuning to a table of modes.
-
-    Args:
-        path: its folder, or its mode_table.json.
+    """Read mode_table.json, or that of a folder.
 
     Raises:
         InputError: the file is missing, or not such a result.
     """
-    folder = path.parent if path.name == MODE_TABLE_JSON else path
-    return read_result_json(folder / MODE_TABLE_JSON, ModeTableFile, "mbw tune --modes")
+    file = path / MODE_TABLE_JSON if path.is_dir() else path
+    return read_result_json(file, ModeTableFile, "mbw tune --modes")

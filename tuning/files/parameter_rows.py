@@ -2,12 +2,14 @@
 
 import shlex
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from identification.words import NominalGain, Real
+from mbmodel import Model
 from tuning.assessment.gap import Gap, is_gap_visible
-from tuning.assessment.parameter_confidence import rank_pulls
+from tuning.assessment.parameter_confidence import ParameterConfidence, rank_pulls
 from tuning.campaign_tuning import CampaignTuning
 from tuning.checks.exchanged_channels import name_exchanged_channels
 from tuning.control_loops.stability import tuned_loop_remarks
@@ -24,17 +26,30 @@ _MAX_LEFT_GAP = 0.01
 _MIN_START_FACTOR = 1.2  # between parameters of two starts, to be reported
 
 
-def parameter_rows(tuned: CampaignTuning) -> list[ParameterRow]:
-    """Return one row for each parameter that varied, with its value in the tuned model."""
-    model, model_fit, confidence = tuned.session.model, tuned.model_fit, tuned.confidence
-    parametrisation, unbounded = model_fit.parametrisation, tuned.unbounded_fit
-    values, at_bound = model_fit.theta, tuned.fit.at_bound
+def parameter_rows(
+    model: Model,
+    model_fit: Fit,
+    confidence: ParameterConfidence | None,
+    *,
+    bounded: Fit,
+    unbounded: Fit | None,
+) -> list[ParameterRow]:
+    """Return one row for each parameter that varied, with its value in the tuned model.
+
+    Args:
+        model: machine and Parts.
+        model_fit: fit whose parameters are reported.
+        confidence: confidence in the parameters; None if interrupted before.
+        bounded: fit with tolerances within their bounds.
+        unbounded: fit that shows the pulls of tolerances; None if none does.
+    """
+    parametrisation = model_fit.parametrisation
+    values, at_bound = model_fit.theta, bounded.at_bound
     ends = (
         None
         if confidence is None
         else (*confidence.interval(), confidence.parameter_deviation(), confidence.unidentifiable)
     )
-    has_pulls = tuned.residuals[-1] == "log"  # modes alone say nothing about tolerances
     rows = []
     for k, (parameter, location) in enumerate(zip(model.parameters, model.locations, strict=True)):
         if not parametrisation.free[k]:
@@ -53,7 +68,7 @@ def parameter_rows(tuned: CampaignTuning) -> list[ParameterRow]:
                 deviation=None if ends is None else float(ends[2][k]),
                 prior=float(parametrisation.scale[k]) if is_tolerance else None,
                 pull=float(unbounded.x[unbounded.parametrisation.coordinate_of[k]])
-                if is_tolerance and has_pulls
+                if is_tolerance and unbounded is not None
                 else None,
                 seen=ends is None or not ends[3][k],
             )
@@ -76,19 +91,26 @@ def fit_row(tuned: CampaignTuning, gap: LevelGap) -> FitRow:
     fit = tuned.fit
     doubts = _doubts(tuned, gap)
     return FitRow(
-        outcome=fit.outcome,
-        converged=fit.converged,
+        **search_fields(fit, tuned.confidence),
         trusted=fit.converged and not doubts,
         doubts=doubts,
-        advice=fit.advice,
         algorithm=tuned.algorithm,
-        evaluations=fit.evaluations,
-        cost=fit.cost if np.isfinite(fit.cost) else None,
-        chi_square=None if tuned.confidence is None else tuned.confidence.chi_square,
-        starts=len(fit.start_costs),
-        agreeing_starts=fit.agreeing_starts,
         ends=_starts(fit) if len(fit.start_costs) > 1 else [],
     )
+
+
+def search_fields(fit: Fit, confidence: ParameterConfidence | None) -> dict[str, Any]:
+    """Return the fields of ``FitRow`` that say how a search ended."""
+    return {
+        "outcome": fit.outcome,
+        "converged": fit.converged,
+        "advice": fit.advice,
+        "evaluations": fit.evaluations,
+        "cost": _finite(fit.cost),
+        "chi_square": None if confidence is None else confidence.chi_square,
+        "starts": len(fit.start_costs),
+        "agreeing_starts": fit.agreeing_starts,
+    }
 
 
 def _doubts(tuned: CampaignTuning, gap: LevelGap) -> list[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.result_files import (
+    json_text,
     read_result_arrays,
     read_result_json,
     write_result_arrays,
@@ -135,7 +136,14 @@ def summarise_tuning(
         fit=fit_row(tuned, gap.bodies if tuned.at == "bodies" else gap.sensors),
         gap=gap,
         model_error=_model_error(tuned.sensors),
-        parameters=parameter_rows(tuned),
+        parameters=parameter_rows(
+            model,
+            tuned.model_fit,
+            confidence,
+            bounded=tuned.fit,
+            # Modes alone say nothing about tolerances.
+            unbounded=tuned.unbounded_fit if tuned.residuals[-1] == "log" else None,
+        ),
         correlations=[]
         if confidence is None
         else list(confidence.correlations()[:_MAX_CORRELATIONS]),
@@ -242,7 +250,7 @@ def write_result(
         written = write_model(model, theta, place / TUNED_MJCF, final_folder(place))
         write_result_arrays(place / FRF_NPZ, _arrays(tuned))
         summary = summarise_tuning(tuned, remaining, written)
-        (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
+        (place / TUNED_JSON).write_text(json_text(summary) + "\n", "utf-8")
         write_loops(model.machine.loops, place / LOOPS_JSON)
         if tuned.confidence is not None and tuned.plant is not None:
             posterior = machine_posterior(

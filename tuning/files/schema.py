@@ -48,7 +48,8 @@ class ParameterRow(_Row):
     (relative for sizes); they are None if the tuning was interrupted. ``prior`` is the standard
     deviation of its tolerance, None without one. ``pull`` is its shift in units of ``prior`` in
     the fit without bounds. ``at_bound`` refers to the fit within bounds. ``seen`` is false for a
-    parameter that the data do not determine.
+    parameter that the data do not determine. Of a table of modes, ``ratio`` is the posterior over
+    the prior standard deviation: 1 where the table tells nothing.
     """
 
     name: str
@@ -63,6 +64,7 @@ class ParameterRow(_Row):
     prior: float | None = None
     pull: float | None = None
     seen: bool = True
+    ratio: float | None = None
 
 
 class ChannelGainRow(_Row):
@@ -104,7 +106,8 @@ class InputRow(_Row):
 class FitRow(_Row):
     """How the search ended, and whether there are doubts about its result: two questions.
 
-    ``chi_square`` is the mean squared misfit in units of the noise's variance.
+    ``chi_square`` is the mean squared misfit in units of the noise's variance, or of the standard
+    deviations of a table of modes.
     """
 
     outcome: str
@@ -149,25 +152,36 @@ class ModelModeRow(_Row):
 class ModePartnerRow(_Row):
     """Mode of the model that is paired with a measured one.
 
-    ``mode`` is its position in ``modes`` of the file, counted from 1, or None outside the band.
-    Errors are relative to the measured values.
+    ``mode`` is its position in ``modes`` of the file, counted from 1, or None outside the band; of
+    a table of modes, its number among the modes that oscillate. Errors are relative to the measured
+    values. ``mac`` compares measured shapes. Of a table, ``largest`` is the direction of a body
+    with the largest kinetic energy; ``moves_most`` says whether the motion that the row names is
+    the largest of its kind, None if the row names none.
     """
 
     mode: int | None
     frequency: float
     damping: float
-    mac: float
+    mac: float | None = None
     frequency_error: float
     damping_error: float | None
+    largest: str | None = None
+    moves_most: bool | None = None
 
 
 class ModePairRow(_Row):
-    """One measured mode and its partners; None if the model has none."""
+    """One measured mode and its partners; None if the model has none.
 
+    In a table of modes, ``line`` is its line in the file, ``motion`` what it names as its largest
+    motion, and standard deviations are those of the fit, stated or default.
+    """
+
+    line: int | None = None
     frequency: float
     frequency_sd: float
-    damping: float
-    damping_sd: float
+    damping: float | None
+    damping_sd: float | None
+    motion: str | None = None
     as_drawn: ModePartnerRow | None
     tuned: ModePartnerRow | None
 
@@ -230,4 +244,31 @@ class TunedFile(ResultFile, _Row):
         return (
             f"tuned.json of {self.campaign}: model {self.model}, {len(self.parameters)} "
             f"parameters, {self.fit.outcome}"
+        )
+
+
+class ModeTableFile(ResultFile, _Row):
+    """Content of mode_table.json, the result of a tuning to a table of modes.
+
+    ``determined`` names the parameters whose ``ratio`` is below 0.5. ``modes_without_row`` are
+    modes of the tuned model between the lowest and the highest row that no row names.
+    """
+
+    table: str
+    model: str
+    fit: FitRow
+    modes: list[ModePairRow]
+    modes_without_row: list[ModelModeRow]
+    parameters: list[ParameterRow]
+    determined: list[str]
+    remarks: list[str]
+    not_held_by_mjcf: list[str]
+    mjcf_difference: str = ""
+    inputs: list[InputRow]
+
+    def __repr__(self) -> str:
+        """Return table, model, number of rows and outcome in one line."""
+        return (
+            f"mode_table.json of {self.table}: model {self.model}, {len(self.modes)} modes, "
+            f"{self.fit.outcome}"
         )

@@ -1,7 +1,7 @@
 """Fit of a model to a campaign in stages of falling model-error floor, from several starts."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -12,8 +12,10 @@ from tuning.fitting.checkpoint import Checkpoint
 from tuning.fitting.stage_search import GAUSS_NEWTON, minimise_stage
 from tuning.fitting.stages import STAGES, Stage, thin_lines
 from tuning.misfit.modal_misfit import ModalCost, ModalStage
+from tuning.misfit.mode_table_misfit import ModeTableMisfit, TableStage
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import parametrise
+from tuning.solvers.gauss_newton import Box, gauss_newton
 from tuning.solvers.nlopt_solver import (
     INTERRUPTED_ADVICE,
     TUNING_ALGORITHM,
@@ -24,12 +26,15 @@ from tuning.solvers.nlopt_solver import (
 from tuning.workers.executors import use_processes
 from tuning.workers.independent_calls import Call, run_calls
 
-_MAX_COST_DIFFERENCE = 0.02  # relative: starts that end within it agree
+MAX_COST_DIFFERENCE = 0.02  # relative: starts that end within it agree
 # Absolute part of that for modes, whose cost vanishes if they are fitted exactly.
 _MAX_MODAL_COST_DIFFERENCE = 1e-3
+# Of a table of modes: the largest step of a coordinate [prior standard deviations], since modes
+# change order within a few, and the number of steps.
+_MAX_TABLE_STEP_SIGMA, _MAX_TABLE_STEPS = 1.0, 200
 
-
-_NumberedStages = tuple[tuple[int, Stage | ModalStage], ...]
+AnyStage = Stage | ModalStage | TableStage
+_NumberedStages = tuple[tuple[int, AnyStage], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,15 +109,19 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """What the fits from all starts have in common."""
+    """What the fits from all starts have in common.
+
+    A stage of FRFs needs a campaign, a stage of modes measured ones; a stage of a table of modes
+    has its table.
+    """
 
     model: Model
-    campaign: Campaign
+    campaign: Campaign | None
     parametrisation: Parametrisation
-    measured: ModalModel | None
-    algorithm: str
-    threads: int
-    checkpoint: Checkpoint
+    measured: ModalModel | None = None
+    algorithm: str = GAUSS_NEWTON
+    threads: int = 1
+    checkpoint: Checkpoint = field(default_factory=Checkpoint)
 
     def run(
         self,
@@ -155,11 +164,11 @@ class _Search:
                 break
         return replace(end, evaluations=evaluations)
 
-    def _run_stage(
-        self, stage: Stage | ModalStage, x: Real, report: Callable[[int, float], None]
-    ) -> Minimum:
+    def _run_stage(self, stage: AnyStage, x: Real, report: Callable[[int, float], None]) -> Minimum:
         """Run one stage from x, with the coordinates that it varies."""
         whole = self.parametrisation
+        if isinstance(stage, TableStage):
+            return self._fit_table(stage, x, report)
         varied = np.ones(whole.size, bool)
         tolerances_vary = isinstance(stage, Stage) and stage.tolerances_vary
         if not tolerances_vary and not whole.is_tolerance.all():
@@ -167,6 +176,8 @@ class _Search:
         chosen = whole.restrict(varied, x)
         if isinstance(stage, ModalStage):
             end = self._fit_modes(stage, chosen, x[varied], report)
+        elif self.campaign is None:
+            raise UsageError("a stage of FRFs needs a campaign: read one first")
         else:
             thin = thin_lines(self.campaign, stage.stride)
             problem = stage.build_problem(self.model, thin, chosen, threads=self.threads)
@@ -178,6 +189,23 @@ class _Search:
         x_all = x.copy()
         x_all[varied] = end.x
         return replace(end, x=x_all)
+
+    def _fit_table(
+        self, stage: TableStage, x: Real, report: Callable[[int, float], None]
+    ) -> Minimum:
+        """Run one stage of the misfit to a table of modes from x."""
+        whole = self.parametrisation
+        max_step = np.full(whole.size, _MAX_TABLE_STEP_SIGMA)
+        return gauss_newton(
+            ModeTableMisfit(self.model, whole, stage),
+            x,
+            Box(whole.lower, whole.upper, whole.precision, max_step),
+            min_gain_nats=stage.min_gain_nats,
+            tolerance=0.0,
+            max_steps=_MAX_TABLE_STEPS,
+            exact_curvature=True,
+            report=report,
+        )
 
     def _fit_modes(
         self,
@@ -278,7 +306,7 @@ def fit(  # noqa: PLR0913  # one for each option
         outcome=end.outcome,
         advice=end.advice,
         start_costs=tuple(end_of_start.value for end_of_start in ends),
-        agreement_cost=ends[best].value * (1 + _MAX_COST_DIFFERENCE) + margin,
+        agreement_cost=ends[best].value * (1 + MAX_COST_DIFFERENCE) + margin,
         start_thetas=np.array([parametrisation.theta(end_of_start.x) for end_of_start in ends]),
         last_stage=stages[-1] if stages and isinstance(stages[-1], Stage) else None,
     )
@@ -357,6 +385,20 @@ def _fit_in_parallel(
 def _fit_one_start(search: _Search, x: Real, stages: _NumberedStages) -> Minimum:
     """Run the first stages from one start in a process of its own."""
     return replace(search, threads=1, checkpoint=Checkpoint()).run(_start_point(x), stages, "")
+
+
+def fit_table(
+    model: Model, parametrisation: Parametrisation, x: Real, stages: Sequence[TableStage]
+) -> Minimum:
+    """Run stages of a table of modes from one start.
+
+    Args:
+        model: machine and Parts.
+        parametrisation: coordinates; all of them have a prior.
+        x: start; (n_x,).
+        stages: stages in order.
+    """
+    return _Search(model, None, parametrisation).run(_start_point(x), tuple(enumerate(stages)), "")
 
 
 def random_starts(

@@ -57,11 +57,7 @@ class NamedMotion:
         return excess
 
     def leads(self, energies: Real) -> bool:
-        """Return whether the named motion is the largest of one mode.
-
-        Args:
-            energies: kinetic energy of every direction; (n_label,).
-        """
+        """Return whether the named motion is the largest of one mode with E; (n_label,)."""
         return bool(energies[self.named].sum() >= energies[self.competing].max(initial=0.0))
 
     def slope(self, motion: Complex, body_mass: Real) -> Complex:
@@ -85,17 +81,6 @@ class NamedMotion:
         # dE_k = Re[conj(db_k) (Mb b)_k + conj(b_k) (Mb db)_k]
         slope: Complex = weights * momentum + body_mass.T @ (weights * motion)
         return slope
-
-
-def kinetic_energies(motions: Complex, body_mass: Real) -> Real:
-    """Return E of every direction in each mode; (n_label, n_mode).
-
-    Args:
-        motions: b of each mode; (n_label, n_mode).
-        body_mass: Mb; (n_label, n_label).
-    """
-    energies: Real = (motions.conj() * (body_mass @ motions)).real
-    return energies
 
 
 def name_motion(labels: Sequence[Dof], body: str, directions: Sequence[str]) -> NamedMotion:

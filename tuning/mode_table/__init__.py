@@ -1,1 +1,0 @@
-"""Tuning of a model to a table of modes without shapes."""
