@@ -20,7 +20,7 @@ import scipy.fft
 from scipy.ndimage import median_filter
 
 from identification.continuous.plan import ContinuousBlocks
-from identification.noise.variance import several_input_variance
+from identification.noise.variance import average_over_lines, several_input_variance
 from identification.words import Complex, InputError, Integers, Mask, Real, Records
 
 _USABLE_SHARE = 0.8  # of half the sampling rate: anti-aliasing filters act above
@@ -160,7 +160,8 @@ def _average_periods(records: Records, blocks: ContinuousBlocks) -> ForcedSpectr
 
     With M periods of R realisations, X_r and Y_r their means and q forces, the noise of the mean
     of all is sum |Y - Y_r - H (X - X_r)|^2 / (R (M - 1)) / (R M), and its variance between
-    realisations sum |Y_r - H X_r|^2 / (R - q) / R.
+    realisations sum |Y_r - H X_r|^2 / (R - q) / R. Noise changes slowly along frequency and the
+    forces need not, so it is averaged over lines before it is divided by their power.
     """
     n_record, n_block = len(records.force), len(blocks.starts)
     n_in, n_out = count_inputs(records), len(records.outputs)
@@ -184,6 +185,7 @@ def _average_periods(records: Records, blocks: ContinuousBlocks) -> ForcedSpectr
         scatter[:, n_in:, :n_in],
         scatter[:, :n_in, :n_in],
     )
+    noise = average_over_lines(noise, 2 * n_record * (n_block - 1))
     degrees = n_record * (n_block - 1) * n_block
     spectra = ForcedSpectra(
         force / n_record,

@@ -1,0 +1,182 @@
+"""Numbers and sentences of an excitation: limits, intervals, coherence, joints that slide."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mbmodel import input_unit, read_nonlinear_joints
+from mbw.excite.schema import (
+    CoherenceSummary,
+    CriterionRow,
+    DriveRow,
+    ExcitationFile,
+    LimitRow,
+    ParameterForecast,
+    SlidingSummary,
+)
+from tuning.assessment.parameter_confidence import ParameterConfidence
+from tuning.excitation.design import Excitation
+from tuning.excitation.limits import force_per_unit
+from tuning.excitation.prediction import (
+    MIN_FORCE_OVER_FRICTION,
+    MIN_SLIDING_SHARE,
+    predict_coherence,
+    predict_confidence,
+    predict_sliding,
+)
+
+_SHOWN_PARAMETERS = ("stiffness", "damping", "undrawn_damping")
+_LISTED_INTERVALS = 5  # widest intervals that are printed; all stand in excitation.json
+
+
+def summarise(excitation: Excitation, remarks: Sequence[str]) -> ExcitationFile:
+    """Return the content of excitation.json.
+
+    Args:
+        excitation: the signals.
+        remarks: sentences on the machine and what was assumed.
+    """
+    plan, request, machine = excitation.plan, excitation.request, excitation.model.machine
+    confidence = predict_confidence(excitation)
+    design = excitation.design
+    rms = np.sqrt(excitation.power.sum(axis=0))
+    drives = [
+        DriveRow(
+            drive=str(drive),
+            unit=input_unit(machine, drive),
+            force=force_per_unit(machine, drive)[0],
+            force_unit=force_per_unit(machine, drive)[1],
+            rms=float(rms[number]),
+        )
+        for number, drive in enumerate(request.drives)
+    ]
+    limits = [
+        LimitRow(
+            drive=str(each.drive), what=each.what, reached=peak, limit=each.limit, unit=each.unit
+        )
+        for each, peak in zip(excitation.limited, excitation.peaks(), strict=True)
+    ]
+    coherence = [
+        CoherenceSummary(
+            drive=str(row.drive),
+            output=str(row.output),
+            median=float(np.median(row.coherence)),
+            lowest=float(row.coherence.min()),
+        )
+        for row in predict_coherence(excitation)
+    ]
+    sliding = [
+        SlidingSummary(**vars(row), slides=row.slides)
+        for row in predict_sliding(excitation, read_nonlinear_joints(machine.source))
+    ]
+    return ExcitationFile(
+        model=str(machine.source),
+        kind=request.kind,
+        band=(float(plan.freq_hz[0]), float(plan.freq_hz[-1])),
+        rate=plan.rate_hz,
+        period=plan.period_s,
+        periods=plan.periods,
+        realisations=plan.realisations,
+        averages=plan.averages,
+        seconds=plan.seconds,
+        lines=len(plan.lines),
+        drives=drives,
+        limits=limits,
+        noise={
+            str(port): float(value)
+            for port, value in zip(request.outputs, request.noise, strict=True)
+        },
+        coherence=coherence,
+        criterion=CriterionRow(
+            name="D",
+            of=list(excitation.of_interest),
+            value=design.criterion,
+            flat=design.flat,
+            gap=design.gap,
+        ),
+        parameters=list(_forecasts(confidence)),
+        undetermined=[row.sentence for row in confidence.unidentifiable_directions()],
+        sliding=sliding,
+        remarks=[*machine.remarks, *remarks, *plan.remarks],
+    )
+
+
+def _forecasts(confidence: ParameterConfidence) -> Iterator[ParameterForecast]:
+    """Yield stiffnesses and dampings with their intervals."""
+    varies = confidence.parametrisation
+    theta = varies.theta(confidence.x)
+    for number, (low, high) in enumerate(zip(*confidence.interval(), strict=True)):
+        parameter = varies.parameters[number]
+        if parameter.known in _SHOWN_PARAMETERS and varies.free[number]:
+            yield ParameterForecast(
+                parameter=parameter.name,
+                nominal=float(theta[number]),
+                unit=parameter.unit,
+                interval=(float(low), float(high)),
+                determined=not bool(confidence.unidentifiable[number]),
+            )
+
+
+def describe_excitation(summary: ExcitationFile) -> Iterator[str]:
+    """Yield the sentences that the terminal and the page show.
+
+    Args:
+        summary: content of excitation.json.
+    """
+    yield from summary.remarks
+    names = ", ".join(row.drive for row in summary.drives)
+    low, high = summary.band
+    yield (
+        f"{summary.kind} for {names}: {summary.lines} lines from {low:.4g} to {high:.4g} Hz; "
+        f"{summary.realisations} x {summary.periods} periods of {summary.period:.4g} s, "
+        f"{summary.seconds:.4g} s at {summary.rate:.6g} Hz"
+    )
+    for limit in summary.limits:
+        share = 100 * limit.reached / limit.limit
+        yield (
+            f"{limit.drive}: {limit.what} {limit.reached:.3g} {limit.unit}, "
+            f"{share:.0f} % of its limit"
+        )
+    criterion = summary.criterion
+    shrink = np.exp((criterion.flat - criterion.value) / (2 * len(criterion.of)))
+    yield (
+        f"designed for {describe_aim(criterion)} (D-optimal): intervals are {shrink:.2g} times "
+        "those of a flat spectrum under the same limits (geometric mean)"
+    )
+    determined = [row for row in summary.parameters if row.determined]
+    yield (
+        f"{len(determined)} of {len(summary.parameters)} stiffnesses and dampings will be "
+        "determined"
+    )
+    for row in sorted(determined, key=_relative_width, reverse=True)[:_LISTED_INTERVALS]:
+        low, high = row.interval
+        yield f"expected: {row.parameter} {low:.4g} to {high:.4g} {row.unit} (95 %)"
+    yield from summary.undetermined
+    yield from map(describe_sliding, summary.sliding)
+
+
+def describe_aim(criterion: CriterionRow) -> str:
+    """Return for what an excitation was designed."""
+    return f"all {len(criterion.of)} stiffnesses"
+
+
+def _relative_width(row: ParameterForecast) -> float:
+    """Return the width of an interval over the nominal value; it is last without one."""
+    low, high = row.interval
+    return (high - low) / abs(row.nominal) if row.nominal else 0.0
+
+
+def describe_sliding(row: SlidingSummary) -> str:
+    """Return the sentence on a joint with friction."""
+    if row.sliding is not None:
+        seen = f"slides {100 * row.sliding:.0f} % of the time"
+        least = f"{100 * MIN_SLIDING_SHARE:.0f} %"
+    else:
+        seen = f"feels up to {row.force_ratio:.3g} times its friction"
+        least = f"{MIN_FORCE_OVER_FRICTION:.3g} times"
+    if row.slides:
+        return f"joint {row.joint} {seen}: it slides all the time"
+    return (
+        f"joint {row.joint} {seen}, less than {least}: where it sticks its friction is stiffness; "
+        "raise the limits, or lower the band"
+    )
