@@ -230,7 +230,8 @@ def choose_lines(spectra: ForcedSpectra, blocks: ContinuousBlocks, records: Reco
     """Return the lines that count; (n_freq,)."""
     numbers = np.arange(len(spectra.motion))
     usable = numbers * records.rate_hz / blocks.length <= _USABLE_SHARE * records.rate_hz / 2
-    power = np.einsum("fii->fi", spectra.force).real.min(axis=1)
+    power = np.einsum("fii->fi", spectra.force).real
+    power = (power / np.maximum(power.max(axis=0), np.finfo(float).tiny)).min(axis=1)
     chosen: Mask = (numbers > 0) & usable & (power > 0)
     if blocks.kind == "random":
         chosen &= numbers % 2 == 0

@@ -77,8 +77,7 @@ def write_folder(
 def _kept_tables(excitation: Excitation, tested: TestedMachine) -> dict[str, Mapping[str, Any]]:
     """Return the tables of the campaign that hold for its machine in this test too."""
     tables: dict[str, Mapping[str, Any]] = {"tolerance": vars(tested.tolerance)}
-    for name, table in tested.tables.items():
-        tables |= {f"{name}.{json.dumps(key)}": values for key, values in table.items()}
+    tables |= {f"spring.{json.dumps(name)}": table for name, table in tested.springs.items()}
     stated = excitation.specification
     names = {"free", "fix", "prior", "bounds"}
     tuning = {name: value for name, value in vars(stated).items() if name in names and value}

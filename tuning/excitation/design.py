@@ -8,6 +8,7 @@ S of an output then gives its FRF by one drive the variance
 
     E|error|^2 = S / (T v).
 
+A relative error of the force, which every fit counts, is added to it.
 Limits bound peaks, and the design bounds rms values: each limit is divided by the crest factor that
 the signals of the step before have. In the end all signals are scaled to the limit that is met.
 """
@@ -40,6 +41,7 @@ from tuning.excitation.multisine import (
 )
 from tuning.excitation.record_plan import RecordPlan, plan_record
 from tuning.excitation.request import ExcitationRequest
+from tuning.misfit.weights import FORCE_ERROR_FLOOR, point_power_of
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import (
     UserSpecification,
@@ -50,6 +52,7 @@ from tuning.toleranced_model import build_toleranced_model
 
 _START_CREST = 1.8  # of a multisine after swapping, and of a sweep
 _DESIGNS = 3  # of the power, each with the crest factors of the one before
+_MIN_LINE_SHARE = 4e-6  # of the strongest line's power: readers leave out lines below 1e-6
 _MAX_FACTOR_ENTRIES = 3e7  # of X_i, 240 MB: lines are thinned beyond it
 _SPRING_KINDS = ("stiffness", "damping", "undrawn_damping")
 
@@ -186,11 +189,11 @@ def _design_signals(excitation: Excitation, chosen: Mask, interest: Mask) -> Exc
     freq_hz = excitation.plan.freq_hz
     stride = _choose_stride(excitation, int(chosen.sum()))
     thin = np.arange(stride // 2, len(freq_hz), stride)
-    factors = _line_factors(excitation, freq_hz[thin], chosen)
+    factors, saturation = _line_factors(excitation, freq_hz[thin], chosen)
     x = excitation.parametrisation.coordinates(excitation.theta)
     precision = posterior_precision(excitation.parametrisation, x)[chosen]
     # A line that is designed stands for all those about it.
-    information = LineInformation(factors * np.sqrt(stride), precision, interest)
+    information = LineInformation(factors * np.sqrt(stride), saturation, precision, interest)
     crests = np.full(len(excitation.limited), _START_CREST)
     for _ in range(_DESIGNS):
         costs = np.array(
@@ -201,6 +204,7 @@ def _design_signals(excitation: Excitation, chosen: Mask, interest: Mask) -> Exc
         )
         design = design_spectrum(information, costs)
         power = np.stack([np.interp(freq_hz, freq_hz[thin], row) for row in design.power.T], axis=1)
+        power = np.maximum(power, _MIN_LINE_SHARE * power.max(axis=0))
         amplitudes = _phase(excitation, power, (costs * design.power).sum(axis=1))
         excitation = replace(excitation, design=design, amplitudes=amplitudes)
         peaks = np.array(excitation.peaks())
@@ -219,8 +223,8 @@ def _choose_stride(excitation: Excitation, coordinates: int) -> int:
     return int(np.ceil(entries * coordinates / _MAX_FACTOR_ENTRIES))
 
 
-def _line_factors(excitation: Excitation, freq_hz: Real, chosen: Mask) -> Real:
-    """Return X_i of some coordinates; (n_freq, n_drive, n_row, n_x)."""
+def _line_factors(excitation: Excitation, freq_hz: Real, chosen: Mask) -> tuple[Real, Real]:
+    """Return X_i of some coordinates; (n_freq, n_drive, n_row, n_x), and R_i."""
     request, varies = excitation.request, excitation.parametrisation
     frfs = FrfRequest(freq_hz, request.outputs, request.drives, request.quantity)
     lines = Evaluator(excitation.model, frfs).at(excitation.theta)
@@ -231,7 +235,9 @@ def _line_factors(excitation: Excitation, freq_hz: Real, chosen: Mask) -> Real:
     density = output_noise(excitation.model, excitation.theta, request, freq_hz)
     weight = np.sqrt(2 * excitation.plan.counted_s) / density
     scaled = (columns * weight[:, :, None, None]).swapaxes(1, 2)
-    return np.concatenate([scaled.real, scaled.imag], axis=2)
+    errors = FORCE_ERROR_FLOOR**2 * point_power_of(lines.values, request.outputs)
+    ratio = (errors * (weight**2 / 2)[:, :, None]).swapaxes(1, 2)
+    return np.concatenate([scaled.real, scaled.imag], axis=2), np.tile(ratio, 2)
 
 
 def output_noise(model: Model, theta: Real, request: ExcitationRequest, freq_hz: Real) -> Real:

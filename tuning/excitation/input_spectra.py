@@ -1,20 +1,21 @@
 r"""D-optimal power of input signals over frequency lines, under limits on rms values.
 
-The power v_i of each line and drive adds v_i X_i' X_i to the information of the coordinates x,
+The power v_i of each line and drive adds to the information of the coordinates x,
 
-    M(v) = P + sum_i v_i X_i' X_i,    C = M^-1,
+    M(v) = P + sum_i v_i X_i' (1 + v_i R_i)^-1 X_i,    C = M^-1,
 
-with P the precision of the priors. The criterion is the log determinant of the covariance of the
-coordinates k of interest, with all others estimated too,
+with P the precision of the priors and R_i diagonal: the variance of an FRF is that of the noise,
+which falls with the power, and a relative error, which does not. The criterion is the log
+determinant of the covariance of the coordinates k of interest, with all others estimated too,
 
-    F(v) = -ln det C_kk,    g_i = dF/dv_i = |X_i C_.k L|^2,    L L' = C_kk^-1
+    F(v) = -ln det C_kk,    g_i = dF/dv_i = |(1 + v_i R_i)^-1 X_i C_.k L|^2,    L L' = C_kk^-1
 
 (Bayesian D_s-optimality: Chaloner and Verdinelli 1995). F is concave. Each limit c bounds a sum of
 powers, sum_i A_ci v_i <= 1. At the optimum g_i <= (A' m)_i with multipliers m >= 0, and equality
 where v_i > 0 (general equivalence theorem: Kiefer and Wolfowitz 1960; Fedorov and Hackl 1997). The
 multiplicative algorithm for D-optimal input spectra (Titterington 1976; Goodwin and Payne 1977,
-ch. 6) multiplies powers by g_i / (A' m)_i. Multipliers here follow by the use of their limits. Any
-multipliers that satisfy the inequality bound what is left to gain:
+ch. 6) multiplies powers by g_i / (A' m)_i, with the multipliers at which these powers use their
+limits. Any multipliers that satisfy the inequality bound what is left to gain:
 
     F(optimum) - F(v) <= sum_c m_c - sum_i g_i v_i.
 
@@ -31,6 +32,8 @@ from identification.words import Mask, Real
 EVEN_SHARE = 0.2  # of the limits: FRFs between optimal lines have 2.2 times the even noise
 _MAX_DESIGN_STEPS = 400
 _MAX_GAIN_LEFT_NATS = 0.02  # of F: intervals are then within 1 % of the shortest for one coordinate
+_PRICE_STEPS = 30
+_MIN_MULTIPLIER_SHARE = 1e-12  # of the largest: a limit that became idle can still be met again
 _CHECK_INTERVAL = 20  # steps between two computations of the bound
 
 
@@ -40,11 +43,13 @@ class LineInformation:
 
     Args:
         factors: X_i; (n_freq, n_drive, n_row, n_x).
+        saturation: R_i, relative error over noise per power; (n_freq, n_drive, n_row).
         precision: diagonal of P; (n_x,).
         of_interest: coordinates k; (n_x,).
     """
 
     factors: Real
+    saturation: Real
     precision: Real
     of_interest: Mask
 
@@ -54,7 +59,9 @@ class LineInformation:
         Args:
             power: v; (n_freq, n_drive).
         """
-        rows = (self.factors * np.sqrt(power)[:, :, None, None]).reshape(-1, len(self.precision))
+        each = power[:, :, None]
+        weight = np.sqrt(each / (1 + each * self.saturation))[..., None]
+        rows = (self.factors * weight).reshape(-1, len(self.precision))
         matrix = rows.T @ rows + np.diag(self.precision)
         scale = 1 / np.sqrt(np.diag(matrix))
         inverse: Real = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
@@ -70,7 +77,9 @@ class LineInformation:
         covariance = self.covariance(power)
         columns = covariance[:, self.of_interest]
         root = np.linalg.cholesky(np.linalg.inv(columns[self.of_interest]))
-        slopes: Real = ((self.factors @ (columns @ root)) ** 2).sum(axis=(2, 3))
+        moved = self.factors @ (columns @ root)
+        moved = moved / (1 + power[:, :, None] * self.saturation)[..., None]
+        slopes: Real = (moved**2).sum(axis=(2, 3))
         return slopes
 
 
@@ -142,17 +151,36 @@ def design_spectrum(
     best, gap = floor + added, np.inf
     for step in range(_MAX_DESIGN_STEPS):
         slopes = information.gradient(floor + added)
+        gains = slopes * added
+        multipliers = _price_limits(gains, costs_of_rest, multipliers)
         price = np.maximum(np.tensordot(multipliers, costs_of_rest, 1), np.finfo(float).tiny)
         if step % _CHECK_INTERVAL == 0:
             # Scaled to the least multipliers that fulfil the inequality, they bound the optimum.
-            bound = float(multipliers.sum() * (slopes / price).max() - (slopes * added).sum())
+            bound = float(multipliers.sum() * (slopes / price).max() - gains.sum())
             if bound < gap:
                 best, gap = floor + added, bound
             if gap <= _MAX_GAIN_LEFT_NATS:
                 break
-        added = added * slopes / price
-        used = (costs_of_rest * added).sum(axis=(1, 2))
-        multipliers = multipliers * np.sqrt(used)
-        added = added / used.max()
+        added = gains / price
+        added = added / (costs_of_rest * added).sum(axis=(1, 2)).max()
     flat = information.criterion(flat_spectrum(costs))
     return SpectrumDesign(best, information.criterion(best), flat, gap)
+
+
+def _price_limits(gains: Real, costs: Real, start: Real) -> Real:
+    """Return the multipliers m that minimise sum_c m_c - sum_i b_i ln (A' m)_i; (n_limit,).
+
+    Powers b_i / (A' m)_i then use each limit with a multiplier whole. The iteration is that of
+    Richardson and Lucy, which lowers the sum at each step (Vardi, Shepp and Kaufman 1985).
+
+    Args:
+        gains: b; (n_freq, n_drive).
+        costs: A; (n_limit, n_freq, n_drive).
+        start: m of the step before; (n_limit,).
+    """
+    rows, flat_gains = costs.reshape(len(costs), -1), gains.ravel()
+    multipliers = np.maximum(start, _MIN_MULTIPLIER_SHARE * start.max())
+    for _ in range(_PRICE_STEPS):
+        price = np.maximum(multipliers @ rows, np.finfo(float).tiny)
+        multipliers = multipliers * (rows @ (flat_gains / price))
+    return np.asarray(multipliers)

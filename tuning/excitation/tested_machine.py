@@ -1,6 +1,6 @@
 """The machine of an excitation: a model, a campaign with its loops, or a folder of results."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,6 @@ from tuning.files.plant_folder import plant_file
 from tuning.parametrisation.user_specification import UserSpecification
 from tuning.session import user_specification
 
-# Tables of a campaign that hold for every test of its machine.
-_KEPT_TABLES = ("spring", "tolerance")
-
 
 @dataclass(frozen=True, eq=False)
 class TestedMachine:
@@ -28,7 +25,7 @@ class TestedMachine:
         source: campaign.toml, or the MJCF.
         tolerance: of the drawings.
         specification: of the parameters.
-        tables: tables of campaign.toml that hold for every test of the machine.
+        springs: tables ``[spring.<name>]`` of campaign.toml.
         drives: motors of the campaign's log.
         outputs: encoders of the campaign's log.
         remarks: sentences on the machine.
@@ -40,7 +37,7 @@ class TestedMachine:
     source: Path
     tolerance: Tolerance
     specification: UserSpecification
-    tables: dict[str, Any] = field(default_factory=dict)
+    springs: Mapping[str, Any] = field(default_factory=dict)
     drives: Sequence[str] = ()
     outputs: Sequence[str] = ()
     remarks: tuple[str, ...] = ()
@@ -70,14 +67,14 @@ def open_tested_machine(path: Path, key: str | None = None) -> TestedMachine:
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
     machine = with_drawn_laws(source, settings, machine)
     machine, remarks = close_loops(source, machine, settings)
-    content = load_toml(source)
+    springs = load_toml(source).get("spring")
     log = settings.log
     return TestedMachine(
         machine,
         source,
         Tolerance(**dict(settings.tolerance)),
         user_specification(settings),
-        {name: content[name] for name in _KEPT_TABLES if name in content},
+        springs if isinstance(springs, dict) else {},
         () if log is None else tuple(log.motors),
         () if log is None else tuple(log.encoders),
         tuple(remarks),
