@@ -62,11 +62,12 @@ class CriterionRow(BaseModel):
     """D-optimality: ``value`` is -ln det of the covariance of the coordinates ``of`` [nats].
 
     ``flat`` is that of the flat spectrum under the same limits, and ``gap`` the upper bound of what
-    a better spectrum could add.
+    a better spectrum could add. ``causes`` are the open causes whose sizes these coordinates are.
     """
 
     name: str
     of: list[str]
+    causes: list[str] = []
     value: Number
     flat: Number
     gap: Number

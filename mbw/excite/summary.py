@@ -29,12 +29,15 @@ _SHOWN_PARAMETERS = ("stiffness", "damping", "undrawn_damping")
 _LISTED_INTERVALS = 5  # widest intervals that are printed; all stand in excitation.json
 
 
-def summarise(excitation: Excitation, remarks: Sequence[str]) -> ExcitationFile:
+def summarise(
+    excitation: Excitation, remarks: Sequence[str], causes: Sequence[str] = ()
+) -> ExcitationFile:
     """Return the content of excitation.json.
 
     Args:
         excitation: the signals.
         remarks: sentences on the machine and what was assumed.
+        causes: effects and places for which it was designed; empty for all stiffnesses.
     """
     plan, request, machine = excitation.plan, excitation.request, excitation.model.machine
     confidence = predict_confidence(excitation)
@@ -90,6 +93,7 @@ def summarise(excitation: Excitation, remarks: Sequence[str]) -> ExcitationFile:
         criterion=CriterionRow(
             name="D",
             of=list(excitation.of_interest),
+            causes=list(causes),
             value=design.criterion,
             flat=design.flat,
             gap=design.gap,
@@ -157,6 +161,8 @@ def describe_excitation(summary: ExcitationFile) -> Iterator[str]:
 
 def describe_aim(criterion: CriterionRow) -> str:
     """Return for what an excitation was designed."""
+    if criterion.causes:
+        return f"the open causes {', '.join(criterion.causes)}"
     return f"all {len(criterion.of)} stiffnesses"
 
 

@@ -1,6 +1,7 @@
 """``mbw excite``: signals for drives under their limits, and what they will show."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,15 +9,17 @@ import typer
 
 from identification.words import UsageError
 from mbw.excite.folder import folder_names, write_folder
+from mbw.excite.open_causes import design_for_causes, list_open_causes, name_cause
 from mbw.excite.page import PAGE, render
 from mbw.excite.summary import describe_excitation, summarise
 from mbw.files import write_json
 from mbw.messages import SCREEN
-from mbw.output_folder import ResultOptions
+from mbw.output_folder import ResultOptions, source_of
 from tuning.excitation.design import design_excitation
 from tuning.excitation.limits_toml import read_limits
 from tuning.excitation.request import ExcitationOptions, build_request
 from tuning.excitation.tested_machine import TestedMachine, open_tested_machine
+from tuning.files.plant_folder import plant_file
 
 EXCITATION_JSON = "excitation.json"
 
@@ -34,7 +37,7 @@ def run_options(
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.excite.options`` describes them."""
     outputs = ResultOptions(out, json, overwrite, pictures)
-    tested = open_tested_machine(model, key)
+    tested = _open(model, key)
     options = _read_options(stated, tested)
     request, remarks = build_request(tested.machine, options)
     names = [EXCITATION_JSON, PAGE, *folder_names(tested)]
@@ -43,7 +46,11 @@ def run_options(
             excitation = design_excitation(
                 tested.machine, request, tested.tolerance, tested.specification
             )
-            summary = summarise(excitation, (*tested.remarks, *remarks))
+            causes = list_open_causes(model)
+            if causes:
+                excitation = design_for_causes(excitation, causes)
+            names_of_causes = [name_cause(cause) for cause in causes]
+            summary = summarise(excitation, (*tested.remarks, *remarks), names_of_causes)
         with output.write() as place:
             write_folder(place, output.path, excitation, tested, seed)
             text = summary.model_dump_json(indent=1)
@@ -59,6 +66,18 @@ def run_options(
         typer.echo(f"mbw tune {output.path}")
     if json is not None:
         write_json(text, json)
+
+
+def _open(path: Path, key: str | None) -> TestedMachine:
+    """Return the machine, with what the campaign states from which a folder of results was made."""
+    tested = open_tested_machine(path, key)
+    mjcf = plant_file(path)
+    source = source_of(path, mjcf.name) if mjcf != path else None
+    if source is None or source.suffix != ".toml" or not source.is_file():
+        return tested
+    stated = open_tested_machine(source, key)
+    kept = ("tolerance", "specification", "springs", "drives", "outputs")
+    return replace(tested, **{name: getattr(stated, name) for name in kept})
 
 
 def _read_options(stated: Mapping[str, Any], tested: TestedMachine) -> ExcitationOptions:

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from tuning import open_campaign
 from tuning.excitation.tested_machine import open_tested_machine
 
 RUNNER = CliRunner()
+ROOT = Path(__file__).resolve().parents[2]
 LIMITS = """
 [drive.drive]
 force = 70.0
@@ -208,6 +211,42 @@ def test_a_drawn_friction_is_said_to_slide_or_stick(model, tmp_path):
     stiff = tmp_path / "stiff.xml"
     write_nonlinear_joints(model, stiff, [JenkinsElement("carriage_tx", 2e5, 500.0)])
     assert "its friction is stiffness" in run("excite", stiff, *limit)
+
+
+def test_a_diagnosis_with_open_causes_is_excited_for_them(tmp_path):
+    folder = tmp_path / "station-diagnosed"
+    shutil.copytree(ROOT / "tests/formats/0.2/diagnosed", folder)
+    limit = ("--limit", "acc5:+tx:force=50", "--seconds", "12", "--no-pictures")
+    outputs = ("--output", "acc1:+x", "--output", "acc8:+x", "--output", "acc8:+z")
+    run("excite", folder, *limit, *outputs, "--out", tmp_path / "all")
+    verdict = json.loads((folder / "verdict.json").read_text())
+    named = [
+        ("mass_error", "body:stage", 0.5, {"mass": 2.0}),
+        ("appendage", "body:stage", 0.3, {"mass": 1.0, "frequency": 70.0, "damping": 0.02}),
+        ("appendage", "body:base", 0.02, {}),
+    ]
+    verdict["causes"] = [
+        {
+            "effect": effect,
+            "location": location,
+            "dof": None,
+            "probability": probability,
+            "parameters": parameters,
+            "interval": {},
+            "excess_after": None,
+        }
+        for effect, location, probability, parameters in named
+    ]
+    (folder / "verdict.json").write_text(json.dumps(verdict))
+    said = run("excite", folder, *limit, *outputs, "--out", tmp_path / "open")
+    assert "designed for the open causes mass_error@body:stage, appendage@body:stage" in said
+    plain, aimed = (
+        json.loads((tmp_path / name / "excitation.json").read_text())["criterion"]
+        for name in ("all", "open")
+    )
+    assert plain["causes"] == []
+    assert not {*plain["of"]} & {*aimed["of"]}
+    assert aimed["value"] > aimed["flat"]
 
 
 def test_blind_repeats_a_test_by_a_motor_and_accelerometers(tmp_path):

@@ -279,10 +279,10 @@ def test_the_predicted_variance_and_coherence_are_those_of_the_estimate(excitati
             np.median(test.estimate.variance / expected.estimate.variance, axis=0), 1, rtol=0.1
         )
         for row, output in enumerate(test.estimate.frf.outputs):
-            coherence = np.median(rows[test.condition.reference, output])
-            assert np.median(test.estimate.coherence[:, row, 0]) == pytest.approx(
-                coherence, abs=0.02
-            )
+            coherence = rows[test.condition.reference, output]
+            clear = coherence > 0.9  # elsewhere noise raises the power of the motion
+            difference = test.estimate.coherence[clear, row, 0] - coherence[clear]
+            assert np.abs(difference).mean() < 0.02 if clear.any() else True
 
 
 def test_a_period_rings_down_and_several_are_recorded(excitation):

@@ -142,12 +142,13 @@ def design_excitation(
     Raises:
         UsageError: a label, a limit, band, rate or time that cannot be used.
     """
-    probe = _predict(machine, request, np.array([1.0]), None)
+    tolerance = tolerance or Tolerance()
+    probe = _predict(machine, request, np.array([1.0]), None, tolerance)
     model = build_toleranced_model(machine, probe)
     model = Model(machine, (*model.parts, *parts))
     names = [parameter.name for parameter in model.parameters]
     specification = fitting_specification(specification or UserSpecification(), names)
-    parametrisation = parametrise(model, tolerance or Tolerance(), specification)
+    parametrisation = parametrise(model, tolerance, specification)
     theta = parametrisation.start
     modes = model_modes(model, theta)
     plan = plan_record(modes, request.band, request.seconds, request.rate_hz, len(request.limits))
@@ -169,7 +170,8 @@ def design_excitation(
         specification,
     )
     excitation = _design_signals(excitation, chosen, interest)
-    return replace(excitation, campaign=_predict(machine, request, plan.freq_hz, excitation))
+    predicted = _predict(machine, request, plan.freq_hz, excitation, tolerance)
+    return replace(excitation, campaign=predicted)
 
 
 def _choose_coordinates(varies: Parametrisation, of_interest: Sequence[str]) -> tuple[Mask, Mask]:
@@ -285,7 +287,11 @@ def _phase(excitation: Excitation, power: Real, used: Real) -> Complex:
 
 
 def _predict(
-    machine: Machine, request: ExcitationRequest, freq_hz: Real, excitation: Excitation | None
+    machine: Machine,
+    request: ExcitationRequest,
+    freq_hz: Real,
+    excitation: Excitation | None,
+    tolerance: Tolerance,
 ) -> Campaign:
     """Return a test for each drive, as the nominal machine would give it.
 
@@ -294,6 +300,7 @@ def _predict(
         request: drives and outputs.
         freq_hz: lines [Hz]; (n_freq,).
         excitation: signals; None for FRFs without values, which say what is read.
+        tolerance: of the drawings.
     """
     shape = (len(freq_hz), len(request.outputs), len(request.drives))
     values, variance, averages = np.zeros(shape, complex), np.ones(shape), 2
@@ -316,4 +323,4 @@ def _predict(
         )
         unit = input_unit(machine, drive)
         tests.append(Test(Condition("predicted", drive, drive_unit=unit), estimate))
-    return Campaign(machine.name, machine.layout, tuple(tests))
+    return Campaign(machine.name, machine.layout, tuple(tests), tolerance=tolerance)

@@ -32,6 +32,7 @@ from identification.words import Mask, Real
 EVEN_SHARE = 0.2  # of the limits: FRFs between optimal lines have 2.2 times the even noise
 _MAX_DESIGN_STEPS = 400
 _MAX_GAIN_LEFT_NATS = 0.02  # of F: intervals are then within 1 % of the shortest for one coordinate
+_MIN_EIGENVALUE = 1e-10  # of correlations
 _PRICE_STEPS = 30
 _MIN_MULTIPLIER_SHARE = 1e-12  # of the largest: a limit that became idle can still be met again
 _CHECK_INTERVAL = 20  # steps between two computations of the bound
@@ -69,18 +70,28 @@ class LineInformation:
 
     def criterion(self, power: Real) -> float:
         """Return F [nats]: half of it is the gain of ln of the intervals' joint volume."""
-        kept = np.ix_(self.of_interest, self.of_interest)
-        return -float(np.linalg.slogdet(self.covariance(power)[kept])[1])
+        values, _, scale = self._decompose(self.covariance(power))
+        return -float(np.log(values).sum() + 2 * np.log(scale).sum())
 
     def gradient(self, power: Real) -> Real:
         """Return g; (n_freq, n_drive)."""
         covariance = self.covariance(power)
-        columns = covariance[:, self.of_interest]
-        root = np.linalg.cholesky(np.linalg.inv(columns[self.of_interest]))
-        moved = self.factors @ (columns @ root)
+        values, vectors, scale = self._decompose(covariance)
+        root = vectors / np.sqrt(values) / scale[:, None]
+        moved = self.factors @ (covariance[:, self.of_interest] @ root)
         moved = moved / (1 + power[:, :, None] * self.saturation)[..., None]
         slopes: Real = (moved**2).sum(axis=(2, 3))
         return slopes
+
+    def _decompose(self, covariance: Real) -> tuple[Real, Real, Real]:
+        """Return eigenvalues and vectors of the correlations of interest, and the deviations.
+
+        Coordinates that act nearly alike have correlations that rounding makes indefinite.
+        """
+        kept = covariance[np.ix_(self.of_interest, self.of_interest)]
+        scale = np.sqrt(np.diag(kept))
+        values, vectors = np.linalg.eigh(kept / np.outer(scale, scale))
+        return np.maximum(values, _MIN_EIGENVALUE), vectors, scale
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,9 @@ from mbmodel.modes.matrix_modes import Modes
 _MIN_RECORD_PERIODS = 4  # one settles, and three tell noise
 _SETTLED_SHARE = 1e-3  # of a transient, after the period that settles
 _MAX_UNSETTLED = 0.02  # of a transient: beyond it, the user is told
+# Where the modes allow it, a twelfth of the time settles, and lines are near enough to each other
+# to show sharp modes that the model lacks; more of them would only take time to compute.
+_USUAL_PERIODS, _USUAL_LINES = 12, 400
 _MIN_EXCITED_LINES = 20  # of the band: fewer show no modes
 RATE_OVER_BAND = 5.0  # images of a held command count above a fifth of the rate
 _MIN_RATE_OVER_BAND = 2.5  # readers use lines below 0.8 of half the rate
@@ -65,7 +68,7 @@ class RecordPlan:
 def plan_record(
     modes: Modes, band: tuple[float, float], seconds: float, rate_hz: float, drives: int
 ) -> RecordPlan:
-    """Choose the period by the sharpest mode: it rings down within one, and has lines within it.
+    """Choose the period: the sharpest mode rings down within one, and has lines within it.
 
     A mode of decay rate d [rad/s] falls to a thousandth within ln(1000) / d. Its half-power
     bandwidth d / pi then holds two lines.
@@ -91,7 +94,9 @@ def plan_record(
     inside = modes.oscillates & (modes.freq_hz >= low) & (modes.freq_hz <= high)
     decay = -modes.poles.real[inside]
     slowest = float(decay[decay > 0].min(initial=np.inf))
-    wanted = max(-np.log(_SETTLED_SHARE) / slowest, _MIN_EXCITED_LINES / (high - low), 1 / low)
+    fine = min(seconds / (drives * _USUAL_PERIODS), _USUAL_LINES / (high - low))
+    rings = -np.log(_SETTLED_SHARE) / slowest
+    wanted = max(rings, fine, _MIN_EXCITED_LINES / (high - low), 1 / low)
     longest = int(seconds * rate_hz) // (drives * _MIN_RECORD_PERIODS)
     samples = _fast_even_length(min(int(np.ceil(wanted * rate_hz)), longest), longest)
     period_s = samples / rate_hz
