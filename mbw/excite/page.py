@@ -1,9 +1,11 @@
 """Page of ``mbw excite``: power over lines, one period in time, coherence, expected intervals."""
 
 from html import escape
+from pathlib import Path
 
 import numpy as np
 
+from identification.words.file_access import read_bytes
 from mbw.excite.schema import ExcitationFile
 from mbw.excite.summary import describe_excitation
 from mbw.page.html import fill_template, pack_real, warning_boxes
@@ -12,6 +14,16 @@ from tuning.excitation.prediction import predict_coherence
 
 PAGE = "excitation.html"
 _MAX_PERIOD_POINTS = 4096  # of a period that is drawn
+
+
+def read_page(path: Path) -> str:
+    """Return the page in a folder of ``mbw excite``.
+
+    Raises:
+        InputError: the page cannot be read.
+    """
+    folder = path if path.is_dir() else path.parent
+    return read_bytes(folder / PAGE, "run mbw excite again").decode("utf-8")
 
 
 def render(excitation: Excitation, summary: ExcitationFile) -> str:

@@ -6,6 +6,7 @@ from pydantic import BaseModel, Field
 
 from identification.readers.result_files import ResultFile
 
+EXCITATION_JSON = "excitation.json"
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 

@@ -14,18 +14,17 @@ from mbw.excite.schema import (
     ParameterForecast,
     SlidingSummary,
 )
-from tuning.assessment.parameter_confidence import ParameterConfidence
 from tuning.excitation.design import Excitation
 from tuning.excitation.limits import force_per_unit
 from tuning.excitation.prediction import (
     MIN_FORCE_OVER_FRICTION,
     MIN_SLIDING_SHARE,
+    forecast_rows,
     predict_coherence,
     predict_confidence,
     predict_sliding,
 )
 
-_SHOWN_PARAMETERS = ("stiffness", "damping", "undrawn_damping")
 _LISTED_INTERVALS = 5  # widest intervals that are printed; all stand in excitation.json
 
 
@@ -98,27 +97,20 @@ def summarise(
             flat=design.flat,
             gap=design.gap,
         ),
-        parameters=list(_forecasts(confidence)),
+        parameters=[
+            ParameterForecast(
+                parameter=parameter.name,
+                nominal=nominal,
+                unit=parameter.unit,
+                interval=(low, high),
+                determined=determined,
+            )
+            for parameter, nominal, low, high, determined in forecast_rows(confidence)
+        ],
         undetermined=[row.sentence for row in confidence.unidentifiable_directions()],
         sliding=sliding,
         remarks=[*machine.remarks, *remarks, *plan.remarks],
     )
-
-
-def _forecasts(confidence: ParameterConfidence) -> Iterator[ParameterForecast]:
-    """Yield stiffnesses and dampings with their intervals."""
-    varies = confidence.parametrisation
-    theta = varies.theta(confidence.x)
-    for number, (low, high) in enumerate(zip(*confidence.interval(), strict=True)):
-        parameter = varies.parameters[number]
-        if parameter.known in _SHOWN_PARAMETERS and varies.free[number]:
-            yield ParameterForecast(
-                parameter=parameter.name,
-                nominal=float(theta[number]),
-                unit=parameter.unit,
-                interval=(float(low), float(high)),
-                determined=not bool(confidence.unidentifiable[number]),
-            )
 
 
 def describe_excitation(summary: ExcitationFile) -> Iterator[str]:

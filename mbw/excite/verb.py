@@ -11,6 +11,7 @@ from identification.words import UsageError
 from mbw.excite.folder import folder_names, write_folder
 from mbw.excite.open_causes import design_for_causes, list_open_causes, name_cause
 from mbw.excite.page import PAGE, render
+from mbw.excite.schema import EXCITATION_JSON
 from mbw.excite.summary import describe_excitation, summarise
 from mbw.files import write_json
 from mbw.messages import SCREEN
@@ -20,8 +21,6 @@ from tuning.excitation.limits_toml import read_limits
 from tuning.excitation.request import ExcitationOptions, build_request
 from tuning.excitation.tested_machine import TestedMachine, open_tested_machine
 from tuning.files.plant_folder import plant_file
-
-EXCITATION_JSON = "excitation.json"
 
 
 def run_options(

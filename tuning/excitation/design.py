@@ -54,7 +54,7 @@ _START_CREST = 1.8  # of a multisine after swapping, and of a sweep
 _DESIGNS = 3  # of the power, each with the crest factors of the one before
 _MIN_LINE_SHARE = 4e-6  # of the strongest line's power: readers leave out lines below 1e-6
 _MAX_FACTOR_ENTRIES = 3e7  # of X_i, 240 MB: lines are thinned beyond it
-_SPRING_KINDS = ("stiffness", "damping", "undrawn_damping")
+SPRING_KINDS = ("stiffness", "damping", "undrawn_damping")
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,7 @@ def _choose_coordinates(varies: Parametrisation, of_interest: Sequence[str]) -> 
     kinds |= {parameter.name: parameter.known for parameter in varies.parameters}
     known = np.array([kinds[name] for name in varies.names])
     named = np.isin(np.array(varies.names), list(of_interest))
-    chosen = np.isin(known, _SPRING_KINDS) | named
+    chosen = np.isin(known, SPRING_KINDS) | named
     wanted = named if named.any() else known == "stiffness"
     wanted = wanted if wanted.any() else chosen
     return chosen, wanted[chosen]

@@ -1,15 +1,22 @@
 """What an excitation will show: intervals of parameters, coherence, and joints that slide."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from identification.noise.variance import implied_coherence
 from identification.words import JOINT_PREFIX, Complex, Input, Output, Real, Signal
-from mbmodel import DryFriction, Evaluator, FrfRequest, JenkinsElement, NonlinearJoint
+from mbmodel import (
+    DryFriction,
+    Evaluator,
+    FrfRequest,
+    JenkinsElement,
+    NonlinearJoint,
+    Parameter,
+)
 from tuning.assessment.parameter_confidence import ParameterConfidence
-from tuning.excitation.design import Excitation, output_noise
+from tuning.excitation.design import SPRING_KINDS, Excitation, output_noise
 from tuning.misfit.misfit import Misfit
 
 # A mass under a harmonic force moves without stops if the force is above the friction by this
@@ -24,6 +31,18 @@ def predict_confidence(excitation: Excitation) -> ParameterConfidence:
     x = varies.coordinates(excitation.theta)
     misfit = Misfit(excitation.model, excitation.campaign, varies, model_error_floor=0.0)
     return ParameterConfidence(varies, x, misfit.quadratic_model(x)[2], 1.0)
+
+
+def forecast_rows(
+    confidence: ParameterConfidence,
+) -> Iterator[tuple[Parameter, float, float, float, bool]]:
+    """Yield each stiffness and damping: nominal value, 95 % interval [SI], whether determined."""
+    varies = confidence.parametrisation
+    theta, vague = varies.theta(confidence.x), confidence.unidentifiable
+    for number, (low, high) in enumerate(zip(*confidence.interval(), strict=True)):
+        parameter = varies.parameters[number]
+        if parameter.known in SPRING_KINDS and varies.free[number]:
+            yield parameter, float(theta[number]), float(low), float(high), not bool(vague[number])
 
 
 def predict_record(excitation: Excitation, random: np.random.Generator) -> Real:
