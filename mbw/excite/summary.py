@@ -6,6 +6,7 @@ import numpy as np
 
 from mbmodel import input_unit, read_nonlinear_joints
 from mbw.excite.schema import (
+    EXCITATION_JSON,
     CoherenceSummary,
     CriterionRow,
     DriveRow,
@@ -25,7 +26,7 @@ from tuning.excitation.prediction import (
     predict_sliding,
 )
 
-_LISTED_INTERVALS = 5  # widest intervals that are printed; all stand in excitation.json
+_LISTED_INTERVALS = 5  # widest intervals that are printed, and what stays undetermined
 
 
 def summarise(
@@ -147,7 +148,10 @@ def describe_excitation(summary: ExcitationFile) -> Iterator[str]:
     for row in sorted(determined, key=_relative_width, reverse=True)[:_LISTED_INTERVALS]:
         low, high = row.interval
         yield f"expected: {row.parameter} {low:.4g} to {high:.4g} {row.unit} (95 %)"
-    yield from summary.undetermined
+    vague = summary.undetermined
+    yield from vague[:_LISTED_INTERVALS]
+    if len(vague) > _LISTED_INTERVALS:
+        yield f"{len(vague) - _LISTED_INTERVALS} further ones stand in {EXCITATION_JSON}"
     yield from map(describe_sliding, summary.sliding)
 
 

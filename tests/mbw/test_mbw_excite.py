@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from any_machines import SERVO_AXIS
+from browser import CHROMIUM, browse
 from encoder_campaign import write_axis
 from typer.testing import CliRunner
 
@@ -89,6 +90,32 @@ def test_the_terminal_says_limits_intervals_and_what_stays_open(said, folder):
     ):
         assert words in said
     assert (folder / "excitation.html").is_file()
+
+
+PROBE = """<script>addEventListener("load", () => setTimeout(() => {
+  const rows = id => document.querySelectorAll("#" + id + " tbody tr").length;
+  const found = document.body.appendChild(document.createElement("pre"));
+  found.id = "found";
+  found.textContent = JSON.stringify({faults: FAULTS, limits: rows("limits"),
+    parameters: rows("parameters"), curves: ["spectrum", "period", "coherence"].map(
+      id => document.getElementById(id).data.length)});
+}, 500));</script>"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+def test_the_page_shows_limits_intervals_and_curves(folder, result, tmp_path):
+    seen = browse((folder / "excitation.html").read_text(), tmp_path, probe=PROBE)
+    assert seen == {
+        "faults": [],
+        "limits": len(result["limits"]),
+        "parameters": len(result["parameters"]),
+        "curves": [2, 2, 4],
+    }
+
+
+def test_report_writes_the_page_again(folder, tmp_path):
+    run("report", folder, "--out", tmp_path / "again.html")
+    assert (tmp_path / "again.html").read_text() == (folder / "excitation.html").read_text()
 
 
 def test_the_json_states_what_is_reached(result):
