@@ -72,6 +72,11 @@ def summarise(
         SlidingSummary(**vars(row), slides=row.slides)
         for row in predict_sliding(excitation, read_nonlinear_joints(machine.source))
     ]
+    moves_further = [row.joint for row in sliding if row.sliding]
+    sticking = (
+        "stroke and speed are those of the linear model, in which the friction of "
+        f"{', '.join(moves_further)} is a spring: where it slides, it moves further"
+    )
     return ExcitationFile(
         model=str(machine.source),
         kind=request.kind,
@@ -110,7 +115,12 @@ def summarise(
         ],
         undetermined=[row.sentence for row in confidence.unidentifiable_directions()],
         sliding=sliding,
-        remarks=[*machine.remarks, *remarks, *plan.remarks],
+        remarks=[
+            *machine.remarks,
+            *remarks,
+            *plan.remarks,
+            *([sticking] if moves_further else []),
+        ],
     )
 
 

@@ -1,5 +1,6 @@
 """``mbw excite``: signals for drives under their limits, and what they will show."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -81,7 +82,9 @@ def _open(path: Path, key: str | None) -> TestedMachine:
 
 def _read_options(stated: Mapping[str, Any], tested: TestedMachine) -> ExcitationOptions:
     """Return what the user states, with the limits of all drives."""
-    drives = tested.drives if stated["drives"] is None else stated["drives"].split(",")
+    drives = tested.drives
+    if stated["drives"] is not None:  # the numbers of an offset have commas too: ty@0,0,0.2:+tx
+        drives = re.split(r",(?=\s*[^\W\d])", stated["drives"])
     options = ExcitationOptions(
         limits={},
         outputs=stated["outputs"] or tested.outputs,
