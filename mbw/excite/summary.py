@@ -15,6 +15,7 @@ from mbw.excite.schema import (
     ParameterForecast,
     SlidingSummary,
 )
+from tuning.assessment.parameter_confidence import ParameterConfidence
 from tuning.excitation.design import Excitation
 from tuning.excitation.limits import force_per_unit
 from tuning.excitation.prediction import (
@@ -41,42 +42,7 @@ def summarise(
     """
     plan, request, machine = excitation.plan, excitation.request, excitation.model.machine
     confidence = predict_confidence(excitation)
-    design = excitation.design
-    rms = np.sqrt(excitation.power.sum(axis=0))
-    drives = [
-        DriveRow(
-            drive=str(drive),
-            unit=input_unit(machine, drive),
-            force=force_per_unit(machine, drive)[0],
-            force_unit=force_per_unit(machine, drive)[1],
-            rms=float(rms[number]),
-        )
-        for number, drive in enumerate(request.drives)
-    ]
-    limits = [
-        LimitRow(
-            drive=str(each.drive), what=each.what, reached=peak, limit=each.limit, unit=each.unit
-        )
-        for each, peak in zip(excitation.limited, excitation.peaks(), strict=True)
-    ]
-    coherence = [
-        CoherenceSummary(
-            drive=str(row.drive),
-            output=str(row.output),
-            median=float(np.median(row.coherence)),
-            lowest=float(row.coherence.min()),
-        )
-        for row in predict_coherence(excitation)
-    ]
-    sliding = [
-        SlidingSummary(**vars(row), slides=row.slides)
-        for row in predict_sliding(excitation, read_nonlinear_joints(machine.source))
-    ]
-    moves_further = [row.joint for row in sliding if row.sliding]
-    sticking = (
-        "stroke and speed are those of the linear model, in which the friction of "
-        f"{', '.join(moves_further)} is a spring: where it slides, it moves further"
-    )
+    design, sliding = excitation.design, _list_sliding(excitation)
     return ExcitationFile(
         model=str(machine.source),
         kind=request.kind,
@@ -88,13 +54,13 @@ def summarise(
         averages=plan.averages,
         seconds=plan.seconds,
         lines=len(plan.lines),
-        drives=drives,
-        limits=limits,
+        drives=_list_drives(excitation),
+        limits=_list_limits(excitation),
         noise={
             str(port): float(value)
             for port, value in zip(request.outputs, request.noise, strict=True)
         },
-        coherence=coherence,
+        coherence=_list_coherence(excitation),
         criterion=CriterionRow(
             name="D",
             of=list(excitation.of_interest),
@@ -103,25 +69,91 @@ def summarise(
             flat=design.flat,
             gap=design.gap,
         ),
-        parameters=[
-            ParameterForecast(
-                parameter=parameter.name,
-                nominal=nominal,
-                unit=parameter.unit,
-                interval=(low, high),
-                determined=determined,
-            )
-            for parameter, nominal, low, high, determined in forecast_rows(confidence)
-        ],
+        parameters=_list_parameters(confidence),
         undetermined=[row.sentence for row in confidence.unidentifiable_directions()],
         sliding=sliding,
         remarks=[
             *machine.remarks,
             *remarks,
             *plan.remarks,
-            *([sticking] if moves_further else []),
+            *_remark_on_strokes(sliding),
         ],
     )
+
+
+def _list_drives(excitation: Excitation) -> list[DriveRow]:
+    """Return the drives with the rms of their signals."""
+    machine, rms = excitation.model.machine, np.sqrt(excitation.power.sum(axis=0))
+    rows = []
+    for drive, value in zip(excitation.request.drives, rms.tolist(), strict=True):
+        force, unit = force_per_unit(machine, drive)
+        rows.append(
+            DriveRow(
+                drive=str(drive),
+                unit=input_unit(machine, drive),
+                force=force,
+                force_unit=unit,
+                rms=value,
+            )
+        )
+    return rows
+
+
+def _list_limits(excitation: Excitation) -> list[LimitRow]:
+    """Return the limits with what is reached."""
+    pairs = zip(excitation.limited, excitation.peaks(), strict=True)
+    return [
+        LimitRow(
+            drive=str(each.drive), what=each.what, reached=peak, limit=each.limit, unit=each.unit
+        )
+        for each, peak in pairs
+    ]
+
+
+def _list_coherence(excitation: Excitation) -> list[CoherenceSummary]:
+    """Return the coherence of each drive and output."""
+    return [
+        CoherenceSummary(
+            drive=str(row.drive),
+            output=str(row.output),
+            median=float(np.median(row.coherence)),
+            lowest=float(row.coherence.min()),
+        )
+        for row in predict_coherence(excitation)
+    ]
+
+
+def _list_parameters(confidence: ParameterConfidence) -> list[ParameterForecast]:
+    """Return stiffnesses and dampings with their intervals."""
+    return [
+        ParameterForecast(
+            parameter=parameter.name,
+            nominal=nominal,
+            unit=parameter.unit,
+            interval=(low, high),
+            determined=determined,
+        )
+        for parameter, nominal, low, high, determined in forecast_rows(confidence)
+    ]
+
+
+def _list_sliding(excitation: Excitation) -> list[SlidingSummary]:
+    """Return the joints with friction."""
+    laws = read_nonlinear_joints(excitation.model.machine.source)
+    return [
+        SlidingSummary(**vars(row), slides=row.slides) for row in predict_sliding(excitation, laws)
+    ]
+
+
+def _remark_on_strokes(sliding: Sequence[SlidingSummary]) -> list[str]:
+    """Return a remark if joints slide whose friction the linear model has as a spring."""
+    joints = ", ".join(row.joint for row in sliding if row.sliding)
+    if not joints:
+        return []
+    return [
+        "stroke and speed are those of the linear model, in which the friction of "
+        f"{joints} is a spring: where it slides, it moves further"
+    ]
 
 
 def describe_excitation(summary: ExcitationFile) -> Iterator[str]:

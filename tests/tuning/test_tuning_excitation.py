@@ -305,6 +305,8 @@ def test_a_short_record_says_what_rings_on(axis):
     [
         ({"band": (0.0, 90.0)}, "LOW above 0"),
         ({"rate_hz": 200.0}, "at least 225"),
+        ({"rate_hz": float("nan")}, "--rate nan"),
+        ({"band": (8.0, float("inf"))}, "--rate"),
         ({"seconds": 0.5}, "lines in the band"),
         ({"seconds": -1.0}, "above 0"),
         ({"limits": {}}, "no drive is named"),

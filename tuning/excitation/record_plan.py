@@ -107,17 +107,22 @@ def plan_record(
             f"--seconds {seconds:g}: a period of {period_s:.3g} s has {len(lines)} lines in the "
             f"band: give at least {np.ceil(needed):g} s, or a wider --band"
         )
-    remains = float(np.exp(-slowest * period_s))
-    remarks: tuple[str, ...] = ()
-    if remains > _MAX_UNSETTLED:
-        needed = drives * _MIN_RECORD_PERIODS * -np.log(_SETTLED_SHARE) / slowest
-        remarks = (
-            f"the sharpest mode rings on: {100 * remains:.2g} % of what begins with a realisation "
-            f"is left after the period of {period_s:.3g} s that settles: give --seconds "
-            f"{np.ceil(needed):g}",
-        )
     periods = int(seconds * rate_hz) // (drives * samples)
+    remarks = _ringing_remark(slowest, period_s, drives)
     return RecordPlan(rate_hz, samples, periods, drives, lines, remarks)
+
+
+def _ringing_remark(decay: float, period_s: float, drives: int) -> tuple[str, ...]:
+    """Return a remark if the sharpest mode has not rung down after the period that settles."""
+    remains = float(np.exp(-decay * period_s))
+    if remains <= _MAX_UNSETTLED:
+        return ()
+    needed = drives * _MIN_RECORD_PERIODS * -np.log(_SETTLED_SHARE) / decay
+    return (
+        f"the sharpest mode rings on: {100 * remains:.2g} % of what begins with a realisation is "
+        f"left after the period of {period_s:.3g} s that settles: give --seconds "
+        f"{np.ceil(needed):g}",
+    )
 
 
 def _fast_even_length(wanted: int, longest: int) -> int:

@@ -115,8 +115,9 @@ def build_request(
     )
     band = options.band or _default_band(machine)
     rate_hz = options.rate_hz or _nice_rate(RATE_OVER_BAND * band[1])
-    if not (np.isfinite(options.seconds) and options.seconds > 0):
-        raise UsageError(f"--seconds {options.seconds:g}: give a number above 0")
+    for name, value in (("--seconds", options.seconds), ("--rate", rate_hz)):
+        if not (np.isfinite(value) and value > 0):
+            raise UsageError(f"{name} {value:g}: give a number above 0")
     noise, remarks = _find_noise(machine, outputs, quantity, options, rate_hz)
     request = ExcitationRequest(
         limits, outputs, noise, band, options.seconds, rate_hz, quantity, kind
