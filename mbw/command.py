@@ -54,6 +54,9 @@ VERBS = {
     "simulate": Verb(
         "mbw.simulate.options", "Make a virtual hammer test, or play a signal, in time."
     ),
+    "excite": Verb(
+        "mbw.excite.options", "Design signals for a machine's drives, and say what they show."
+    ),
     "tune": Verb("mbw.tune.options", "Tune a model to a measurement."),
     "diagnose": Verb(
         "mbw.diagnose.options", "Find effects that the model lacks, and their places."

@@ -37,6 +37,7 @@ from identification.words import (
 from mbworkbench.budgets import ErrorBudgetResult, error_budget
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
 from mbworkbench.diagnosis import DiagnosisResult, diagnose
+from mbworkbench.excitation import ExcitationResult, excite
 from mbworkbench.identified import IdentifiedModel, identify
 from mbworkbench.model import MachineModel, ModelModes, read_model
 from mbworkbench.parameters import ParameterTable
@@ -53,6 +54,7 @@ __all__ = [
     "DiagnosisSettings",
     "Dof",
     "ErrorBudgetResult",
+    "ExcitationResult",
     "Frf",
     "FrfEstimate",
     "IdentifiedModel",
@@ -71,6 +73,7 @@ __all__ = [
     "__version__",
     "diagnose",
     "error_budget",
+    "excite",
     "identify",
     "plot",
     "read_campaign",

@@ -11,6 +11,7 @@ from identification.words import Complex, Dof, Frf, FrfEstimate, Real, Test
 from mbworkbench.budgets import ErrorBudgetResult
 from mbworkbench.campaign import MeasuredCampaign
 from mbworkbench.diagnosis import DiagnosisResult
+from mbworkbench.excitation import ExcitationResult
 from mbworkbench.identified import IdentifiedModel
 from mbworkbench.model import ModelModes
 from mbworkbench.plant import TunedPlant
@@ -68,6 +69,22 @@ def _(result: MeasuredCampaign) -> go.Figure:
 @plot.register
 def _(result: ModelModes) -> go.Figure:
     return _mode_map(result.freq_hz, result.damping, "modes of the model")
+
+
+@plot.register
+def _(result: ExcitationResult) -> go.Figure:
+    figure = make_subplots(rows=2, cols=1)
+    plan, power = result.excitation.plan, result.excitation.power
+    time_s, periods = np.arange(plan.samples) / plan.rate_hz, result.excitation.periods[0]
+    for number, name in enumerate(result.drives):
+        colour = PALETTE[number % len(PALETTE)]
+        _add_line(figure, plan.freq_hz, np.sqrt(2 * power[:, number]), name, 1, colour)
+        _add_line(figure, time_s, periods[number], name, 2, colour)
+    figure.update_xaxes(title_text="frequency [Hz]", row=1, col=1)
+    figure.update_xaxes(title_text="time [s]", row=2, col=1)
+    figure.update_yaxes(title_text="amplitude", type="log", row=1, col=1)
+    figure.update_yaxes(title_text="signal", row=2, col=1)
+    return figure
 
 
 @plot.register

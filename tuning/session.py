@@ -1,11 +1,13 @@
 """A campaign opened together with its machine: the start of every tuning and diagnosis."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from identification import correct_layout, read_campaign, read_settings, select_band
+from identification.readers.campaign_toml import CampaignSettings
 from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
 from identification.unknown_gains import leave_out_unknown_gains
@@ -139,11 +141,23 @@ def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Cam
 def _read_specification(path: Path) -> UserSpecification:
     """Read what a user specifies under ``[tuning]`` of campaign.toml, and for instruments."""
     settings = read_settings(path)[1]
+    return user_specification(settings, instrument_priors(settings))
+
+
+def user_specification(
+    settings: CampaignSettings, priors: Mapping[str, float] | None = None
+) -> UserSpecification:
+    """Return what a user specifies under ``[tuning]``.
+
+    Args:
+        settings: content of campaign.toml.
+        priors: priors that the same file states elsewhere, by the parameter's name.
+    """
     tuning = settings.tuning
     return UserSpecification(
         free=tuning.free,
         fix=tuning.fix,
-        prior={**instrument_priors(settings), **tuning.prior},
+        prior={**(priors or {}), **tuning.prior},
         bounds={name: (low, high) for name, (low, high) in tuning.bounds.items()},
         ties=tuning.tie,
     )

@@ -117,7 +117,8 @@ def estimate_continuous_frf(
     estimate = FrfEstimate(
         frf=Frf(freq, values[:, :, None], records.outputs, (records.reference,), records.quantity),
         variance=variance[:, :, None],
-        variance_source="coherence",
+        # Of periods the noise is averaged over lines already, and the variance follows the force.
+        variance_source="stated" if blocks.kind == "periodic" else "coherence",
         measured=np.ones((len(records.outputs), 1), bool),
         coherence=implied_coherence(values, variance, averages)[:, :, None],
         averages=averages,

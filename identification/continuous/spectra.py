@@ -20,7 +20,7 @@ import scipy.fft
 from scipy.ndimage import median_filter
 
 from identification.continuous.plan import ContinuousBlocks
-from identification.noise.variance import several_input_variance
+from identification.noise.variance import average_over_lines, several_input_variance
 from identification.words import Complex, InputError, Integers, Mask, Real, Records
 
 _USABLE_SHARE = 0.8  # of half the sampling rate: anti-aliasing filters act above
@@ -160,7 +160,8 @@ def _average_periods(records: Records, blocks: ContinuousBlocks) -> ForcedSpectr
 
     With M periods of R realisations, X_r and Y_r their means and q forces, the noise of the mean
     of all is sum |Y - Y_r - H (X - X_r)|^2 / (R (M - 1)) / (R M), and its variance between
-    realisations sum |Y_r - H X_r|^2 / (R - q) / R.
+    realisations sum |Y_r - H X_r|^2 / (R - q) / R. Noise changes slowly along frequency and the
+    forces need not, so it is averaged over lines before it is divided by their power.
     """
     n_record, n_block = len(records.force), len(blocks.starts)
     n_in, n_out = count_inputs(records), len(records.outputs)
@@ -184,6 +185,7 @@ def _average_periods(records: Records, blocks: ContinuousBlocks) -> ForcedSpectr
         scatter[:, n_in:, :n_in],
         scatter[:, :n_in, :n_in],
     )
+    noise = average_over_lines(noise, 2 * n_record * (n_block - 1))
     degrees = n_record * (n_block - 1) * n_block
     spectra = ForcedSpectra(
         force / n_record,
@@ -228,7 +230,8 @@ def choose_lines(spectra: ForcedSpectra, blocks: ContinuousBlocks, records: Reco
     """Return the lines that count; (n_freq,)."""
     numbers = np.arange(len(spectra.motion))
     usable = numbers * records.rate_hz / blocks.length <= _USABLE_SHARE * records.rate_hz / 2
-    power = np.einsum("fii->fi", spectra.force).real.min(axis=1)
+    power = np.einsum("fii->fi", spectra.force).real
+    power = (power / np.maximum(power.max(axis=0), np.finfo(float).tiny)).min(axis=1)
     chosen: Mask = (numbers > 0) & usable & (power > 0)
     if blocks.kind == "random":
         chosen &= numbers % 2 == 0

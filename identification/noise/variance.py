@@ -135,7 +135,16 @@ def smooth_variance(estimate: FrfEstimate) -> Real:
     variance = estimate.variance
     if estimate.variance_source != "coherence":
         return variance  # differences are smoothed already, and stated variances stay as they are
-    hits = estimate.averages or 2
-    width = 2 * int(np.ceil(_DEGREES_OF_FREEDOM / max(2 * (hits - 1), 1) / 2)) + 1
+    return average_over_lines(variance, 2 * ((estimate.averages or 2) - 1))
+
+
+def average_over_lines(variance: Real, degrees_of_freedom: float) -> Real:
+    """Return variances averaged over neighbouring lines, up to 100 degrees of freedom.
+
+    Args:
+        variance: E|error|^2; (n_freq, ...).
+        degrees_of_freedom: of the variance at each line.
+    """
+    width = 2 * int(np.ceil(_DEGREES_OF_FREEDOM / max(degrees_of_freedom, 1) / 2)) + 1
     smooth: Real = uniform_filter1d(variance, min(width, len(variance)), axis=0, mode="nearest")
     return smooth

@@ -37,7 +37,8 @@ class LogSettings(TomlTable):
     ``motors`` and ``encoders`` map inputs and outputs to columns of a text file, by heading or
     number, or to variables of a .mat or .npz file. ``references`` are columns that are independent
     of the noise: references of controllers, or injected disturbances. ``hold`` says that motors are
-    commands, which act until the next sample.
+    commands, which act until the next sample. ``realisations`` says that so many signals of equal
+    length follow one another, as several motors at once need.
     """
 
     file: FileName
@@ -49,6 +50,7 @@ class LogSettings(TomlTable):
     level: float | None = Field(default=None, gt=0)
     block_s: float | None = Field(default=None, gt=0)
     hold: bool = False
+    realisations: int = Field(default=1, ge=1)
 
 
 class TestSettings(TomlTable):

@@ -41,11 +41,11 @@ def read_drive_log(path: Path, log: LogSettings) -> Arrays:
         log: its columns.
 
     Returns:
-        Motors (motor, sample), encoders (encoder, sample) and references (reference, sample); of
-        one motor force is (sample,).
+        Motors (motor, realisation, sample), encoders (realisation, encoder, sample) and references
+        (reference, realisation, sample), without an axis of one motor or realisation.
 
     Raises:
-        InputError: the file cannot be read, or has no such column.
+        InputError: the file cannot be read, has no such column, or is too short.
     """
     columns = [*log.motors.values(), *log.encoders.values(), *log.references]
     if is_text(path):
@@ -56,10 +56,18 @@ def read_drive_log(path: Path, log: LogSettings) -> Arrays:
     else:
         signals, rate = _read_variables(path, columns)
     n_in, n_out = len(log.motors), len(log.encoders)
+    if (count := log.realisations) > 1:
+        length = signals.shape[1] // count
+        if not length:
+            raise InputError(
+                f"{path}: {signals.shape[1]} samples are no {count} realisations: correct "
+                "realisations under [log]"
+            )
+        signals = signals[:, : count * length].reshape(-1, count, length)
     force, response = signals[:n_in], signals[n_in : n_in + n_out]
     arrays = {
         "force": force if n_in > 1 else force[0],
-        "response": response,
+        "response": response if count == 1 else response.swapaxes(0, 1),
         "rate_hz": np.array(rate),
     }
     if log.references:

@@ -173,7 +173,7 @@ class FrfEstimate:
         variance: E|error|^2, real plus imaginary part [unit of frf squared];
             (n_freq, n_out, n_in).
         variance_source: origin of the variance: ``coherence``, ``differences`` along frequency, or
-            ``stated`` by the file.
+            ``stated`` by the file, or by the periods of a force that repeats.
         measured: which cells were measured; (n_out, n_in).
         coherence: ordinary coherence 0..1, or None if unknown; (n_freq, n_out, n_in).
         averages: number of averaged hits, or None if unknown.

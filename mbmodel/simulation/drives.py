@@ -146,7 +146,7 @@ def find_drives(model: TimeModel, inputs: Sequence[Input | JointDof]) -> Drives:
 
     Args:
         model: the machine.
-        inputs: points, bodies, motors, joints, or the floor.
+        inputs: points, pairs of points, bodies, motors, joints, or the floor.
 
     Raises:
         UsageError: the machine has no such input, or the floor would turn.
@@ -155,7 +155,7 @@ def find_drives(model: TimeModel, inputs: Sequence[Input | JointDof]) -> Drives:
     gain = np.zeros((len(rest_controls(model)), len(inputs)))
     floor = np.zeros((3, len(inputs)))
     for column, drive in enumerate(inputs):
-        if isinstance(drive, Signal):
+        if isinstance(drive, Signal) and not drive.is_directed:
             find_ports(machine, (), (drive,))  # refuses an unknown motor
             gain[_control_number(model, drive.name), column] = 1.0
         elif isinstance(drive, JointDof):

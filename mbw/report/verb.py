@@ -8,6 +8,8 @@ from identification.words import InputError, UsageError, WorkbenchError
 from identification.words.file_access import real_path
 from mbw.blind import page as graded
 from mbw.diagnose.page import render as diagnosis_page
+from mbw.excite import page as excited
+from mbw.excite.schema import EXCITATION_JSON
 from mbw.files import check_json_target, page_path, write_json
 from mbw.identify.files import PAGE as MODES_PAGE
 from mbw.identify.verb import render_result as modes_page
@@ -68,6 +70,7 @@ _RESULT_KINDS = (
     ),
     _Kind("blind", (graded.GRADES,), graded.PAGE, graded.render_folder),
     _Kind("predict", (predicted.PAGE,), predicted.PAGE, predicted.read_page),
+    _Kind("excite", (EXCITATION_JSON,), excited.PAGE, excited.read_page),
 )
 
 
@@ -149,6 +152,6 @@ def _kind(path: Path) -> _Kind:
         ):
             return kind
     raise InputError(
-        f"{path} holds no result: name a folder that mbw tune, identify, diagnose, match, blind or "
-        "predict wrote"
+        f"{path} holds no result: name a folder that mbw tune, identify, diagnose, match, blind, "
+        "predict or excite wrote"
     )

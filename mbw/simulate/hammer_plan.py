@@ -15,6 +15,7 @@ from mbmodel import (
     as_drawn,
     model_modes,
 )
+from mbmodel.modes.modal_overlap import highest_separate_mode
 from mbmodel.virtual_test.instruments import NO_ERRORS
 from mbmodel.virtual_test.plan import BAND_SHARE
 from mbw.simulate.imitated_test import DEFAULT_HITS, DEFAULT_LEVEL_N, imitate_campaign
@@ -24,7 +25,6 @@ from mbw.site_kinds import hammer_sites, sensor_sites
 
 _RECORDER_RATE_HZ = 512.0
 _BAND_OVER_MODES = 1.2  # upper limit of the default band over the highest mode that counts
-_MAX_DAMPING_OF_PEAKS = 0.2
 # Longest record by default: slow modes need time, fast ones many samples.
 _MAX_RECORD_S, _MAX_RECORD_PERIODS = 4.0, 800
 _MIN_RECORD_SAMPLES, _MAX_RECORD_SAMPLES = 2048, 16384
@@ -209,31 +209,6 @@ def _default_rate(machine: Machine) -> float:
     natural, damping = (array[modes.oscillates] for array in (modes.freq_hz, modes.damping))
     top = _BAND_OVER_MODES * highest_separate_mode(natural, damping)
     return max(_RECORDER_RATE_HZ, float(np.ceil(top / BAND_SHARE)))
-
-
-def highest_separate_mode(freq_hz: Real, damping: Real) -> float:
-    """Return the highest mode below the frequency from which on modes overlap [Hz]; 0 without any.
-
-    A mode of damping ratio d occupies its half-power bandwidth 2 d f. The modal overlap is the sum
-    of these over an octave, over that octave. Where it exceeds one, no test tells single modes
-    apart (Lyon and DeJong 1995, sec. 4.2), and a harder tip would only take force from the modes
-    below. Modes of 20 % damping and more have no peak, and do not count.
-
-    Args:
-        freq_hz: natural frequencies [Hz]; (n_mode,).
-        damping: damping ratios; (n_mode,).
-    """
-    peaks = (damping < _MAX_DAMPING_OF_PEAKS) & (freq_hz > 0)
-    order = np.argsort(freq_hz[peaks])
-    natural, width = freq_hz[peaks][order], (2 * damping * freq_hz)[peaks][order]
-    highest = 0.0
-    for frequency in natural.tolist():
-        octave = np.array([2**-0.5, 2**0.5]) * frequency
-        inside = (natural > octave[0]) & (natural <= octave[1])
-        if width[inside].sum() > np.diff(octave)[0]:
-            break
-        highest = frequency
-    return highest
 
 
 def _default_block(machine: Machine, rate_hz: float) -> float:

@@ -9,7 +9,7 @@ from mbw.page.numbers import MOTION_UNITS
 
 def input_unit(machine: Machine, drive: Input | JointDof) -> str:
     """Return the unit of an input."""
-    if isinstance(drive, Signal):
+    if isinstance(drive, Signal) and not drive.is_directed:
         return "control"
     if isinstance(drive, JointDof):
         return "N m" if _turns(machine, drive) else "N"

@@ -44,6 +44,7 @@ from tests.bench import (
     survival,
     truth,
     tune,
+    without_hammer,
     written_models,
 )
 from tests.bench.kept import only_kept
@@ -80,6 +81,7 @@ BENCHES = {
     "survival": survival.run,
     "truth": truth.run,
     "tune": tune.run,
+    "without_hammer": without_hammer.run,
     "written_models": written_models.run,
 }
 RESULTS = Path(__file__).parent / "results"

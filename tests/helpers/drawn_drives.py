@@ -39,7 +39,7 @@ def write_drive_campaign(
     driven = [joints[k] for k in sorted(random.choice(len(joints), _DRIVES, replace=False))]
     gains = {f"motor_{name}": float(np.exp(random.normal())) for name in driven}
     gains[f"encoder_{joints[0]}"] = -1e5 * float(np.exp(random.normal()))
-    _add_ports(folder / "model.xml", driven, joints)
+    add_ports(folder / "model.xml", driven, joints)
     occasion = subject.scene.occasions[0]
     tested = subject.machine.prepare(occasion)
     outputs, inputs = ([joint_row(tested, name) for name in names] for names in (joints, driven))
@@ -50,7 +50,7 @@ def write_drive_campaign(
     return subject, gains
 
 
-def _add_ports(model: Path, driven: list[str], joints: list[str]) -> None:
+def add_ports(model: Path, driven: list[str], joints: list[str]) -> None:
     """Write motors and encoders into an MJCF."""
     motors = "".join(f'<motor name="motor_{name}" joint="{name}"/>' for name in driven)
     encoders = "".join(f'<jointpos name="encoder_{name}" joint="{name}"/>' for name in joints)

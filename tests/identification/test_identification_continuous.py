@@ -7,7 +7,7 @@ import pytest
 import scipy.signal
 import scipy.stats
 
-from identification import read_campaign, read_layout, read_settings
+from identification import read_campaign, read_layout, read_settings, smooth_variance
 from identification.continuous import estimate_continuous_frf
 from identification.continuous.plan import _hann, _independent_blocks, find_period
 from identification.hits import HitSettings
@@ -109,6 +109,23 @@ def test_lines_of_periods_are_those_that_the_force_excites():
     assert result.blocks.kind == "periodic"
     assert (result.blocks.length, len(result.blocks.starts)) == (2048, 6)  # the first one settles
     assert (freq[0], freq[-1]) == (3.0, 65.0 - RATE_HZ / 2048)
+
+
+def test_the_variance_of_periods_follows_a_force_that_differs_from_line_to_line():
+    """Noise is averaged over lines before it is divided by the power of the force."""
+    period = multisine(1, 1, 1)[0, 0]
+    spectrum = np.fft.rfft(period)
+    spectrum[::2] *= 0.1
+    force = np.tile(np.fft.irfft(spectrum, len(period)), 8)
+    records = shake(force[None, None], noise=0.05)
+    result = estimate_continuous_frf(records)
+    squares = ratio(records, result)
+    freq = result.estimate.frf.freq_hz
+    weak = np.round(freq[(freq > 4) & (freq < 60)] * 2048 / RATE_HZ) % 2 == 0
+    assert 0.7 < squares[weak].mean() < 1.4
+    assert 0.7 < squares[~weak].mean() < 1.4
+    smooth = smooth_variance(result.estimate)
+    np.testing.assert_array_equal(smooth, result.estimate.variance)
 
 
 def test_distortion_is_told_from_noise_by_realisations():

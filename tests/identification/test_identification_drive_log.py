@@ -185,6 +185,36 @@ def test_signals_may_be_variables_of_matlab(tmp_path, record, clock):
         read(tmp_path, text + 'references = ["ref"]\n')
 
 
+def two_motors(folder, realisations):
+    """Two motors at once, two signals one after the other, in five periods each."""
+    random = np.random.default_rng(8)
+    forces = np.tile(random.standard_normal((2, 2, 400)), 5).swapaxes(0, 1).reshape(2, -1)
+    position = 2 * forces[0] - 3 * forces[1] + 1e-3 * random.standard_normal(4000)
+    content = {"m_1": forces[0], "m_2": forces[1], "pos": position, "rate_hz": RATE_HZ}
+    scipy.io.savemat(folder / "trace.mat", content)
+    layout = LAYOUT + '[site.acc2]\nbody = "axis"\nposition = [0.2, 0, 0]\n'
+    (folder / "layout.toml").write_text(layout)
+    (folder / "campaign.toml").write_text(
+        'layout = "layout.toml"\n[log]\nfile = "trace.mat"\nunit = "m/N"\n'
+        'motors = { "acc1:+x" = "m_1", "acc2:+x" = "m_2" }\nencoders = { "acc1:+x" = "pos" }\n'
+        f"realisations = {realisations}\n"
+    )
+    source, settings = read_settings(folder)
+    return read_campaign(source, settings, read_layout(folder / "layout.toml"))
+
+
+def test_several_motors_at_once_take_as_many_realisations(tmp_path):
+    first, second = two_motors(tmp_path, 2).tests
+    assert first.estimate.averages == 8  # the first period of either settles
+    np.testing.assert_allclose(first.estimate.frf.values, 2, rtol=0.02)
+    np.testing.assert_allclose(second.estimate.frf.values, -3, rtol=0.02)
+
+
+def test_more_realisations_than_samples_are_refused(tmp_path):
+    with pytest.raises(InputError, match="correct realisations under"):
+        two_motors(tmp_path, 5000)
+
+
 def test_a_log_needs_a_motor_and_an_encoder(tmp_path):
     with pytest.raises(InputError, match="encoders"):
         read(tmp_path, 'layout = "layout.toml"\n[log]\nfile = "a.mat"\nmotors = { m = "a" }\n')

@@ -19,7 +19,7 @@ COMMON = {"--out", "--json", "--jobs", "--quiet", "--overwrite"}
 SHAPES = ROOT / "assets" / "gondola" / "shapes.vtu"
 WITHOUT_BAND = {"report", "view", "blind merge"}
 WITHOUT_JOBS = {"blind merge"}  # it computes nothing
-WITH_SEED = {"demo", "tune", "diagnose", "blind", "simulate", "predict"}
+WITH_SEED = {"demo", "tune", "diagnose", "blind", "simulate", "predict", "excite"}
 OF_OTHER_PROGRAMS = {"--nthreads"}  # of Dask's workers
 
 

@@ -92,8 +92,22 @@ def arguments(call):
     return str(signature.replace(parameters=plain, return_annotation=signature.empty))
 
 
-def test_some_25_names_are_exported_and_documented():
-    assert 20 <= len(mb.__all__) <= 30
+def test_signals_for_drives_come_with_expected_intervals(model):
+    limits = {"acc5:+tx": {"force": 50.0}}
+    plan = {"outputs": ["acc1:+x", "acc5:+x"], "band": (20.0, 120.0), "seconds": 10.0}
+    result = mb.excite(model, limits, **plan)
+    assert result.signals.shape == (len(result.time_s), 1)
+    assert np.abs(result.signals).max() == pytest.approx(50.0)
+    assert result.reached == {"acc5:+tx force": pytest.approx(1.0)}
+    assert len(result.table().rows) == len(mb.excite(str(CAMPAIGN), limits, **plan).table().rows)
+    assert "acc5:+tx" in repr(result)
+    assert isinstance(result.plot(), go.Figure)
+    with pytest.raises(mb.UsageError, match="motor_constant"):
+        mb.excite(model, {"acc5:+tx": {"power": 1.0}}, **plan)
+
+
+def test_some_30_names_are_exported_and_documented():
+    assert 20 <= len(mb.__all__) <= 32
     for name in set(mb.__all__) - {"__version__"}:
         assert len(getattr(mb, name).__doc__) > 20
     assert re.fullmatch(r"\d+\.\d+\.\d+", mb.__version__)

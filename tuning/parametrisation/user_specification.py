@@ -46,6 +46,26 @@ class UserSpecification:
     ties: Sequence[Sequence[str]] = ()
 
 
+def fitting_specification(specification: UserSpecification, names: list[str]) -> UserSpecification:
+    """Return the part of a specification that names some parameters.
+
+    Args:
+        specification: of another test of the same machine, with other sensors.
+        names: names of the parameters.
+    """
+
+    def fits(pattern: str) -> bool:
+        return any(fnmatchcase(name, pattern) for name in names)
+
+    return UserSpecification(
+        free=[pattern for pattern in specification.free if fits(pattern)],
+        fix=[pattern for pattern in specification.fix if fits(pattern)],
+        prior={name: value for name, value in specification.prior.items() if fits(name)},
+        bounds={name: value for name, value in specification.bounds.items() if fits(name)},
+        ties=[group for group in specification.ties if all(map(fits, group))],
+    )
+
+
 def parametrise(
     model: Model, tolerance: Tolerance, specification: UserSpecification | None = None
 ) -> Parametrisation:

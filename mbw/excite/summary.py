@@ -1,0 +1,226 @@
+"""Numbers and sentences of an excitation: limits, intervals, coherence, joints that slide."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mbmodel import input_unit, read_nonlinear_joints
+from mbw.excite.schema import (
+    EXCITATION_JSON,
+    CoherenceSummary,
+    CriterionRow,
+    DriveRow,
+    ExcitationFile,
+    LimitRow,
+    ParameterForecast,
+    SlidingSummary,
+)
+from tuning.assessment.parameter_confidence import ParameterConfidence
+from tuning.excitation.design import Excitation
+from tuning.excitation.limits import force_per_unit
+from tuning.excitation.prediction import (
+    MIN_FORCE_OVER_FRICTION,
+    MIN_SLIDING_SHARE,
+    forecast_rows,
+    predict_coherence,
+    predict_confidence,
+    predict_sliding,
+)
+
+_LISTED_INTERVALS = 5  # widest intervals that are printed, and what stays undetermined
+
+
+def summarise(
+    excitation: Excitation, remarks: Sequence[str], causes: Sequence[str] = ()
+) -> ExcitationFile:
+    """Return the content of excitation.json.
+
+    Args:
+        excitation: the signals.
+        remarks: sentences on the machine and what was assumed.
+        causes: effects and places for which it was designed; empty for all stiffnesses.
+    """
+    plan, request, machine = excitation.plan, excitation.request, excitation.model.machine
+    confidence = predict_confidence(excitation)
+    design, sliding = excitation.design, _list_sliding(excitation)
+    return ExcitationFile(
+        model=str(machine.source),
+        kind=request.kind,
+        band=(float(plan.freq_hz[0]), float(plan.freq_hz[-1])),
+        rate=plan.rate_hz,
+        period=plan.period_s,
+        periods=plan.periods,
+        realisations=plan.realisations,
+        averages=plan.averages,
+        seconds=plan.seconds,
+        lines=len(plan.lines),
+        drives=_list_drives(excitation),
+        limits=_list_limits(excitation),
+        noise={
+            str(port): float(value)
+            for port, value in zip(request.outputs, request.noise, strict=True)
+        },
+        coherence=_list_coherence(excitation),
+        criterion=CriterionRow(
+            name="D",
+            of=list(excitation.of_interest),
+            causes=list(causes),
+            value=design.criterion,
+            flat=design.flat,
+            gap=design.gap,
+        ),
+        parameters=_list_parameters(confidence),
+        undetermined=[row.sentence for row in confidence.unidentifiable_directions()],
+        sliding=sliding,
+        remarks=[
+            *machine.remarks,
+            *remarks,
+            *plan.remarks,
+            *_remark_on_strokes(sliding),
+        ],
+    )
+
+
+def _list_drives(excitation: Excitation) -> list[DriveRow]:
+    """Return the drives with the rms of their signals."""
+    machine, rms = excitation.model.machine, np.sqrt(excitation.power.sum(axis=0))
+    rows = []
+    for drive, value in zip(excitation.request.drives, rms.tolist(), strict=True):
+        force, unit = force_per_unit(machine, drive)
+        rows.append(
+            DriveRow(
+                drive=str(drive),
+                unit=input_unit(machine, drive),
+                force=force,
+                force_unit=unit,
+                rms=value,
+            )
+        )
+    return rows
+
+
+def _list_limits(excitation: Excitation) -> list[LimitRow]:
+    """Return the limits with what is reached."""
+    pairs = zip(excitation.limited, excitation.peaks(), strict=True)
+    return [
+        LimitRow(
+            drive=str(each.drive), what=each.what, reached=peak, limit=each.limit, unit=each.unit
+        )
+        for each, peak in pairs
+    ]
+
+
+def _list_coherence(excitation: Excitation) -> list[CoherenceSummary]:
+    """Return the coherence of each drive and output."""
+    return [
+        CoherenceSummary(
+            drive=str(row.drive),
+            output=str(row.output),
+            median=float(np.median(row.coherence)),
+            lowest=float(row.coherence.min()),
+        )
+        for row in predict_coherence(excitation)
+    ]
+
+
+def _list_parameters(confidence: ParameterConfidence) -> list[ParameterForecast]:
+    """Return stiffnesses and dampings with their intervals."""
+    return [
+        ParameterForecast(
+            parameter=parameter.name,
+            nominal=nominal,
+            unit=parameter.unit,
+            interval=(low, high),
+            determined=determined,
+        )
+        for parameter, nominal, low, high, determined in forecast_rows(confidence)
+    ]
+
+
+def _list_sliding(excitation: Excitation) -> list[SlidingSummary]:
+    """Return the joints with friction."""
+    laws = read_nonlinear_joints(excitation.model.machine.source)
+    return [
+        SlidingSummary(**vars(row), slides=row.slides) for row in predict_sliding(excitation, laws)
+    ]
+
+
+def _remark_on_strokes(sliding: Sequence[SlidingSummary]) -> list[str]:
+    """Return a remark if joints slide whose friction the linear model has as a spring."""
+    joints = ", ".join(row.joint for row in sliding if row.sliding)
+    if not joints:
+        return []
+    return [
+        "stroke and speed are those of the linear model, in which the friction of "
+        f"{joints} is a spring: where it slides, it moves further"
+    ]
+
+
+def describe_excitation(summary: ExcitationFile) -> Iterator[str]:
+    """Yield the sentences that the terminal and the page show.
+
+    Args:
+        summary: content of excitation.json.
+    """
+    yield from summary.remarks
+    names = ", ".join(row.drive for row in summary.drives)
+    low, high = summary.band
+    yield (
+        f"{summary.kind} for {names}: {summary.lines} lines from {low:.4g} to {high:.4g} Hz; "
+        f"{summary.realisations} x {summary.periods} periods of {summary.period:.4g} s, "
+        f"{summary.seconds:.4g} s at {summary.rate:.6g} Hz"
+    )
+    for limit in summary.limits:
+        share = 100 * limit.reached / limit.limit
+        yield (
+            f"{limit.drive}: {limit.what} {limit.reached:.3g} {limit.unit}, "
+            f"{share:.0f} % of its limit"
+        )
+    criterion = summary.criterion
+    shrink = np.exp((criterion.flat - criterion.value) / (2 * len(criterion.of)))
+    yield (
+        f"designed for {describe_aim(criterion)} (D-optimal): intervals are {shrink:.2g} times "
+        "those of a flat spectrum under the same limits (geometric mean)"
+    )
+    determined = [row for row in summary.parameters if row.determined]
+    yield (
+        f"{len(determined)} of {len(summary.parameters)} stiffnesses and dampings will be "
+        "determined"
+    )
+    for row in sorted(determined, key=_relative_width, reverse=True)[:_LISTED_INTERVALS]:
+        low, high = row.interval
+        yield f"expected: {row.parameter} {low:.4g} to {high:.4g} {row.unit} (95 %)"
+    vague = summary.undetermined
+    yield from vague[:_LISTED_INTERVALS]
+    if len(vague) > _LISTED_INTERVALS:
+        yield f"{len(vague) - _LISTED_INTERVALS} further ones stand in {EXCITATION_JSON}"
+    yield from map(describe_sliding, summary.sliding)
+
+
+def describe_aim(criterion: CriterionRow) -> str:
+    """Return for what an excitation was designed."""
+    if criterion.causes:
+        return f"the open causes {', '.join(criterion.causes)}"
+    return f"all {len(criterion.of)} stiffnesses"
+
+
+def _relative_width(row: ParameterForecast) -> float:
+    """Return the width of an interval over the nominal value; it is last without one."""
+    low, high = row.interval
+    return (high - low) / abs(row.nominal) if row.nominal else 0.0
+
+
+def describe_sliding(row: SlidingSummary) -> str:
+    """Return the sentence on a joint with friction."""
+    if row.sliding is not None:
+        seen = f"slides {100 * row.sliding:.0f} % of the time"
+        least = f"{100 * MIN_SLIDING_SHARE:.0f} %"
+    else:
+        seen = f"feels up to {row.force_ratio:.3g} times its friction"
+        least = f"{MIN_FORCE_OVER_FRICTION:.3g} times"
+    if row.slides:
+        return f"joint {row.joint} {seen}: it slides all the time"
+    return (
+        f"joint {row.joint} {seen}, less than {least}: where it sticks its friction is stiffness; "
+        "raise the limits, or lower the band"
+    )
