@@ -64,7 +64,7 @@ def write_folder(
         "motors": motors,
         "encoders": encoders,
         "quantity": request.quantity,
-        "level": float(np.abs(signals).max()),
+        "level": float(f"{np.abs(signals).max():.6g}"),
         "realisations": excitation.plan.realisations,
     }
     key = {"key": machine.keyframe} if machine.keyframe else {}
