@@ -6,6 +6,9 @@
    are part of the machine: they are no change. The floor of that fit stands in for the rest.
 3. The tests after meet that machine. Masses and geometry stay. What differs between two visits of
    itself varies under priors: the temperature, and all that is mounted or hit anew.
+
+If the states are two machines of one drawing, all parameters differ independently: the difference
+of two draws has sqrt(2) times the width of one. The rest belongs to the drawing.
 """
 
 from collections.abc import Callable
@@ -48,6 +51,9 @@ class VisitPriors:
 
 
 VISIT_PRIORS = VisitPriors()
+_TWO_DRAWS = float(
+    np.sqrt(2.0)
+)  # width of the difference of two independent draws over that of one
 _NO_MATRIX = (
     "no full matrix of FRFs before the change: what the model lacks, beside causes that the tests "
     "before show, counts as its error"
@@ -111,7 +117,7 @@ def check_data_after(
             theta = _calibrate_nominally(before.null.fit.parametrisation, theta)
             estimate = estimate_rest(fitted.model, theta, before.scene.session.campaign) or estimate
         rest, variance = shrink_rest(
-            estimate, checks.alive, before.null.floor, VISIT_PRIORS.stiffness
+            estimate, checks.alive, before.null.floor, _rest_drift(session.campaign)
         )
         rest = replace(
             rest, scale_deviation=float(np.hypot(tolerance.hammer_gain, tolerance.sensor_gain))
@@ -133,11 +139,27 @@ def check_data_after(
     )
     varies = fitted.parametrisation.extend(parametrise(model, session.campaign.tolerance))
     theta = np.append(theta, model.drawn[len(theta) :])
-    after = replace(
-        fitted, model=model, campaign=alive, parametrisation=vary_between_visits(varies, theta)
-    )
+    if session.campaign.has_two_machines:
+        parametrisation = vary_between_machines(varies, theta)
+    else:
+        parametrisation = vary_between_visits(varies, theta)
+    after = replace(fitted, model=model, campaign=alive, parametrisation=parametrisation)
     checks = replace(checks, alive=alive, campaign=left)
     return CheckedData(after, checks, before.scene.rigid_directions, unsteady)
+
+
+def _rest_drift(campaign: Campaign) -> float:
+    """Return the standard deviation of ln of the factor on the dynamic stiffness of the rest.
+
+    What a drawing lacks, such as the modes of its bodies, differs between two machines as their
+    masses do: both follow from how well the drawing is made.
+
+    Args:
+        campaign: tests of both states.
+    """
+    if campaign.has_two_machines:
+        return _TWO_DRAWS * campaign.tolerance.mass
+    return VISIT_PRIORS.stiffness
 
 
 def _hit_gains(campaign: Campaign) -> tuple[HammerGainPart, ...]:
@@ -214,3 +236,31 @@ def vary_between_visits(
         lower=-bound,
         upper=bound,
     )
+
+
+def vary_between_machines(varies: Parametrisation, theta: Real) -> Parametrisation:
+    """Return the coordinates of what differs between two machines of one drawing.
+
+    Each coordinate of the fit before varies about its fitted value, with sqrt(2) times its width.
+
+    Args:
+        varies: coordinates of the fit before; what does not vary there stays, and so do causes.
+        theta: its parameters, which become the nominal ones [SI]; (n_parameter,).
+    """
+    kinds = np.array([parameter.known for parameter in varies.parameters])
+    place, is_tolerance = varies.coordinate_of, varies.is_tolerance
+    # A cause released its parameters: they have neither prior nor width, and stay.
+    kept = varies.precision > 0
+    kept[place[varies.free & np.isin(kinds, ("stiffness", "damping"))]] = True
+    widths = np.where(np.append(is_tolerance, False)[place], _TWO_DRAWS, 1.0)
+    undrawn = np.flatnonzero(varies.free & (kinds == "undrawn_damping"))  # never negative
+    lower = varies.lower.copy()
+    lower[place[undrawn]] = -theta[undrawn] / varies.scale[undrawn]
+    about = replace(
+        varies,
+        scale=widths * varies.scale,
+        fixed=theta,
+        precision=np.where(is_tolerance, varies.precision, varies.precision / _TWO_DRAWS**2),
+        lower=lower,
+    )
+    return about.restrict(kept, np.zeros(varies.size))

@@ -1,0 +1,35 @@
+"""Tests beside each other: of one machine before and after, of two machines, of a fleet."""
+
+from identification.comparison.compare_tests import (
+    CellDifference,
+    TestComparison,
+    compare_frfs,
+    compare_tests,
+)
+from identification.comparison.compared_modes import (
+    ComparedMode,
+    FleetScatter,
+    Shift,
+    TestedModes,
+    VisitDrift,
+    compute_scatter,
+    compute_shifts,
+    pair_tests,
+    select_modes,
+)
+
+__all__ = [
+    "CellDifference",
+    "ComparedMode",
+    "FleetScatter",
+    "Shift",
+    "TestComparison",
+    "TestedModes",
+    "VisitDrift",
+    "compare_frfs",
+    "compare_tests",
+    "compute_scatter",
+    "compute_shifts",
+    "pair_tests",
+    "select_modes",
+]
