@@ -17,6 +17,7 @@ from identification.comparison.compared_modes import (
     pair_tests,
     select_modes,
 )
+from identification.comparison.sentences import describe_fleet, describe_shifts
 
 __all__ = [
     "CellDifference",
@@ -30,6 +31,8 @@ __all__ = [
     "compare_tests",
     "compute_scatter",
     "compute_shifts",
+    "describe_fleet",
+    "describe_shifts",
     "pair_tests",
     "select_modes",
 ]

@@ -64,7 +64,7 @@ def _flatten(settings: CampaignSettings) -> Iterator[tuple[str, object]]:
         elif value not in ({}, [], None):
             yield name, value
 
-    yield from walk("", settings.model_dump(exclude=_OF_TESTS | _OF_FILES))
+    yield from walk("", settings.model_dump(exclude=_OF_TESTS | _OF_FILES, exclude_defaults=True))
 
 
 def _read_model(folder: Path, name: str | None) -> list[bytes]:
