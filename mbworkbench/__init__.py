@@ -36,6 +36,7 @@ from identification.words import (
 )
 from mbworkbench.budgets import ErrorBudgetResult, error_budget
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
+from mbworkbench.comparison import ComparisonResult, compare
 from mbworkbench.diagnosis import DiagnosisResult, diagnose
 from mbworkbench.identified import IdentifiedModel, identify
 from mbworkbench.model import MachineModel, ModelModes, read_model
@@ -47,6 +48,7 @@ from mbworkbench.tuning import TunedModel, tune
 __version__ = version("mbworkbench")
 
 __all__ = [
+    "ComparisonResult",
     "Condition",
     "ConvergenceError",
     "DiagnosisResult",
@@ -69,6 +71,7 @@ __all__ = [
     "UsageError",
     "WorkbenchError",
     "__version__",
+    "compare",
     "diagnose",
     "error_budget",
     "identify",

@@ -1,6 +1,6 @@
 """Tests beside each other: of one machine before and after, of two machines, of a fleet."""
 
-from identification.comparison.compare_tests import (
+from identification.comparison.campaign_comparison import (
     CellDifference,
     TestComparison,
     compare_frfs,

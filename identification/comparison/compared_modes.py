@@ -165,12 +165,12 @@ def pair_tests(tests: Sequence[TestedModes], band: tuple[float, float]) -> list[
     Returns:
         Modes by rising mean frequency.
     """
-    found: list[ComparedMode] = []
+    compared: list[ComparedMode] = []
     for place, modes in enumerate(tests):
-        odds = np.zeros((len(modes.freq_hz), len(found)))
+        odds = np.zeros((len(modes.freq_hz), len(compared)))
         similarity = odds
         if odds.size:
-            known, means = _collect_known(tests, found)
+            known, means = _collect_known(tests, compared)
             odds = pairing_odds(modes, known.shapes, means, band)
             similarity = mac(modes.complex_shapes, known.complex_shapes)
         pairs = best_matching(odds) if odds.size else {}
@@ -179,22 +179,22 @@ def pair_tests(tests: Sequence[TestedModes], band: tuple[float, float]) -> list[
             at = pairs.get(number)
             quality = (1.0, 1.0)
             if at is None:
-                at = len(found)
-                found.append(_make_empty(len(tests)))
+                at = len(compared)
+                compared.append(_make_empty(len(tests)))
             else:
                 quality = float(similarity[number, at]), float(probability[number, at])
-            found[at] = _add_test(found[at], place, modes, number, quality)
-    return sorted(found, key=lambda mode: float(np.nanmean(mode.freq_hz)))
+            compared[at] = _add_test(compared[at], place, modes, number, quality)
+    return sorted(compared, key=lambda mode: float(np.nanmean(mode.freq_hz)))
 
 
 def _collect_known(
-    tests: Sequence[TestedModes], found: Sequence[ComparedMode]
+    tests: Sequence[TestedModes], compared: Sequence[ComparedMode]
 ) -> tuple[TestedModes, Real]:
     """Return each mode in the first test that has it, and its mean frequency so far [Hz]."""
-    first = [int(np.flatnonzero(mode.number >= 0)[0]) for mode in found]
-    numbers = [int(mode.number[test]) for mode, test in zip(found, first, strict=True)]
+    first = [int(np.flatnonzero(mode.number >= 0)[0]) for mode in compared]
+    numbers = [int(mode.number[test]) for mode, test in zip(compared, first, strict=True)]
     shapes = [tests[t].complex_shapes[:, n] for t, n in zip(first, numbers, strict=True)]
-    means = np.array([np.nanmean(mode.freq_hz) for mode in found])
+    means = np.array([np.nanmean(mode.freq_hz) for mode in compared])
     known = replace(tests[0], freq_hz=means, complex_shapes=np.stack(shapes, axis=1))
     return known, means
 
@@ -299,18 +299,18 @@ def compute_scatter(values: Real, deviations: Real) -> FleetScatter:
     stands_out = np.zeros(values.shape, bool)
     chance = LEVEL_CHECK_SETTINGS.max_chance / max(2 * int(is_there.sum()), 1)
     for test in range(values.shape[1]):
-        others = np.delete(values, test, axis=1)
-        n = np.isfinite(others).sum(axis=1)
-        centre = np.nansum(others, axis=1) / np.maximum(n, 1)
+        remaining = np.delete(values, test, axis=1)
+        n = np.isfinite(remaining).sum(axis=1)
+        centre = np.nansum(remaining, axis=1) / np.maximum(n, 1)
         scale = np.where(centre == 0, 1.0, np.abs(centre))
-        squares = (np.nansum((others - centre[:, None]) ** 2, axis=1) / scale**2)[n > 1]
+        squares = (np.nansum((remaining - centre[:, None]) ** 2, axis=1) / scale**2)[n > 1]
         freedom = int((n[n > 1] - 1).sum())
         if not freedom:
             continue
         pooled = float(squares.sum() / freedom)
-        own = deviations[:, test] / scale
+        noise = deviations[:, test] / scale
         apart = np.abs(values[:, test] - centre) / scale
-        allowed = np.sqrt(pooled * (1 + 1 / np.maximum(n, 1)) + own**2)
+        allowed = np.sqrt(pooled * (1 + 1 / np.maximum(n, 1)) + noise**2)
         limit = float(t.isf(chance / 2, freedom))
         stands_out[:, test] = (n > 1) & (np.nan_to_num(apart) > limit * np.nan_to_num(allowed))
     return FleetScatter(mean, np.where(count > 1, np.sqrt(variance), np.nan), within, stands_out)

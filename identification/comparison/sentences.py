@@ -41,12 +41,12 @@ def describe_shifts(
             f"{len(changed)} of {len(pairs)} modes {verb} beyond {beyond}, most the mode at "
             f"{first:.4g} Hz, {shift}"
         )
-    alone = [
-        f"{name} alone has {shorten_names([f'{mode.freq_hz[k]:.4g}' for mode in own])} Hz"
+    partnerless = [
+        f"{name} alone has {shorten_names([f'{mode.freq_hz[k]:.4g}' for mode in alone])} Hz"
         for k, name in enumerate(names)
-        if (own := [m for m in modes if m.number[k] >= 0 and not m.is_complete])
+        if (alone := [m for m in modes if m.number[k] >= 0 and not m.is_complete])
     ]
-    return "; ".join([text[0].upper() + text[1:], *alone]) + "."
+    return "; ".join([text[0].upper() + text[1:], *partnerless]) + "."
 
 
 def _relative_size(shifts: tuple[Shift, Shift]) -> float:

@@ -18,7 +18,7 @@ from mbw.compare.schema import ComparedFile
 from mbw.page.html import fill_template, pack_magnitudes, pack_polar, pack_real, warning_boxes
 from mbw.page.numbers import frf_unit
 
-_TITLES = {
+_SUBTITLES = {
     "visits": "before and after",
     "machines": "two machines of one drawing",
     "fleet": "a fleet",
@@ -56,8 +56,8 @@ def render(result: ComparedFile, comparison: TestComparison, report: str | None)
         data,
         title=escape(f"{' and '.join(names[:2])}{' ...' if len(names) > 2 else ''}: what differs"),
         subtitle=escape(
-            f"{_TITLES[result.kind]}: {len(names)} tests, {len(result.channels)} shared channels, "
-            f"{result.band[0]:g}..{result.band[1]:g} Hz"
+            f"{_SUBTITLES[result.kind]}: {len(names)} tests, {len(result.channels)} shared "
+            f"channels, {result.band[0]:g}..{result.band[1]:g} Hz"
         ),
         lead=escape(lead) + link,
         warnings=warning_boxes(notes, notes),
@@ -68,12 +68,12 @@ def render(result: ComparedFile, comparison: TestComparison, report: str | None)
 
 def _list_cells(result: ComparedFile, comparison: TestComparison) -> list[tuple[Output, Input]]:
     """Return outputs and inputs of the FRFs that all tests have, those that differ most first."""
-    first, *others = comparison.frfs
+    first, *further = comparison.frfs
     cells = [
         (output, source)
         for i, output in enumerate(first.outputs)
         for j, source in enumerate(first.inputs)
-        if first.measured[i, j] and all(_has_cell(frfs, output, source) for frfs in others)
+        if first.measured[i, j] and all(_has_cell(frfs, output, source) for frfs in further)
     ]
     order = {(row.output, row.input): k for k, row in enumerate(result.frfs)}
     return sorted(cells, key=lambda cell: order.get((str(cell[0]), str(cell[1])), len(order)))

@@ -57,14 +57,14 @@ def _print_fleet(result: ComparedFile) -> None:
         "mode   found   mean/Hz  spread/%  within/%  damping/%  spread/%  within/%  stands out"
     )
     for number, row in enumerate(result.modes, start=1):
-        found = f"{sum(value is not None for value in row.frequency)}/{len(result.campaigns)}"
+        count = f"{sum(value is not None for value in row.frequency)}/{len(result.campaigns)}"
         scatters = [each for each in (row.frequency_scatter, row.damping_scatter) if each]
         names = list(dict.fromkeys(name for each in scatters for name in each.stands_out))
         cells = [
             _scatter_cells(each, *unit)
             for each, unit in zip(scatters, ((1.0, 8), (100.0, 9)), strict=True)
         ]
-        typer.echo(f"{number:4d}  {found:>6}  {'  '.join(cells)}  {', '.join(names) or '-'}")
+        typer.echo(f"{number:4d}  {count:>6}  {'  '.join(cells)}  {', '.join(names) or '-'}")
 
 
 def _scatter_cells(scatter: ScatterRow, unit: float, width: int) -> str:

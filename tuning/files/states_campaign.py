@@ -32,25 +32,26 @@ def find_differences(first: Path, second: Path) -> list[str]:
     Raises:
         InputError: a campaign cannot be used, or states itself what is before and after.
     """
-    (one, stated), (two, other) = read_settings(first), read_settings(second)
-    for path, settings in ((one, stated), (two, other)):
+    both = read_settings(first), read_settings(second)
+    for path, settings in both:
         if any(test.state for test in settings.test):
             raise InputError(
                 f"{path} states tests before and after a change itself: call mbw diagnose "
                 f"{path.parent}, or compare campaigns without states"
             )
-    left, right = (dict(_flatten(settings)) for settings in (stated, other))
+    (source, stated), (second_source, second_stated) = both
+    left, right = (dict(_flatten(settings)) for _, settings in both)
     keys = [key for key in {**left, **right} if left.get(key) != right.get(key)]
-    pairs = {(stated.model, other.model)}
+    pairs = {(stated.model, second_stated.model)}
     pairs |= {
         (test.model, each.model)
         for test in stated.test
-        for each in other.test
+        for each in second_stated.test
         if test.model is not None and test.model == each.model
     }
-    for mine, its in sorted(pairs, key=str):
-        if _read_model(one.parent, mine) != _read_model(two.parent, its):
-            keys.append(f"the model {mine}")
+    for model, second_model in sorted(pairs, key=str):
+        if _read_model(source.parent, model) != _read_model(second_source.parent, second_model):
+            keys.append(f"the model {model}")
     return keys
 
 

@@ -25,7 +25,7 @@ from identification.words import (
     shorten_names,
 )
 
-_MIN_LINES = 16  # lines that an identification needs
+_MIN_COMPARED_LINES = 16  # lines that an identification needs
 # Of two levels: peaks of hits by hand scatter by some ten per cent about the level that is stated.
 _MAX_LEVEL_RATIO = 1.25
 
@@ -85,10 +85,10 @@ def compare_tests(
     names = [campaign.name for campaign in campaigns] if names is None else list(names)
     chosen, remarks = _select_levels(campaigns, names)
     chosen = _share_lines(chosen, names)
-    found = [identify(campaign) for campaign in chosen]
-    outputs = _share_channels([model.outputs for model, _, _ in found], names)
+    identifications = [identify(campaign) for campaign in chosen]
+    outputs = _share_channels([model.outputs for model, _, _ in identifications], names)
     tested: list[TestedModes] = [
-        select_modes(model, identified, outputs) for model, identified, _ in found
+        select_modes(model, identified, outputs) for model, identified, _ in identifications
     ]
     freq_hz = chosen[0].freq_hz
     band = (float(freq_hz[0]), float(freq_hz[-1]))
@@ -99,7 +99,7 @@ def compare_tests(
         band,
         outputs,
         tuple(pair_tests(tested, band)),
-        tuple(frfs for _, _, frfs in found),
+        tuple(frfs for _, _, frfs in identifications),
         tuple(remarks),
     )
 
@@ -158,7 +158,7 @@ def _share_lines(campaigns: Sequence[Campaign], names: Sequence[str]) -> list[Ca
     tests, _ = keep_common_lines([test for campaign in campaigns for test in campaign.tests])
     axes = [test.estimate.frf.freq_hz for test in tests]
     is_shared = all(np.array_equal(axis, axes[0]) for axis in axes[1:])
-    if not is_shared or len(axes[0]) < _MIN_LINES:
+    if not is_shared or len(axes[0]) < _MIN_COMPARED_LINES:
         lines = "; ".join(
             f"{name} has {len(c.freq_hz)} from {c.freq_hz[0]:g} to {c.freq_hz[-1]:g} Hz"
             for name, c in zip(names, campaigns, strict=True)
@@ -208,11 +208,11 @@ def compare_frfs(first: MeasuredFrfs, second: MeasuredFrfs) -> tuple[CellDiffere
             ]
             if not (first.measured[cells[0]] and second.measured[cells[1]]):
                 continue
-            one, noise = _read_cell(first, cells[0], lines[0], first.order)
-            two, its_noise = _read_cell(second, cells[1], lines[1], first.order)
-            square = float((np.abs(two - one) ** 2).sum())
-            over = square / max(float((noise + its_noise).sum()), np.finfo(float).tiny)
-            size = max(float((np.abs(one) ** 2).sum()), np.finfo(float).tiny)
+            value, noise = _read_cell(first, cells[0], lines[0], first.order)
+            second_value, second_noise = _read_cell(second, cells[1], lines[1], first.order)
+            square = float((np.abs(second_value - value) ** 2).sum())
+            over = square / max(float((noise + second_noise).sum()), np.finfo(float).tiny)
+            size = max(float((np.abs(value) ** 2).sum()), np.finfo(float).tiny)
             rows.append(CellDifference(output, source, over**0.5, (square / size) ** 0.5))
     return tuple(sorted(rows, key=lambda row: -row.over_noise))
 
