@@ -58,6 +58,10 @@ _NO_MATRIX = (
     "no full matrix of FRFs before the change: what the model lacks, beside causes that the tests "
     "before show, counts as its error"
 )
+_TWO_MACHINES = (
+    "both states are machines of one drawing: each parameter may differ by sqrt(2) times its "
+    "tolerance"
+)
 _REMOUNTED = {  # of a test: what is mounted, hit or switched on anew, and its prior
     "sensor_gain": "gain",
     "hammer_gain": "gain",
@@ -134,8 +138,9 @@ def check_data_after(
         remark = (
             f"what the model lacked before the change is known at {count} points and directions"
         )
+    remarks = [remark, *([_TWO_MACHINES] if session.campaign.has_two_machines else [])]
     alive, left = (
-        replace(campaign, remarks=(*campaign.remarks, remark)) for campaign in (alive, left)
+        replace(campaign, remarks=(*campaign.remarks, *remarks)) for campaign in (alive, left)
     )
     varies = fitted.parametrisation.extend(parametrise(model, session.campaign.tolerance))
     theta = np.append(theta, model.drawn[len(theta) :])
