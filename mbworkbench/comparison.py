@@ -21,6 +21,7 @@ from identification.comparison import (
     compute_shifts,
     describe_fleet,
     describe_shifts,
+    name_campaigns,
 )
 from identification.words import InputError, UsageError
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
@@ -70,8 +71,14 @@ class ComparisonResult(Shown):
 
     @property
     def frf_differences(self) -> tuple[CellDifference, ...]:
-        """Difference of each FRF of the first two tests over the noise, largest first."""
-        return compare_frfs(*self.tests.frfs[:2])
+        """Difference of each FRF of two tests over the noise, largest first.
+
+        Raises:
+            UsageError: there are more than two tests.
+        """
+        if self.is_fleet:
+            raise UsageError("a fleet has no differences of two FRFs: compare two of its tests")
+        return compare_frfs(self.tests)
 
     @property
     def sentence(self) -> str:
@@ -176,7 +183,8 @@ def compare(
     if len(campaigns) < 2:
         raise UsageError("a comparison needs two campaigns or more: call compare(before, after)")
     opened = [c if isinstance(c, MeasuredCampaign) else read_campaign(c) for c in campaigns]
-    tests = compare_tests([select_band(each, band) for each in opened])
+    names = name_campaigns([each.source for each in opened])
+    tests = compare_tests([select_band(each, band) for each in opened], names)
     result = ComparisonResult(tests, two_machines)
     if result.is_fleet or not diagnosis:
         return result

@@ -32,7 +32,12 @@ def change_sentence(verdict: Verdict) -> str:
     if verdict.verdict == "none":
         return "Nothing changed beyond noise and what differs between the tests of itself."
     if not any(row.probability >= SETTINGS.min_probability for row in verdict.causes):
-        return "Something changed, and no effect of the catalogue is established as its cause."
+        excess = verdict.gap.retuned.excess
+        size = "" if excess is None else f" by {excess:.3g} times the noise"
+        return (
+            f"The tests differ{size} beyond what differs between them of itself, and no effect of "
+            "the catalogue is established as the cause."
+        )
     return verdict_sentence(verdict)
 
 

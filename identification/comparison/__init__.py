@@ -5,6 +5,7 @@ from identification.comparison.campaign_comparison import (
     TestComparison,
     compare_frfs,
     compare_tests,
+    name_campaigns,
 )
 from identification.comparison.compared_modes import (
     ComparedMode,
@@ -33,6 +34,7 @@ __all__ = [
     "compute_shifts",
     "describe_fleet",
     "describe_shifts",
+    "name_campaigns",
     "pair_tests",
     "select_modes",
 ]

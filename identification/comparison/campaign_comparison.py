@@ -2,6 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import islice
+from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +28,7 @@ from identification.words import (
     shorten_names,
 )
 
+_MIN_SHARED_LINES = 0.5  # of the fewest lines of a test: axes that meet now and then are not one
 _MIN_COMPARED_LINES = 16  # lines that an identification needs
 # Of two levels: peaks of hits by hand scatter by some ten per cent about the level that is stated.
 _MAX_LEVEL_RATIO = 1.25
@@ -55,7 +59,7 @@ class TestComparison:
         band: lowest and highest frequency that was compared [Hz].
         outputs: channels that all tests share, at which shapes are compared.
         modes: modes of all tests, paired.
-        frfs: measured FRFs of each test, all on the same lines.
+        frfs: measured FRFs of each test.
         remarks: sentences on what could not be compared.
     """
 
@@ -68,30 +72,54 @@ class TestComparison:
     frfs: tuple[MeasuredFrfs, ...]
     remarks: tuple[str, ...] = ()
 
+    @property
+    def common_hz(self) -> Real:
+        """Frequency lines that all tests have [Hz]; none without a common axis; (n_line,)."""
+        axes = [frfs.freq_hz for frfs in self.frfs]
+        common: Real = reduce(np.intersect1d, axes)
+        is_axis = len(common) >= _MIN_SHARED_LINES * min(map(len, axes))
+        return common if is_axis else common[:0]
 
-def compare_tests(
-    campaigns: Sequence[Campaign], names: Sequence[str] | None = None
-) -> TestComparison:
+
+def name_campaigns(sources: Sequence[Path]) -> list[str]:
+    """Return names of campaigns that differ: of their folders, with as many parents as that takes.
+
+    Args:
+        sources: folders, or their campaign.toml.
+    """
+    parts = [
+        (path.resolve().parent if path.suffix == ".toml" else path.resolve()).parts
+        for path in sources
+    ]
+    longest = max(map(len, parts))
+    for count in range(1, longest + 1):
+        names = ["-".join(each[-count:]).strip("/") for each in parts]
+        if len(set(names)) == len(names):
+            break
+    return names
+
+
+def compare_tests(campaigns: Sequence[Campaign], names: Sequence[str]) -> TestComparison:
     """Identify the modes of campaigns on their common lines, and pair them at shared channels.
 
     Args:
         campaigns: at least two, each in its own band.
-        names: names of the tests; those of the campaigns if None.
+        names: names of the campaigns, as ``name_campaigns`` gives them.
 
     Raises:
         InputError: the campaigns share no channel or too few frequency lines, or one of them
             cannot be identified.
     """
-    names = [campaign.name for campaign in campaigns] if names is None else list(names)
     chosen, remarks = _select_levels(campaigns, names)
-    chosen = _share_lines(chosen, names)
+    chosen, of_lines = _share_lines(chosen, names)
+    remarks += of_lines
     identifications = [identify(campaign) for campaign in chosen]
     outputs = _share_channels([model.outputs for model, _, _ in identifications], names)
     tested: list[TestedModes] = [
         select_modes(model, identified, outputs) for model, identified, _ in identifications
     ]
-    freq_hz = chosen[0].freq_hz
-    band = (float(freq_hz[0]), float(freq_hz[-1]))
+    low, high = (np.array([c.freq_hz[end] for c in chosen]) for end in (0, -1))
+    band = (float(low.max()), float(high.min()))
     if len({is_roving_hammer(campaign) for campaign in chosen}) > 1:
         remarks.append("a roving hammer is compared with a roving sensor by reciprocity")
     return TestComparison(
@@ -137,7 +165,7 @@ def _select_levels(
             "seems to have changed"
         ]
     left = sum(len(c.tests) - len(tests) for c, tests in zip(campaigns, kept, strict=True))
-    remarks = [f"{left} tests at levels that not all have are left out"] if left else []
+    remarks = [f"tests at levels that not all campaigns have are left out: {left}"] if left else []
     return [replace(c, tests=tests) for c, tests in zip(campaigns, kept, strict=True)], remarks
 
 
@@ -149,30 +177,45 @@ def _has_level(levels: set[float | None], level: float | None) -> bool:
     )
 
 
-def _share_lines(campaigns: Sequence[Campaign], names: Sequence[str]) -> list[Campaign]:
+def _share_lines(
+    campaigns: Sequence[Campaign], names: Sequence[str]
+) -> tuple[list[Campaign], list[str]]:
     """Return the campaigns on the frequency lines that all of them have.
 
+    Without a common axis each keeps its lines in the band that all have: modes need no more.
+
+    Returns:
+        The campaigns, and a remark if there is no common axis.
+
     Raises:
-        InputError: too few.
+        InputError: too few lines in the band of all.
     """
     tests, _ = keep_common_lines([test for campaign in campaigns for test in campaign.tests])
+    low = max(float(campaign.freq_hz[0]) for campaign in campaigns)
+    high = min(float(campaign.freq_hz[-1]) for campaign in campaigns)
     axes = [test.estimate.frf.freq_hz for test in tests]
-    is_shared = all(np.array_equal(axis, axes[0]) for axis in axes[1:])
-    if not is_shared or len(axes[0]) < _MIN_COMPARED_LINES:
+    if all(np.array_equal(axis, axes[0]) for axis in axes[1:]):
+        remaining = iter(tests)
+        shared = [
+            replace(campaign, tests=tuple(islice(remaining, len(campaign.tests))))
+            for campaign in campaigns
+        ]
+        remarks = []
+    else:
+        inside = [(c.freq_hz >= low) & (c.freq_hz <= high) for c in campaigns]
+        pairs = zip(campaigns, inside, strict=True)
+        shared = [c.select_lines(lines) if lines.any() else c for c, lines in pairs]
+        remarks = ["the tests have no common frequency axis: modes are compared, FRFs are not"]
+    if high <= low or min(len(campaign.freq_hz) for campaign in shared) < _MIN_COMPARED_LINES:
         lines = "; ".join(
             f"{name} has {len(c.freq_hz)} from {c.freq_hz[0]:g} to {c.freq_hz[-1]:g} Hz"
             for name, c in zip(names, campaigns, strict=True)
         )
         raise InputError(
-            f"the tests share too few frequency lines to be compared ({lines}): export them on one "
-            "axis, or state a band that all have"
+            f"the tests share too few frequency lines to be compared ({lines}): export one band, "
+            "or state a band that all have"
         )
-    shared, start = [], 0
-    for campaign in campaigns:
-        end = start + len(campaign.tests)
-        shared.append(replace(campaign, tests=tests[start:end]))
-        start = end
-    return shared
+    return shared, remarks
 
 
 def _share_channels(
@@ -192,14 +235,14 @@ def _share_channels(
     return shared
 
 
-def compare_frfs(first: MeasuredFrfs, second: MeasuredFrfs) -> tuple[CellDifference, ...]:
+def compare_frfs(comparison: TestComparison) -> tuple[CellDifference, ...]:
     """Return the difference of each FRF that both tests have, over noise, largest first.
 
     Args:
-        first: FRFs of one test.
-        second: FRFs of another one, perhaps of another quantity.
+        comparison: two tests, perhaps of two quantities; without a common axis nothing is compared.
     """
-    lines = np.intersect1d(first.freq_hz, second.freq_hz, return_indices=True)[1:]
+    first, second = comparison.frfs
+    lines = [np.searchsorted(frfs.freq_hz, comparison.common_hz) for frfs in comparison.frfs]
     rows = []
     for output in (dof for dof in first.outputs if dof in second.outputs):
         for source in (dof for dof in first.inputs if dof in second.inputs):
@@ -211,8 +254,11 @@ def compare_frfs(first: MeasuredFrfs, second: MeasuredFrfs) -> tuple[CellDiffere
             value, noise = _read_cell(first, cells[0], lines[0], first.order)
             second_value, second_noise = _read_cell(second, cells[1], lines[1], first.order)
             square = float((np.abs(second_value - value) ** 2).sum())
-            over = square / max(float((noise + second_noise).sum()), np.finfo(float).tiny)
-            size = max(float((np.abs(value) ** 2).sum()), np.finfo(float).tiny)
+            total = float((noise + second_noise).sum())
+            size = float((np.abs(value) ** 2).sum())
+            if not (total > 0 and size > 0):
+                continue
+            over = square / total
             rows.append(CellDifference(output, source, over**0.5, (square / size) ** 0.5))
     return tuple(sorted(rows, key=lambda row: -row.over_noise))
 

@@ -90,7 +90,8 @@ function chooser() {
 
 (IS_FLEET ? fleetTable : pairTable)();
 if (IS_FLEET) shifts(); else byId("shifts").hidden = true;
-byId("channels-section").hidden = IS_FLEET;
+byId("frfs").hidden = !CELLS.length;
+byId("channels-section").hidden = IS_FLEET || !CELLS.length;
 if (!IS_FLEET) fill("channels", [["", ""], ["difference / noise"], ["difference / FRF"]], DATA.differences.map(([over, relative], k) =>
   [[CELLS[k].join(" per "), "name"], [over.toPrecision(3)], [(100 * relative).toPrecision(3) + " %"]]), k => { state.cell = k; frf(); });
 chooser();

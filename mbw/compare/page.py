@@ -68,6 +68,8 @@ def render(result: ComparedFile, comparison: TestComparison, report: str | None)
 
 def _list_cells(result: ComparedFile, comparison: TestComparison) -> list[tuple[Output, Input]]:
     """Return outputs and inputs of the FRFs that all tests have, those that differ most first."""
+    if not len(comparison.common_hz):
+        return []
     first, *further = comparison.frfs
     cells = [
         (output, source)
@@ -88,9 +90,7 @@ def _has_cell(frfs: MeasuredFrfs, output: Output, source: Input) -> bool:
 def _pack_frfs(comparison: TestComparison, cells: list[tuple[Output, Input]]) -> dict[str, object]:
     """Return lines, FRFs and noise in the first test's quantity; (n_cell, n_test, n_freq)."""
     tests = comparison.frfs
-    lines = tests[0].freq_hz
-    for frfs in tests[1:]:
-        lines = np.intersect1d(lines, frfs.freq_hz)
+    lines = comparison.common_hz
     size = len(lines) * max(len(cells), 1) * len(tests)
     lines = lines[:: thinning_step(size, MAX_SHOWN_VALUES)]
     values = np.zeros((len(cells), len(tests), len(lines)), complex)

@@ -72,7 +72,7 @@ def collect_result(
         for row, shift in zip(rows, shifts, strict=True):
             if shift is not None:
                 row.frequency_shift, row.damping_shift = map(_shift_row, shift)
-    frfs = () if kind == "fleet" else compare_frfs(*comparison.frfs)
+    frfs = () if kind == "fleet" else compare_frfs(comparison)
     return ComparedFile(
         kind=kind,
         campaigns=[
@@ -126,7 +126,8 @@ def _add_scatter(rows: list[ComparedModeRow], comparison: TestComparison) -> str
 
 def _stack(modes: Sequence[ComparedMode], name: str) -> Real:
     """Return a number of all modes in all tests; (n_mode, n_test)."""
-    return np.array([getattr(mode, name.replace("freq_hz_sd", "freq_sd")) for mode in modes])
+    rows = [getattr(mode, name.replace("freq_hz_sd", "freq_sd")) for mode in modes]
+    return np.array(rows).reshape(len(rows), -1)
 
 
 def _mode_row(mode: ComparedMode) -> ComparedModeRow:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from diagnosis import Verdict
-from identification.comparison import TestComparison, compare_tests
+from identification.comparison import TestComparison, compare_tests, name_campaigns
 from identification.readers.result_files import read_result_json
 from identification.words import Campaign, InputError, UsageError
 from mbmodel import Machine
@@ -107,11 +107,13 @@ def run(
     with SCREEN.status("reading and checking the tests"):
         opened = [open_any_campaign(folder, band) for folder in folders]
     campaigns, remarks = _choose_tests([campaign for _, _, campaign in opened], names)
-    reason = _find_reason(opened, kind) if diagnosis else "no diagnosis, as --no-diagnosis asks"
     suffix = "compared" if kind == "fleet" or of else f"{names[1]}-compared"
     with outputs.open("compare", of or opened[0][0], suffix, NAMES) as output:
         with SCREEN.status("modes of all tests"):
             comparison = compare_tests(campaigns, names)
+        reason: str | None = "no diagnosis, as --no-diagnosis asks"
+        if diagnosis:
+            reason = _find_reason(opened, comparison, kind)
         result = collect_result(comparison, [each[0] for each in opened], kind, remarks)
         result.without_diagnosis = reason
         _write(result, comparison, output, outputs)
@@ -132,16 +134,6 @@ def run(
     return output.path
 
 
-def name_campaigns(folders: Sequence[Path]) -> list[str]:
-    """Return names of folders that differ: their own, with as many parents as that takes."""
-    parts = [folder.resolve().parts for folder in folders]
-    for count in range(1, max(map(len, parts)) + 1):
-        names = ["-".join(each[-count:]).replace("/", "") for each in parts]
-        if len(set(names)) == len(names):
-            break
-    return names
-
-
 def _choose_tests(
     campaigns: Sequence[Campaign], names: Sequence[str]
 ) -> tuple[list[Campaign], list[str]]:
@@ -159,7 +151,7 @@ def _choose_tests(
     return chosen, remarks
 
 
-def _find_reason(opened: Sequence[_Opened], kind: Kind) -> str | None:
+def _find_reason(opened: Sequence[_Opened], comparison: TestComparison, kind: Kind) -> str | None:
     """Return why a change cannot be diagnosed; None if it can.
 
     Raises:
@@ -176,6 +168,14 @@ def _find_reason(opened: Sequence[_Opened], kind: Kind) -> str | None:
             f"no diagnosis of the change: beside the tests, {first} and {second} differ in "
             f"{', '.join(keys)}; make them agree"
         )
+    frfs = [campaign.tests[0].estimate.frf for _, _, campaign in opened]
+    if frfs[0].quantity != frfs[1].quantity:
+        stated = " and ".join(
+            f"{name} {frf.quantity}" for name, frf in zip(comparison.names, frfs, strict=True)
+        )
+        return f"no diagnosis of the change: {stated} are two quantities; export one"
+    if not len(comparison.common_hz):
+        return "no diagnosis of the change: the tests have no common frequency axis; export one"
     return None
 
 

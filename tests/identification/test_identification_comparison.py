@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import t
 
 from identification.comparison import (
+    TestComparison,
     TestedModes,
     VisitDrift,
     compare_frfs,
@@ -15,6 +16,7 @@ from identification.comparison import (
     compute_shifts,
     describe_fleet,
     describe_shifts,
+    name_campaigns,
     pair_tests,
 )
 from identification.modal import MeasuredFrfs
@@ -109,7 +111,7 @@ def test_shifts_of_an_unchanged_machine_have_their_stated_deviation():
     squares = []
     for seed in range(6):
         pair = [campaign("a", seed=2 * seed), campaign("b", seed=2 * seed + 1)]
-        comparison = compare_tests(pair)
+        comparison = compare_tests(pair, ["a", "b"])
         shifts = compute_shifts(comparison.modes)
         assert len(shifts) == 3
         squares += [shift.significance**2 for pair in shifts if pair for shift in pair]
@@ -120,7 +122,7 @@ def test_shifts_of_an_unchanged_machine_have_their_stated_deviation():
 
 def test_a_shift_within_the_drift_between_visits_is_significant_and_no_change():
     pair = [campaign("a"), campaign("b", (12.03, 30.075, 52.0), seed=1)]
-    comparison = compare_tests(pair)
+    comparison = compare_tests(pair, ["a", "b"])
     shifts = compute_shifts(comparison.modes, VisitDrift(0.0025, 0.05))
     assert shifts[0][0].significance > 10
     assert [pair[0].is_change for pair in shifts] == [False, False, True]
@@ -143,8 +145,12 @@ def frfs(values, variance, order=2, freq_hz=FREQ):
     )
 
 
+def beside(*tests):
+    return TestComparison(("a", "b"), BAND, CHANNELS[:1], (), tests)
+
+
 def test_a_difference_over_noise_is_that_of_its_formula():
-    (cell,) = compare_frfs(frfs(2.0, 0.09), frfs(2.5, 0.16))
+    (cell,) = compare_frfs(beside(frfs(2.0, 0.09), frfs(2.5, 0.16)))
     assert cell.over_noise == pytest.approx(0.5 / np.sqrt(0.09 + 0.16))
     assert cell.relative == pytest.approx(0.25)
 
@@ -152,39 +158,64 @@ def test_a_difference_over_noise_is_that_of_its_formula():
 def test_receptances_are_compared_with_accelerances_as_accelerances():
     factor = ((2j * np.pi * FREQ) ** 2)[:, None, None]
     second = frfs(2.5 / factor, 0.16 / np.abs(factor) ** 2, order=0)
-    (cell,) = compare_frfs(frfs(2.0, 0.09), second)
+    (cell,) = compare_frfs(beside(frfs(2.0, 0.09), second))
     assert cell.over_noise == pytest.approx(1.0)
 
 
 def test_noise_alone_gives_a_difference_of_one_noise():
-    comparison = compare_tests([campaign("a"), campaign("b", seed=5)])
-    for cell in compare_frfs(*comparison.frfs):
+    comparison = compare_tests([campaign("a"), campaign("b", seed=5)], ["a", "b"])
+    for cell in compare_frfs(comparison):
         assert cell.over_noise == pytest.approx(1.0, abs=0.1)
 
 
 def test_channels_are_shared_by_label_and_none_is_an_error():
     other = campaign("b", channels=(CHANNELS[2], CHANNELS[0]))
-    assert compare_tests([campaign("a"), other]).outputs == (CHANNELS[0], CHANNELS[2])
+    assert compare_tests([campaign("a"), other], ["a", "b"]).outputs == (CHANNELS[0], CHANNELS[2])
     renamed = campaign("b", channels=tuple(Dof(f"acc{k}", "+ty") for k in (1, 2, 3)))
     with pytest.raises(InputError, match="no channel in common"):
-        compare_tests([campaign("a"), renamed])
+        compare_tests([campaign("a"), renamed], ["a", "b"])
 
 
-def test_tests_without_a_common_axis_are_refused_in_one_sentence():
-    first = campaign("a")
-    other = first.tests[0].estimate
-    shifted = replace(other, frf=replace(other.frf, freq_hz=FREQ + 0.03))
-    second = replace(first, tests=(replace(first.tests[0], estimate=shifted),))
+def on_lines(freq_hz, seed=0):
+    """The campaign on other lines, by interpolation between its own."""
+    whole = campaign("b", seed=seed)
+    estimate = whole.tests[0].estimate
+    values = np.stack(
+        [np.interp(freq_hz, FREQ, column) for column in estimate.frf.values[:, :, 0].T], axis=1
+    )[..., None]
+    frf = replace(estimate.frf, freq_hz=freq_hz, values=values)
+    variance = np.full(values.shape, estimate.variance[0, 0, 0])
+    shifted = replace(estimate, frf=frf, variance=variance)
+    return replace(whole, tests=(replace(whole.tests[0], estimate=shifted),))
+
+
+def test_without_a_common_axis_modes_are_compared_and_frfs_are_not():
+    comparison = compare_tests([campaign("a"), on_lines(np.linspace(8.0, 59.0, 400))], ["a", "b"])
+    assert "no common frequency axis" in comparison.remarks[0]
+    assert [mode.is_complete for mode in comparison.modes] == [True] * 3
+    assert comparison.band == pytest.approx((8.0, 59.0), abs=0.2)
+    assert compare_frfs(comparison) == ()
+
+
+def test_tests_whose_bands_hardly_meet_are_refused_in_one_sentence():
+    other = on_lines(np.linspace(59.51, 90.0, 400))
     with pytest.raises(InputError, match="share too few frequency lines"):
-        compare_tests([first, second])
+        compare_tests([campaign("a"), other], ["a", "b"])
+
+
+def test_names_are_those_of_folders_with_as_many_parents_as_it_takes(tmp_path):
+    places = [tmp_path / "march" / "test", tmp_path / "june" / "test" / "campaign.toml"]
+    assert name_campaigns(places) == ["march-test", "june-test"]
+    assert name_campaigns([tmp_path / "a", tmp_path / "b"]) == ["a", "b"]
 
 
 def test_levels_that_only_one_campaign_has_are_left_out():
     low, high = campaign("a", level=40.0).tests[0], campaign("a", seed=2, level=400.0).tests[0]
     both = replace(campaign("a"), tests=(low, high))
-    comparison = compare_tests([both, campaign("b", seed=3, level=44.0)])
-    assert comparison.remarks == ("1 tests at levels that not all have are left out",)
-    apart = compare_tests([campaign("a", level=40.0), campaign("b", seed=3, level=400.0)])
+    comparison = compare_tests([both, campaign("b", seed=3, level=44.0)], ["a", "b"])
+    assert comparison.remarks == ("tests at levels that not all campaigns have are left out: 1",)
+    pair = [campaign("a", level=40.0), campaign("b", seed=3, level=400.0)]
+    apart = compare_tests(pair, ["a", "b"])
     assert "what depends on the level" in apart.remarks[0]
 
 

@@ -192,3 +192,23 @@ def test_a_campaign_with_states_is_diagnosed_and_not_compared(tmp_path):
     done = mbw("compare", first, whole)
     assert done.exit_code == 3
     assert "call mbw diagnose" in " ".join(done.output.split())
+
+
+def test_tests_of_two_quantities_are_compared_as_one_and_not_diagnosed(tmp_path):
+    first, second = write_visits(tmp_path, after=BEFORE)
+    with np.load(second / "frf.npz") as stored:
+        arrays = dict(stored)
+    factor = (2j * np.pi * arrays["freq_hz"])[:, None, None]
+    arrays["frf"] = arrays["frf"] / factor
+    arrays["variance"] = arrays["variance"] / np.abs(factor) ** 2
+    np.savez(second / "frf.npz", **arrays)
+    file = second / "campaign.toml"
+    text = file.read_text().replace("accelerance", "mobility").replace("m/s^2/N", "m/s/N")
+    file.write_text(text)
+    done = mbw("compare", first, second, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    result = read(tmp_path / "out")
+    assert "are two quantities" in result["without_diagnosis"]
+    # The lines of one resonance outweigh all others: few values, so a wide scatter about 1.
+    assert all(row["over_noise"] == pytest.approx(1.0, abs=0.4) for row in result["frfs"])
+    assert not any(row["frequency_shift"]["changed"] for row in result["modes"])
