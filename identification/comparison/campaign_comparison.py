@@ -28,7 +28,7 @@ from identification.words import (
     shorten_names,
 )
 
-_MIN_SHARED_LINES = 0.5  # of the fewest lines of a test: axes that meet now and then are not one
+_MIN_AXIS_SHARE = 0.5  # of the fewest lines of a test: axes that meet now and then are not one
 _MIN_COMPARED_LINES = 16  # lines that an identification needs
 # Of two levels: peaks of hits by hand scatter by some ten per cent about the level that is stated.
 _MAX_LEVEL_RATIO = 1.25
@@ -77,7 +77,7 @@ class TestComparison:
         """Frequency lines that all tests have [Hz]; none without a common axis; (n_line,)."""
         axes = [frfs.freq_hz for frfs in self.frfs]
         common: Real = reduce(np.intersect1d, axes)
-        is_axis = len(common) >= _MIN_SHARED_LINES * min(map(len, axes))
+        is_axis = len(common) >= _MIN_AXIS_SHARE * min(map(len, axes))
         return common if is_axis else common[:0]
 
 
