@@ -13,9 +13,19 @@ import numpy as np
 from scipy.stats import norm, t
 
 from identification.level_check.trends import LEVEL_CHECK_SETTINGS
-from identification.matching import best_matching, pair_probabilities, pairing_odds, rotate_to_real
+from identification.matching import (
+    MatchingPriors,
+    best_matching,
+    pair_probabilities,
+    pairing_odds,
+    rotate_to_real,
+)
 from identification.modal import IdentifiedModes, mac
 from identification.words import Complex, Integers, Mask, ModalModel, Output, Real
+
+# A joint at half its stiffness moves a mode by 30 % at most: three standard deviations.
+_PRIORS = MatchingPriors(frequency_error=0.1)
+_MIN_PAIRED_MAC = 0.5  # as of ``pair_shapes``: two shapes with less are no pair
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,8 +181,9 @@ def pair_tests(tests: Sequence[TestedModes], band: tuple[float, float]) -> list[
         similarity = odds
         if odds.size:
             known, means = _collect_known(tests, compared)
-            odds = pairing_odds(modes, known.shapes, means, band)
             similarity = mac(modes.complex_shapes, known.complex_shapes)
+            odds = pairing_odds(modes, known.shapes, means, band, _PRIORS)
+            odds = np.where(similarity < _MIN_PAIRED_MAC, 0.0, odds)
         pairs = best_matching(odds) if odds.size else {}
         probability = pair_probabilities(odds) if odds.size else odds
         for number in range(len(modes.freq_hz)):

@@ -97,6 +97,12 @@ def test_where_one_channel_is_shared_the_frequencies_decide():
     assert [mode.number.tolist() for mode in modes] == [[0, 0], [1, 1]]
 
 
+def test_shapes_that_hardly_agree_are_no_pair_however_near_their_frequencies():
+    across = np.array([[1.0, 1.0, 0.0], [1.0, -0.5, 1.5]]).T  # MAC 0.07
+    modes = pair_tests([modes_of([20.0], across[:, :1]), modes_of([20.1], across[:, 1:])], BAND)
+    assert [mode.number.tolist() for mode in modes] == [[0, -1], [-1, 0]]
+
+
 def test_a_mode_without_a_partner_is_listed_alone():
     modes = pair_tests([modes_of([20.0, 60.0], MODES[:, :2]), modes_of([20.1], MODES[:, :1])], BAND)
     assert [mode.is_complete for mode in modes] == [True, False]
