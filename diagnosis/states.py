@@ -6,20 +6,30 @@
    are part of the machine: they are no change. The floor of that fit stands in for the rest.
 3. The tests after meet that machine. Masses and geometry stay. What differs between two visits of
    itself varies under priors: the temperature, and all that is mounted or hit anew.
+
+If the states are two machines of one drawing, all parameters differ independently: the difference
+of two draws has sqrt(2) times the width of one. The rest belongs to the drawing.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.between_visits import (
+    TWO_DRAWS,
+    VISIT_PRIORS,
+    calibrate_nominally,
+    vary_between_machines,
+    vary_between_visits,
+)
 from diagnosis.data_checks.check_data import CheckedData, check_tests
 from diagnosis.null_model import Baseline
 from diagnosis.search.selection import select_causes
 from diagnosis.settings import DiagnosisSettings
-from identification.words import TOLERANCE_BOUND_SIGMA, Campaign, Dof, Real
-from mbmodel import REST_FACTOR, HammerGainPart, Model, RestPart
-from tuning import Parametrisation, Session, parametrise
+from identification.words import Campaign, Dof
+from mbmodel import HammerGainPart, Model, RestPart
+from tuning import Session, parametrise
 from tuning.assessment.rest_estimate import (
     add_variance,
     estimate_rest,
@@ -27,44 +37,13 @@ from tuning.assessment.rest_estimate import (
     shrink_rest,
 )
 
-
-@dataclass(frozen=True)
-class VisitPriors:
-    """Standard deviations of what differs between two visits to one machine, without any change.
-
-    Args:
-        stiffness: of ln of the common factor on all stiffness. The moduli of steel and aluminium
-            fall by 0.03 to 0.05 % per kelvin, so this is a difference of 10 to 17 K.
-        damping: of ln of the common factor on all damping: losses of joints and cables repeat to
-            some per cent from day to day.
-        gain: of ln of each gain: calibration, mounting and cable of one and the same instrument.
-        delay: of each delay [s]: start of sampling and filters of one and the same instrument.
-    """
-
-    stiffness: float = 0.005
-    damping: float = 0.05
-    gain: float = 0.005
-    delay: float = 1e-5
-
-
-VISIT_PRIORS = VisitPriors()
 _NO_MATRIX = (
     "no full matrix of FRFs before the change: what the model lacks, beside causes that the tests "
     "before show, counts as its error"
 )
-_REMOUNTED = {  # of a test: what is mounted, hit or switched on anew, and its prior
-    "sensor_gain": "gain",
-    "hammer_gain": "gain",
-    "unknown_gain": "gain",
-    "sensor_delay": "delay",
-    "hammer_delay": "delay",
-}
-_PLACED = (  # anew, so that the campaign's tolerances hold
-    "sensor_angle",
-    "sensor_position",
-    "sensor_cross",
-    "hammer_angle",
-    "hammer_position",
+_TWO_MACHINES = (
+    "both states are machines of one drawing: each parameter may differ by sqrt(2) times its "
+    "tolerance"
 )
 
 
@@ -108,10 +87,10 @@ def check_data_after(
     if estimate is not None:
         tolerance = session.campaign.tolerance
         if before.null.floor > min(tolerance.sensor_gain, tolerance.hammer_gain):
-            theta = _calibrate_nominally(before.null.fit.parametrisation, theta)
+            theta = calibrate_nominally(before.null.fit.parametrisation, theta)
             estimate = estimate_rest(fitted.model, theta, before.scene.session.campaign) or estimate
         rest, carried = shrink_rest(
-            estimate, checks.alive, before.null.floor, VISIT_PRIORS.stiffness
+            estimate, checks.alive, before.null.floor, _rest_drift(session.campaign)
         )
         rest = replace(
             rest, scale_deviation=float(np.hypot(tolerance.hammer_gain, tolerance.sensor_gain))
@@ -128,16 +107,33 @@ def check_data_after(
         remark = (
             f"what the model lacked before the change is known at {count} points and directions"
         )
+    remarks = [remark, *([_TWO_MACHINES] if session.campaign.has_two_machines else [])]
     alive, left = (
-        replace(campaign, remarks=(*campaign.remarks, remark)) for campaign in (alive, left)
+        replace(campaign, remarks=(*campaign.remarks, *remarks)) for campaign in (alive, left)
     )
     varies = fitted.parametrisation.extend(parametrise(model, session.campaign.tolerance))
     theta = np.append(theta, model.drawn[len(theta) :])
-    after = replace(
-        fitted, model=model, campaign=alive, parametrisation=vary_between_visits(varies, theta)
-    )
+    if session.campaign.has_two_machines:
+        parametrisation = vary_between_machines(varies, theta)
+    else:
+        parametrisation = vary_between_visits(varies, theta)
+    after = replace(fitted, model=model, campaign=alive, parametrisation=parametrisation)
     checks = replace(checks, alive=alive, campaign=left)
     return CheckedData(after, checks, before.scene.rigid_directions, unsteady)
+
+
+def _rest_drift(campaign: Campaign) -> float:
+    """Return the standard deviation of ln of the factor on the dynamic stiffness of the rest.
+
+    What a drawing lacks, such as the modes of its bodies, differs between two machines as their
+    masses do: both follow from how well the drawing is made.
+
+    Args:
+        campaign: tests of both states.
+    """
+    if campaign.has_two_machines:
+        return TWO_DRAWS * campaign.tolerance.mass
+    return VISIT_PRIORS.stiffness
 
 
 def _hit_gains(campaign: Campaign) -> tuple[HammerGainPart, ...]:
@@ -152,65 +148,3 @@ def _hit_gains(campaign: Campaign) -> tuple[HammerGainPart, ...]:
         if isinstance(test.condition.reference, Dof)
     }
     return tuple(HammerGainPart(name, "hammer_gain", reference) for name, reference in hits)
-
-
-def _calibrate_nominally(varies: Parametrisation, theta: Real) -> Real:
-    """Return parameters with instruments as they are stated.
-
-    A model whose error exceeds the tolerance of gains tells nothing of them: its fit pulls
-    instruments to make up for what it lacks. The rest holds that, whatever the instruments are:
-    with their nominal calibration, sizes of changes are as right as that is.
-
-    Args:
-        varies: coordinates of the fit before; a parameter that a cause released is no tolerance.
-        theta: its parameters [SI]; (n_parameter,).
-    """
-    tolerances = np.append(varies.is_tolerance, False)[varies.coordinate_of]
-    kinds = {*_REMOUNTED, *_PLACED} - {"unknown_gain"}
-    of_instruments = np.array([parameter.known in kinds for parameter in varies.parameters])
-    return np.where(tolerances & of_instruments, varies.fixed, theta)
-
-
-def vary_between_visits(
-    varies: Parametrisation, theta: Real, priors: VisitPriors = VISIT_PRIORS
-) -> Parametrisation:
-    """Return the coordinates of what differs between two visits of itself.
-
-    Args:
-        varies: coordinates of the fit before; what does not vary there stays.
-        theta: its parameters, which become the nominal ones [SI]; (n_parameter,).
-        priors: standard deviations.
-    """
-    coordinate_of, scale = np.full(len(theta), -1), np.ones(len(theta))
-    numbers: dict[object, int] = {}
-    for k, parameter in enumerate(varies.parameters):
-        old, kind = int(varies.coordinate_of[k]), parameter.known
-        group: object = old
-        if kind in ("stiffness", "damping"):
-            group, deviation = kind, getattr(priors, kind)
-        elif kind in _REMOUNTED:
-            deviation = getattr(priors, _REMOUNTED[kind])
-            if not parameter.positive and _REMOUNTED[kind] == "gain":
-                deviation *= abs(theta[k])
-        else:
-            deviation = np.inf
-        is_varied = kind in ("stiffness", "damping", *_REMOUNTED, *_PLACED)
-        if parameter.name == REST_FACTOR:
-            group, deviation, old, is_varied = "stiffness", priors.stiffness, 0, True
-        is_narrow = varies.is_tolerance[old] and varies.scale[k] < deviation and group == old
-        # A place that a cause of the state before released has no tolerance, and stays.
-        if old < 0 or not is_varied or not (is_narrow or np.isfinite(deviation)):
-            continue
-        coordinate_of[k] = numbers.setdefault(group, len(numbers))
-        scale[k] = varies.scale[k] if is_narrow else deviation
-    size, bound = len(numbers), np.full(len(numbers), TOLERANCE_BOUND_SIGMA)
-    return Parametrisation(
-        varies.parameters,
-        coordinate_of=coordinate_of,
-        scale=scale,
-        fixed=theta,
-        is_tolerance=np.ones(size, bool),
-        precision=np.ones(size),
-        lower=-bound,
-        upper=bound,
-    )

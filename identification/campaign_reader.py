@@ -104,6 +104,7 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
             common,
             tolerance,
             unknown_gains=_unknown_gains(settings),
+            has_two_machines=settings.two_machines,
         )
     except ValueError as error:
         raise InputError(

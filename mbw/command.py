@@ -61,6 +61,9 @@ VERBS = {
     "diagnose": Verb(
         "mbw.diagnose.options", "Find effects that the model lacks, and their places."
     ),
+    "compare": Verb(
+        "mbw.compare.options", "Compare tests, and find the change of the machine between them."
+    ),
     "blind": Verb("mbw.blind.options", "Score the diagnosis on withheld truth."),
     "blind merge": Verb("mbw.blind.merge_options", "Join the shards of a blind test."),
     "report": Verb("mbw.report.options", "Write the page of a result as one HTML file."),

@@ -36,6 +36,7 @@ from identification.words import (
 )
 from mbworkbench.budgets import ErrorBudgetResult, error_budget
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
+from mbworkbench.comparison import ComparisonResult, compare
 from mbworkbench.diagnosis import DiagnosisResult, diagnose
 from mbworkbench.excitation import ExcitationResult, excite
 from mbworkbench.identified import IdentifiedModel, identify
@@ -48,6 +49,7 @@ from mbworkbench.tuning import TunedModel, tune
 __version__ = version("mbworkbench")
 
 __all__ = [
+    "ComparisonResult",
     "Condition",
     "ConvergenceError",
     "DiagnosisResult",
@@ -71,6 +73,7 @@ __all__ = [
     "UsageError",
     "WorkbenchError",
     "__version__",
+    "compare",
     "diagnose",
     "error_budget",
     "excite",

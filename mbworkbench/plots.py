@@ -10,6 +10,7 @@ from plotly.subplots import make_subplots
 from identification.words import Complex, Dof, Frf, FrfEstimate, Real, Test
 from mbworkbench.budgets import ErrorBudgetResult
 from mbworkbench.campaign import MeasuredCampaign
+from mbworkbench.comparison import ComparisonResult
 from mbworkbench.diagnosis import DiagnosisResult
 from mbworkbench.excitation import ExcitationResult
 from mbworkbench.identified import IdentifiedModel
@@ -179,6 +180,28 @@ def _(result: DiagnosisResult) -> go.Figure:
     )
     figure.update_traces(marker_color=PALETTE[0], width=MAX_BAR_WIDTH, selector={"type": "bar"})
     figure.update_layout(title=f"{result.campaign}: {result.sentence}", showlegend=False)
+    return figure
+
+
+@plot.register
+def _(result: ComparisonResult) -> go.Figure:
+    figure = go.Figure()
+    modes = result.tests.modes
+    numbers = list(range(1, len(modes) + 1))
+    for place, name in enumerate(result.names):
+        means = np.array([np.nanmean(mode.freq_hz) for mode in modes])
+        freq_hz = np.array([mode.freq_hz[place] for mode in modes])
+        deviation = np.array([mode.freq_sd[place] for mode in modes])
+        figure.add_scatter(
+            x=numbers,
+            y=100 * (freq_hz / means - 1),
+            error_y={"array": 200 * deviation / means},
+            name=name,
+            mode="markers",
+        )
+    figure.update_xaxes(title_text="mode", dtick=1)
+    figure.update_yaxes(title_text="frequency from its mean [%]")
+    figure.update_layout(title=result.sentence)
     return figure
 
 

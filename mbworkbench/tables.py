@@ -78,11 +78,12 @@ def plot(result: object) -> Any:
 
     FRFs are drawn with magnitude and phase; a campaign with its drive points and their coherence;
     modes with frequency and damping; a tuned model beside the measurement at the drive points; a
-    diagnosis with its gap, places and causes; an error budget with its cumulative spectra.
+    diagnosis with its gap, places and causes; a comparison with the shifts of its modes; an error
+    budget with its cumulative spectra.
 
     Args:
         result: ``Frf``, ``FrfEstimate``, or what ``read_campaign``, ``identify``, ``modes``,
-            ``tune``, ``diagnose`` or ``error_budget`` returned.
+            ``tune``, ``diagnose``, ``compare`` or ``error_budget`` returned.
 
     Raises:
         TypeError: there is no figure of this type.

@@ -17,6 +17,7 @@ from truth.campaign.place_names import check_choice, find_place
 from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.usual_size import compare_with_usual
 from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign
+from truth.campaign.visits import draw_visits
 from truth.errors import TruthError
 from truth.machine.reading import read_station, why_as_drawn
 from truth.machine.station import Station
@@ -42,6 +43,7 @@ __all__ = [
     "draw_campaign",
     "draw_case",
     "draw_protocol",
+    "draw_visits",
     "find_further_test",
     "find_place",
     "fit_to_machine",

@@ -27,6 +27,20 @@ def verdict_sentence(verdict: Verdict) -> str:
     return f"{sentence}: the gap falls from {before:.3g} to {after:.3g} times the noise."
 
 
+def change_sentence(verdict: Verdict) -> str:
+    """Return what changed between the states of a campaign, in one sentence."""
+    if verdict.verdict == "none":
+        return "Nothing changed beyond noise and what differs between the tests of itself."
+    if not any(row.probability >= SETTINGS.min_probability for row in verdict.causes):
+        excess = verdict.gap.retuned.excess
+        size = "" if excess is None else f" by {excess:.3g} times the noise"
+        return (
+            f"The tests differ{size} beyond what differs between them of itself, and no effect of "
+            "the catalogue is established as the cause."
+        )
+    return verdict_sentence(verdict)
+
+
 def effect_noun(effect: str) -> str:
     """Return the noun of an effect, such as ``a wrong gain``."""
     entry = load_catalogue().get(effect) or PROVEN.get(effect)

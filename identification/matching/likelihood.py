@@ -20,11 +20,27 @@ anywhere in the band.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from identification.matching.measured_modes import ImpactModes
 from identification.words import Real
+
+
+class MeasuredShapes(Protocol):
+    """Measured modes whose shapes are matched, such as ``ImpactModes``."""
+
+    @property
+    def frequencies(self) -> Real:
+        """Natural frequencies [Hz]; (n_mode,)."""
+
+    @property
+    def shapes(self) -> Real:
+        """Real shapes of unit size; (n_mode, n_channel)."""
+
+    @property
+    def variance(self) -> Real:
+        """Variance of their values; (n_mode, n_channel)."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +63,7 @@ class MatchingPriors:
 
 
 def pairing_odds(
-    measured: ImpactModes,
+    measured: MeasuredShapes,
     simulated: Real,
     simulated_hz: Real,
     band: tuple[float, float],
@@ -56,7 +72,7 @@ def pairing_odds(
     """Compute the odds of each pair against no match.
 
     Args:
-        measured: modes of the impacts.
+        measured: measured modes.
         simulated: simulated modes at the channels, signed, in one normalisation by mass;
             (n_simulated, n_channel).
         simulated_hz: (n_simulated,) [Hz].

@@ -217,7 +217,8 @@ class TuningSettings(TomlTable):
 class CampaignSettings(TomlTable):
     """Content of campaign.toml; ``ignore_hz`` leaves out lines, here or in one ``[[test]]``.
 
-    ``coherence`` here holds for all tests that do not state theirs.
+    ``coherence`` here holds for all tests that do not state theirs. ``two_machines`` says that the
+    states before and after are two machines of one drawing.
     """
 
     model: FileName | None = None
@@ -231,6 +232,7 @@ class CampaignSettings(TomlTable):
     spring: dict[str, SpringSettings] = Field(default_factory=dict)
     ignore_hz: FrequencyRanges = Field(default_factory=list)
     coherence: CoherenceKind | None = None
+    two_machines: bool = False
     tolerance: ToleranceSettings = ToleranceSettings()
     tuning: TuningSettings = TuningSettings()
 
@@ -336,6 +338,11 @@ def _refuse_incomplete_states(path: Path, settings: CampaignSettings) -> None:
     """Raise InputError unless no test states a state, or all do and both are there."""
     states = {test.state for test in settings.test}
     stated = states - {None}
+    if settings.two_machines and not stated:
+        raise InputError(
+            f'{path}: two_machines is stated and no test has a state: add state = "before" to the '
+            'tests of one machine and state = "after" to those of the other, or remove it'
+        )
     if stated and None in states:
         file = next(test.file for test in settings.test if test.state is None)
         raise InputError(

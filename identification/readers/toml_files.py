@@ -1,5 +1,6 @@
 """TOML files under a schema: whatever is wrong becomes one sentence that names the key."""
 
+import json
 import math
 import re
 import tomllib
@@ -196,3 +197,17 @@ def tag_file_or_table(value: object) -> str:
 def toml_key(name: str) -> str:
     """Return a name as a key of a table, in quotes where TOML needs them."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else f'"{name}"'
+
+
+def toml_value(value: object) -> str:
+    """Return a value as TOML on one line: texts, numbers, lists and inline tables.
+
+    Args:
+        value: as ``load_toml`` returns it; texts in JSON are texts in TOML.
+    """
+    if isinstance(value, dict):
+        pairs = ", ".join(f"{toml_key(name)} = {toml_value(each)}" for name, each in value.items())
+        return f"{{{pairs}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml_value, value))}]"
+    return json.dumps(value, ensure_ascii=False)

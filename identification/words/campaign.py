@@ -167,6 +167,7 @@ class Campaign:
         tolerance: tolerances of the drawings.
         remarks: sentences that a reader of any result must know.
         unknown_gains: channels and drives whose gains are unknown.
+        has_two_machines: whether the states before and after are two machines of one drawing.
 
     Raises:
         ValueError: there is no test, or frequencies or quantities differ between tests.
@@ -178,6 +179,7 @@ class Campaign:
     tolerance: Tolerance = Tolerance()
     remarks: tuple[str, ...] = ()
     unknown_gains: UnknownGains = field(default_factory=UnknownGains)
+    has_two_machines: bool = False
 
     def __post_init__(self) -> None:
         """Check that the tests share their frequencies and their quantity."""

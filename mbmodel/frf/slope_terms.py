@@ -23,6 +23,7 @@ bodies or joints change.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -177,11 +178,14 @@ def _inertia_terms(
     for term in assembly.frequency_dependent:
         if not term.body_right.any():
             continue
-        core, product = term.change.core, _shape_product(shape, term.change.shape)
-        for inertia_power in map(int, np.flatnonzero(core.any(axis=(1, 2)))):
-            source = SlopeSource("joints", power + inertia_power, product)
-            load = -term.left @ core[inertia_power] @ (term.body_right.T @ left)
-            yield SlopeTerm("force", source, load, slope, right)
+        core = term.change.core
+        for rows, columns, factor in _split_shape(term.change.shape, core.shape[1:]):
+            product = _shape_product(shape, factor)
+            moved = term.body_right[:, columns].T @ left
+            for inertia_power in map(int, np.flatnonzero(core.any(axis=(1, 2)))):
+                source = SlopeSource("joints", power + inertia_power, product)
+                load = -term.left[:, rows] @ core[inertia_power, rows, columns] @ moved
+                yield SlopeTerm("force", source, load, slope, right)
 
 
 def _gravity_terms(solution: FrfSolution, change: Change, core: Real) -> Iterator[SlopeTerm]:
@@ -223,3 +227,25 @@ def act_on_joints(load: SlopeTerm, to_joints: Real) -> SlopeTerm:
     """
     at_joints = to_joints if load.left is None else to_joints @ load.left
     return SlopeTerm("force", load.source, at_joints, load.core, load.right)
+
+
+def _split_shape(shape: Shape, size: tuple[int, int]) -> Iterator[tuple[slice, slice, Shape]]:
+    """Yield rows and columns of a core with one factor f(s) each.
+
+    Args:
+        shape: f(s) of the whole core, or of each of its entries.
+        size: rows and columns of the core.
+    """
+    if shape is None or shape(np.ones(1, complex)).ndim == 1:
+        yield slice(None), slice(None), shape
+        return
+    for row, column in np.ndindex(size):
+        entry = partial(_read_entry, shape, row, column)
+        yield slice(row, row + 1), slice(column, column + 1), entry
+
+
+def _read_entry(
+    shape: Callable[[Complex], Complex], row: int, column: int, laplace: Complex
+) -> Complex:
+    """Return the factor f(s) of one entry of a core; (n_freq,)."""
+    return shape(laplace)[:, row, column]

@@ -8,14 +8,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from identification import (
-    check_bodies,
-    correct_layout,
-    read_campaign,
-    read_layout,
-    read_settings,
-    select_band,
-)
+from identification import check_bodies
 from identification.checks.setups import compare_setups
 from identification.level_check import check_hits, check_levels
 from identification.modal import ModeChoices, ModeCriteria, identify
@@ -26,6 +19,7 @@ from identification.roving_hammer import (
 )
 from identification.words import Campaign, UsageError, WorkbenchError
 from mbmodel import Machine, load_machine, machine_geometry
+from mbw.any_campaign import open_any_campaign
 from mbw.band import check_band
 from mbw.files import write_json
 from mbw.identify.animate import (
@@ -49,7 +43,6 @@ from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
 from mbw.results.identified_files import IdentificationResult, read_result
 from mbw.results.identified_schema import IdentifiedModesFile
-from tuning import open_campaign
 
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9.=_]+")  # of folders
 
@@ -137,7 +130,7 @@ def run(
         The folder of the result.
     """
     with SCREEN.status("reading and checking the tests"):
-        source, machine, whole = _open_campaign(campaign, band)
+        source, machine, whole = open_any_campaign(campaign, band)
         whole = whole.leave_out_after()
     first, *further = [
         TestsOfMachine.of_variant(machine, whole, name) for name in sorted(whole.variants, key=bool)
@@ -267,26 +260,13 @@ def _reference_modes(
     return no_reference_modes(outputs)
 
 
-def _open_campaign(
-    campaign: Path, band: tuple[float, float] | None
-) -> tuple[Path, Machine | None, Campaign]:
-    """Return campaign.toml, the machine, None if it names none, and the tests in the band."""
-    source, settings = read_settings(campaign)
-    if settings.layout is None:
-        _, machine, band_campaign = open_campaign(campaign, band)
-        return source, machine, band_campaign
-    layout = correct_layout(source, settings, read_layout(source.parent / settings.layout))
-    all_lines = read_campaign(source, settings, layout)
-    return source, None, select_band(all_lines, band, source)
-
-
 def _compare_tips(
     campaign: Campaign, compared: tuple[Path, ...], band: tuple[float, float] | None
 ) -> TipComparison | None:
     """Compare the hammer tips of campaigns; None if no other campaign is named."""
     if not compared:
         return None
-    return compare_tips([campaign, *(_open_campaign(path, band)[2] for path in compared)])
+    return compare_tips([campaign, *(open_any_campaign(path, band)[2] for path in compared)])
 
 
 def _say_tips(comparison: TipComparison | None, folder: Path, *, has_page: bool) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from identification.words import InputError, UsageError, WorkbenchError
 from identification.words.file_access import real_path
 from mbw.blind import page as graded
+from mbw.compare import result as compared
 from mbw.diagnose.page import render as diagnosis_page
 from mbw.excite import page as excited
 from mbw.excite.schema import EXCITATION_JSON
@@ -69,6 +70,7 @@ _RESULT_KINDS = (
         lambda path: match_page(matched.read_result(path)),
     ),
     _Kind("blind", (graded.GRADES,), graded.PAGE, graded.render_folder),
+    _Kind("compare", (compared.COMPARED_JSON,), compared.PAGE, compared.read_page),
     _Kind("predict", (predicted.PAGE,), predicted.PAGE, predicted.read_page),
     _Kind("excite", (EXCITATION_JSON,), excited.PAGE, excited.read_page),
 )

@@ -262,6 +262,12 @@ def draw(design: Design, seed: int) -> VirtualCampaign:
     Raises:
         TruthError: the machine has no place for its effects.
     """
+    with threadpool_limits(1):  # more threads round otherwise: the bytes would be others
+        return draw_campaign(*plan_campaign(design, seed))
+
+
+def plan_campaign(design: Design, seed: int) -> tuple[Station, Plan]:
+    """Return the nominal machine of a design, and the plan by which its campaign is drawn."""
     station = _station(design.machine, seed)
     parameter = beside_tolerance(design, seed)
     wanted = tuple(
@@ -276,8 +282,7 @@ def draw(design: Design, seed: int) -> VirtualCampaign:
         rigid=_RIGID,
         dirt=design.dirt,
     )
-    with threadpool_limits(1):  # more threads round otherwise: the bytes would be others
-        return draw_campaign(station, plan)
+    return station, plan
 
 
 def _station(machine: str, seed: int) -> Station:

@@ -1,8 +1,8 @@
-"""Changes of the measured tower are graded by one rule."""
+"""Changes of the measured tower are graded by one rule; those of two visits have a ratio."""
 
 import pytest
 
-from tests.bench import real
+from tests.bench import compare, real
 from tests.helpers.changed_tower import Change
 
 MASS = Change("mass_error", "body:floor1", {"mass": 1.0})
@@ -36,3 +36,11 @@ def test_changes_of_the_tower_are_graded_by_one_rule(change, causes, legs, expec
         ]
     }
     assert tuple(real.grade([change], verdict, legs).values()) == expected
+
+
+def test_a_change_between_two_visits_counts_within_the_limits_of_its_ratio():
+    assert compare.has_ratio('effect = "mass_error"\nratio = 4.0\n')
+    assert not compare.has_ratio('effect = "mass_error"\nratio = 0.4\n')
+    assert not compare.has_ratio('effect = "none"\n')
+    cells = [design.cell for design in compare.list_designs()]
+    assert (cells.count("change"), cells.count("nothing")) == (60, 30)

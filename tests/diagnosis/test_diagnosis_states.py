@@ -7,16 +7,12 @@ import numpy as np
 import pytest
 
 from diagnosis import build_verdict, diagnose
+from diagnosis.between_visits import VISIT_PRIORS, vary_between_machines, vary_between_visits
 from diagnosis.data_checks.check_data import check_data
 from diagnosis.null_model import fit_baseline
 from diagnosis.refits.refit import mean_shared_part
 from diagnosis.settings import SETTINGS
-from diagnosis.states import (
-    VISIT_PRIORS,
-    check_data_after,
-    search_before,
-    vary_between_visits,
-)
+from diagnosis.states import check_data_after, search_before
 from identification.words import InputError
 from mbmodel import REST_FACTOR, Evaluator, FrfRequest, Model, RestPart
 from tests.helpers.changed_chain import BEFORE, write_chain
@@ -286,3 +282,86 @@ def test_what_breaks_reciprocity_is_of_a_channel_or_of_the_hits_there(
     assert proven.key == (effect, place, "tx")
     ((name, size),) = sizes.items()
     assert proven.state({})[name] == pytest.approx(size, abs=0.02 if name == "gain" else 5e-5)
+
+
+def test_between_machines_each_parameter_differs_by_sqrt_2_of_its_tolerance(tower):
+    session, _ = tower
+    before, drawn = session.parametrisation, session.model.drawn
+    between = vary_between_machines(before, 1.1 * drawn)
+    np.testing.assert_array_equal(between.fixed, 1.1 * drawn)
+    widths = [scale / np.sqrt(precision) for scale, precision in _widths(before)]
+    wider = [scale / np.sqrt(precision) for scale, precision in _widths(between)]
+    np.testing.assert_allclose(wider, np.sqrt(2) * np.array(widths))
+    x = np.zeros(between.size)
+    x[between.names.index("floor1.mass")] = 1.0
+    mass = between.theta(x)[[p.name for p in between.parameters].index("floor1.mass")]
+    tolerance = session.campaign.tolerance.mass
+    number = [p.name for p in between.parameters].index("floor1.mass")
+    assert mass == pytest.approx(1.1 * drawn[number] * (1 + np.sqrt(2) * tolerance), rel=1e-3)
+
+
+def _widths(varies):
+    return zip(varies.scales, varies.precision, strict=True)
+
+
+def test_a_spring_within_sqrt_2_tolerances_is_no_change_between_two_machines(tmp_path):
+    folder = write_chain(tmp_path / "chain", factor=1.003)
+    file = folder / "campaign.toml"
+    file.write_text("two_machines = true\n" + file.read_text())
+    settings = replace(SETTINGS, max_causes=1)
+    session = open_session(folder)
+    before = fit_baseline(check_data(session, settings), 1, settings)
+    after = check_data_after(session, before, settings)
+    varies = after.session.parametrisation
+    assert "high.mass" in varies.names
+    base = fit_baseline(after, 1, settings)
+    names = [parameter.name for parameter in varies.parameters]
+    ratio = (
+        base.scene.theta[names.index("high_tx.stiffness")]
+        / varies.fixed[names.index("high_tx.stiffness")]
+    )
+    assert ratio == pytest.approx(0.9, abs=0.02)
+
+
+HINGED = """
+<mujoco model="hinged">
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="low">
+      <joint name="low_ry" type="hinge" axis="0 1 0" pos="0.1 0 0" stiffness="900" damping="1"/>
+      <inertial pos="0.3 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>
+      <site name="acc1" pos="0.3 0 0.1"/>
+      <body name="high" pos="0.5 0 0">
+        <joint name="high_ry" type="hinge" axis="0 1 0" stiffness="500" damping="1"/>
+        <inertial pos="0.2 0 0" mass="2" diaginertia="0.05 0.05 0.05"/>
+        <site name="acc2" pos="0.2 0 0.1"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_slopes_by_the_places_of_joints_pass_through_the_rest(tmp_path):
+    # Between two machines joints move, and the rest is a matrix of functions of frequency.
+    folder = write_chain(tmp_path / "chain")
+    (folder / "model.xml").write_text(HINGED)
+    file = folder / "campaign.toml"
+    file.write_text(file.read_text().replace(":+x", ":+z"))
+    session = open_session(folder)
+    before = session.campaign.select_state("before")
+    estimate = estimate_rest(session.model, session.model.drawn, before)
+    model = replace(session.model, machine=replace(session.model.machine, rest=estimate.rest))
+    names = np.array([parameter.name for parameter in model.parameters])
+    chosen = np.char.find(names, "joint_position") >= 0
+    request = FrfRequest(before.freq_hz, before.outputs, before.inputs, "receptance")
+    evaluator = Evaluator(model, request)
+    slopes = evaluator.at(model.drawn).sensitivities(chosen).columns()
+    for column, number in enumerate(np.flatnonzero(chosen)):
+        step = np.zeros(len(names))
+        step[number] = 1e-6
+        ends = [evaluator.at(model.drawn + sign * step).values for sign in (-1, 1)]
+        difference = (ends[1] - ends[0]) / 2e-6
+        np.testing.assert_allclose(
+            slopes[..., column], difference, atol=1e-5 * max(np.abs(difference).max(), 1e-6)
+        )

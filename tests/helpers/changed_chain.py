@@ -60,3 +60,18 @@ def write_chain(folder, after=AFTER, *, factor=1.0, references=2):
         )
     (folder / "campaign.toml").write_text(text)
     return folder
+
+
+def write_visits(folder, after=AFTER, *, factor=1.0, names=("before", "after")):
+    """Both states as two campaigns; the campaign of both is in the folder ``whole``."""
+    whole, labels = write_chain(folder / "whole", after, factor=factor), ["acc1:+x", "acc2:+x"]
+    for state, name in zip(("before", "after"), names, strict=True):
+        place = folder / name
+        place.mkdir()
+        (place / "model.xml").write_text(CHAIN)
+        (place / "frf.npz").write_bytes((whole / f"{state}.npz").read_bytes())
+        (place / "campaign.toml").write_text(
+            f'model = "model.xml"\n[[test]]\nfile = "frf.npz"\nchannels = {labels}\n'
+            f'references = {labels}\nquantity = "accelerance"\nunit = "m/s^2/N"\n'
+        )
+    return tuple(folder / name for name in names)

@@ -1,0 +1,1 @@
+"""``mbw compare``: tests beside each other, and the diagnosis of a change."""

@@ -1,0 +1,220 @@
+"""``mbw compare``: modes and FRFs of tests beside each other, and the diagnosis of a change."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from diagnosis import Verdict
+from identification.comparison import TestComparison, compare_tests, name_campaigns
+from identification.readers.result_files import read_result_json
+from identification.words import Campaign, InputError, UsageError
+from mbmodel import Machine
+from mbw.any_campaign import open_any_campaign
+from mbw.band import check_band
+from mbw.compare.page import render
+from mbw.compare.result import NAMES, PAGE, add_verdict, collect_result, write_result
+from mbw.compare.schema import ComparedFile, Kind
+from mbw.compare.terminal import print_result
+from mbw.diagnose import verb as diagnose
+from mbw.files import write_json
+from mbw.messages import SCREEN
+from mbw.output_folder import OutputFolder, OutputRequest, ResultOptions, open_output_folder
+from mbw.results.diagnosed_files import PAGE as DIAGNOSIS_PAGE
+from tuning.files.plant_folder import DIAGNOSE_VERB, VERDICT
+from tuning.files.states_campaign import CAMPAIGN, find_differences, write_states_campaign
+
+BOTH, DIAGNOSED = "both", "diagnosed"  # folders in that of the result
+_Opened = tuple[Path, Machine | None, Campaign]
+
+
+def run_options(  # noqa: PLR0913  # one for each option
+    campaigns: list[Path],
+    *,
+    out: Path | None,
+    json: Path | None,
+    band: tuple[float, float] | None,
+    two_machines: bool,
+    diagnosis: bool,
+    jobs: int,
+    resume: bool,
+    pictures: bool,
+    overwrite: bool,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.compare.options`` describes them."""
+    check_band(band)
+    folders = list_campaigns(campaigns)
+    kind: Kind = "fleet" if len(folders) > 2 else "machines" if two_machines else "visits"
+    if kind == "fleet" and two_machines:
+        raise UsageError("--two-machines is for two campaigns: more are a fleet without it")
+    outputs = ResultOptions(out, json, overwrite, pictures)
+    whole = campaigns[0] if len(campaigns) == 1 else None
+    run(folders, outputs, kind, band=band, diagnosis=diagnosis, jobs=jobs, resume=resume, of=whole)
+
+
+def list_campaigns(paths: Sequence[Path]) -> list[Path]:
+    """Return the folders of the campaigns: those that are named, or those in a named folder.
+
+    Raises:
+        InputError: there are fewer than two.
+        UsageError: one campaign is named twice.
+    """
+    folders = list(paths)
+    if len(paths) == 1:
+        if not paths[0].is_dir() or (paths[0] / CAMPAIGN).exists():
+            raise InputError(
+                f"{paths[0]} is compared with nothing: name two campaigns, or a folder of campaigns"
+            )
+        folders = sorted(path.parent for path in paths[0].glob(f"*/{CAMPAIGN}"))
+        if len(folders) < 2:
+            raise InputError(
+                f"{paths[0]} holds {len(folders)} campaigns, folders with a {CAMPAIGN}: name a "
+                "folder of two or more"
+            )
+    if len({path.resolve() for path in folders}) < len(folders):
+        raise UsageError("a campaign is named twice: name each of them once")
+    return folders
+
+
+def run(
+    folders: Sequence[Path],
+    outputs: ResultOptions,
+    kind: Kind,
+    *,
+    band: tuple[float, float] | None = None,
+    diagnosis: bool = True,
+    jobs: int = 1,
+    resume: bool = False,
+    of: Path | None = None,
+) -> Path:
+    """Compare the tests, diagnose the change, write the result and its page.
+
+    Args:
+        folders: folders of the campaigns, the first before a change.
+        outputs: where the result is written.
+        kind: what the campaigns are of.
+        band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
+        diagnosis: whether the change is diagnosed.
+        jobs: number of processes of the diagnosis.
+        resume: whether an interrupted diagnosis is continued.
+        of: folder that holds all campaigns; None if they were named.
+
+    Returns:
+        The folder of the result.
+
+    Raises:
+        InputError: a campaign cannot be used.
+    """
+    names = name_campaigns(folders)
+    with SCREEN.status("reading and checking the tests"):
+        opened = [open_any_campaign(folder, band) for folder in folders]
+    campaigns, remarks = _choose_tests([campaign for _, _, campaign in opened], names)
+    suffix = "compared" if kind == "fleet" or of else f"{names[1]}-compared"
+    with outputs.open("compare", of or opened[0][0], suffix, NAMES) as output:
+        with SCREEN.status("modes of all tests"):
+            comparison = compare_tests(campaigns, names)
+        reason: str | None = "no diagnosis, as --no-diagnosis asks"
+        if diagnosis:
+            reason = _find_reason(opened, comparison, kind)
+        result = collect_result(comparison, [each[0] for each in opened], kind, remarks)
+        result.without_diagnosis = reason
+        _write(result, comparison, output, outputs)
+        if not (outputs.has_json_on_stdout or SCREEN.quiet):
+            print_result(result)
+        if reason is None:
+            verdict = _diagnose(folders, output, outputs, kind, band=band, jobs=jobs, resume=resume)
+            result = add_verdict(result, verdict)
+            _write(result, comparison, output, outputs)
+    if outputs.json is not None:
+        write_json(result.model_dump_json(indent=1), outputs.json)
+    for text in (*result.remarks, result.sentence, result.change or reason or ""):
+        if text:
+            SCREEN.say(text)
+    SCREEN.say(f"comparison in {output.path}")
+    if outputs.pictures:
+        SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
+    return output.path
+
+
+def _choose_tests(
+    campaigns: Sequence[Campaign], names: Sequence[str]
+) -> tuple[list[Campaign], list[str]]:
+    """Return the tests of the first machine of each campaign, and the remarks on all tests."""
+    chosen, remarks = [], []
+    for campaign, name in zip(campaigns, names, strict=True):
+        variants = sorted(campaign.variants, key=bool)
+        if len(variants) > 1:
+            remarks.append(
+                f"{name}: tests with {', '.join(variants[1:])} have modes of their own and are "
+                "left out of modes and FRFs"
+            )
+        chosen.append(campaign.select_variant(variants[0]))
+        remarks += [f"{name}: {text}" for text in campaign.remarks]
+    return chosen, remarks
+
+
+def _find_reason(opened: Sequence[_Opened], comparison: TestComparison, kind: Kind) -> str | None:
+    """Return why a change cannot be diagnosed; None if it can.
+
+    Raises:
+        InputError: a campaign states itself what is before and after.
+    """
+    if kind == "fleet":
+        return "a fleet is not diagnosed: compare two of its campaigns to find what changed"
+    for source, machine, _ in opened:
+        if machine is None:
+            return f"a change can only be named with a model, and {source} names a layout alone"
+    first, second = (source for source, _, _ in opened)
+    if keys := find_differences(first, second):
+        return (
+            f"no diagnosis of the change: beside the tests, {first} and {second} differ in "
+            f"{', '.join(keys)}; make them agree"
+        )
+    frfs = [campaign.tests[0].estimate.frf for _, _, campaign in opened]
+    if frfs[0].quantity != frfs[1].quantity:
+        stated = " and ".join(
+            f"{name} {frf.quantity}" for name, frf in zip(comparison.names, frfs, strict=True)
+        )
+        return f"no diagnosis of the change: {stated} are two quantities; export one"
+    if not len(comparison.common_hz):
+        return "no diagnosis of the change: the tests have no common frequency axis; export one"
+    return None
+
+
+def _diagnose(
+    folders: Sequence[Path],
+    output: OutputFolder,
+    outputs: ResultOptions,
+    kind: Kind,
+    *,
+    band: tuple[float, float] | None,
+    jobs: int,
+    resume: bool,
+) -> Verdict:
+    """Write the campaign of both tests, and return the verdict of its diagnosis.
+
+    Raises:
+        InputError: a folder cannot be written.
+    """
+    both, source = output.path / BOTH, output.request.source
+    request = OutputRequest("compare", source, both, (CAMPAIGN,), outputs.overwrite)
+    with open_output_folder(request) as target, target.write() as place:
+        first, second = folders
+        write_states_campaign(first, second, place, both, two_machines=kind == "machines")
+    SCREEN.say(f"both tests as one campaign in {both}")
+    result = ResultOptions(output.path / DIAGNOSED, overwrite=outputs.overwrite)
+    folder = diagnose.run(both, result, band=band, jobs=jobs, resume=resume)
+    return read_result_json(folder / VERDICT, Verdict, DIAGNOSE_VERB)
+
+
+def _write(
+    result: ComparedFile,
+    comparison: TestComparison,
+    output: OutputFolder,
+    outputs: ResultOptions,
+) -> None:
+    """Write the files of the result, and its page if it is wanted."""
+    with output.write() as place:
+        write_result(result, place)
+        if outputs.pictures:
+            report = f"{DIAGNOSED}/{DIAGNOSIS_PAGE}" if result.verdict is not None else None
+            page = render(result, comparison, report)
+            (place / PAGE).write_text(page, encoding="utf-8")

@@ -1,0 +1,87 @@
+"""A campaign of two tests: what it holds, and what keeps two campaigns apart."""
+
+import numpy as np
+import pytest
+
+from identification.words import InputError
+from tests.helpers.changed_chain import write_visits
+from tuning import open_session
+from tuning.files.states_campaign import find_differences, write_states_campaign
+
+
+def test_both_tests_become_one_campaign_with_the_values_of_each(tmp_path):
+    first, second = write_visits(tmp_path)
+    assert find_differences(first, second) == []
+    folder = tmp_path / "deep" / "both"
+    folder.mkdir(parents=True)
+    write_states_campaign(first, second, folder, folder, two_machines=True)
+    both = open_session(folder).campaign
+    assert both.has_states
+    assert both.has_two_machines
+    for source, state in ((first, "before"), (second, "after")):
+        alone, of_state = open_session(source).campaign, both.select_state(state)
+        for test, copy in zip(alone.tests, of_state.tests, strict=True):
+            np.testing.assert_array_equal(test.estimate.frf.values, copy.estimate.frf.values)
+
+
+def test_one_machine_is_the_default(tmp_path):
+    first, second = write_visits(tmp_path)
+    folder = tmp_path / "both"
+    folder.mkdir()
+    write_states_campaign(first, second, folder, folder)
+    assert not open_session(folder).campaign.has_two_machines
+
+
+def test_a_log_becomes_the_log_of_its_test(tmp_path):
+    first, second = write_visits(tmp_path)
+    for place in (first, second):
+        (place / "campaign.toml").write_text(
+            'model = "model.xml"\n[log]\nfile = "frf.npz"\nmotors = { drive = "u" }\n'
+            'encoders = { "acc1:+x" = "y" }\nreferences = ["r"]\n'
+        )
+    folder = tmp_path / "both"
+    folder.mkdir()
+    write_states_campaign(first, second, folder, folder)
+    text = (folder / "campaign.toml").read_text()
+    assert text.count("[[test]]") == 2
+    assert text.count('log = {file = "frf.npz"') == 2
+    assert "\n[log]" not in text
+
+
+@pytest.mark.parametrize(
+    ("added", "keys"),
+    [
+        ("[tolerance]\nmass = 0.05\n", ["tolerance.mass"]),
+        ("[tolerance]\nmass = 0.02\n", []),  # the default, stated
+        ('[sensor.acc1]\nflip = ["y"]\n', ["sensor.acc1.flip"]),
+    ],
+)
+def test_what_differs_beside_the_tests_is_named_by_its_key(tmp_path, added, keys):
+    first, second = write_visits(tmp_path)
+    file = second / "campaign.toml"
+    file.write_text(file.read_text() + added)
+    found = find_differences(first, second)
+    assert [key for key in found if key in keys] == keys
+    assert bool(found) == bool(keys)
+
+
+def test_another_drawing_is_named(tmp_path):
+    first, second = write_visits(tmp_path)
+    model = second / "model.xml"
+    model.write_text(model.read_text().replace('mass="5"', 'mass="5.5"'))
+    assert find_differences(first, second) == ["the model model.xml"]
+
+
+def test_campaigns_with_states_of_their_own_are_refused(tmp_path):
+    first, second = write_visits(tmp_path)
+    with pytest.raises(InputError, match="states tests before and after a change itself"):
+        find_differences(tmp_path / "whole", second)
+    assert first.exists()
+
+
+def test_two_machines_need_states(tmp_path):
+    first, _ = write_visits(tmp_path)
+    file = first / "campaign.toml"
+    file.write_text("two_machines = true\n" + file.read_text())
+    with pytest.raises(InputError, match="no test has a state"):
+        open_session(first)
