@@ -1,4 +1,4 @@
-"""What differs of itself between two visits to a machine, or between two machines of one drawing."""
+"""What differs of itself between two visits to a machine, or two machines of one drawing."""
 
 from dataclasses import dataclass, replace
 
