@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from tests.bench.kept import of
+from tests.bench.real import rate_cases
 from tests.bench.scorecard_rates import rate_rows
 from tests.docs.formats import code_span, table
 from tests.docs.model_figures import frf_gradient_ms, frf_ratio
@@ -30,7 +31,7 @@ SCORECARD = (
 
 def headlines_table() -> str:
     """Headline figures of all benches, with n and the bench that makes each."""
-    rows: list[Sequence[object]] = [*_scorecard_rows()]
+    rows: list[Sequence[object]] = [_real_row(), *_scorecard_rows()]
     slycot = frf_ratio("the same by 73 evaluations of python-control with slycot")
     rows += [
         _intervals_row(),
@@ -54,6 +55,17 @@ def headlines_table() -> str:
 def _benches(names: str) -> str:
     """Return names of benches, separated by commas, as code spans."""
     return ", ".join(map(code_span, names.split(", ")))
+
+
+def _real_row() -> Sequence[object]:
+    """Return how often computed changes of the measured tower are named by both states."""
+    row = rate_cases("all", list(of("real.2").values()))
+    return (
+        "A change of a measured tower between two visits, or none: named right",
+        rate_text({**row, "right": 100 * row["right"] / row["n"]}, "right"),
+        row["n"],
+        "real",
+    )
 
 
 def _scorecard_rows() -> list[Sequence[object]]:
