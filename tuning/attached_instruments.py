@@ -4,10 +4,14 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from identification.readers.campaign_toml import CampaignSettings, port_key
 from identification.words import Campaign, Dof, InputError
 from mbmodel import Machine
 from mbmodel.parts import AttachedPart, Stinger
+
+_MAX_MASS_SHARE = 1.0  # of its body's mass: a heavier instrument is a mass in g
 
 
 def attach_instruments(
@@ -29,15 +33,28 @@ def attach_instruments(
     parts += _shakers(source, settings, campaign, points)
     if not parts:
         return [], []
-    texts = [
-        f"{1e3 * part.mass:g} g at {part.pushes.point}"
-        + (" with a stinger" if part.stinger else "")
-        for part in parts
-    ]
-    remark = f"{source.name}: on the machine in the tests of their files: {', '.join(texts)}"
+    texts = ", ".join(map(_describe, parts))
+    remark = f"{source.name}: on the machine in the tests of their files: {texts}"
+    bodies = dict(zip(machine.layout.bodies, np.diag(machine.body_mass)[::6], strict=True))
+    for part in parts:
+        body = machine.layout.body_name(part.pushes.point)
+        if part.mass > _MAX_MASS_SHARE * bodies[body]:
+            raise InputError(
+                f"{source}: {part.location} has a mass of {part.mass:g} kg, and {body} itself has "
+                f"{bodies[body]:g} kg: give mass in kg"
+            )
     if machine.statics is not None:
         remark += "; their weight does not move the equilibrium here"
     return parts, [remark]
+
+
+def _describe(part: AttachedPart) -> str:
+    """Return mass and place of an instrument, and how stiff its stinger is."""
+    text = f"{1e3 * part.mass:g} g at {part.pushes.point}"
+    if part.stinger is None:
+        return text
+    held = part.stinger.stiffness(np.array([1.0, 0.0, 0.0]))
+    return f"{text} with a stinger of {held[1, 1]:.3g} N/m sideways and {held[4, 4]:.3g} N m/rad"
 
 
 def _sensors(

@@ -27,6 +27,7 @@ from identification.words.signal import FLOOR
 
 MAX_LOSS_FACTOR = 10.0  # rubber has 1; beyond 10 the number is a slip
 MAX_LAW_TIME_S = 100.0  # of a delay or relaxation: slower ones are a drift, not dynamics
+MAX_STINGER_DIAMETER_M, MAX_STINGER_LENGTH_M = 0.05, 2.0  # beyond, mm were written as m
 MAX_BRANCH_RATIO = 1e6  # of a branch to the static stiffness: beyond it the branch is a damper
 _MIN_WINDOW_TAU_S = 1e-4  # s: shorter time constants are no exponential windows of hits
 
@@ -36,7 +37,8 @@ class LogSettings(TomlTable):
 
     ``motors`` and ``encoders`` map inputs and outputs to columns of a text file, by heading or
     number, or to variables of a .mat or .npz file. ``references`` are columns that are independent
-    of the noise: references of controllers, or injected disturbances. ``hold`` says that motors are
+    of the noise: references of controllers, or injected disturbances. ``time_unit`` is that of the
+    times, where no heading says it. ``hold`` says that motors are
     commands, which act until the next sample. ``realisations`` says that so many signals of equal
     length follow one another, as several motors at once need.
     """
@@ -49,6 +51,7 @@ class LogSettings(TomlTable):
     unit: str | None = None
     level: float | None = Field(default=None, gt=0)
     block_s: float | None = Field(default=None, gt=0)
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None
     hold: bool = False
     realisations: int = Field(default=1, ge=1)
 
@@ -139,8 +142,8 @@ class SensorSettings(TomlTable):
 class StingerTable(TomlTable):
     """``stinger``: ``diameter`` and ``length`` [m] of the rod, ``modulus`` [Pa] (steel)."""
 
-    diameter: float = Field(gt=0)
-    length: float = Field(gt=0)
+    diameter: float = Field(gt=0, le=MAX_STINGER_DIAMETER_M)
+    length: float = Field(gt=0, le=MAX_STINGER_LENGTH_M)
     modulus: float = Field(default=2.1e11, gt=0)
 
 

@@ -1,20 +1,24 @@
 """Records of a controller or drive: columns that are motors, encoders and references, by name.
 
 Messages of an MCAP file come when they come. All signals are brought to one time base: evenly, as
-fast as the slowest of their topics in the median, linear between messages.
+fast as the slowest of their topics in the median.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy.ndimage
+import scipy.signal
+from scipy.interpolate import make_interp_spline
 
 from identification.readers.array_files import is_text, load_arrays
 from identification.readers.campaign_toml import LogSettings
 from identification.readers.child_process import read_in_child
-from identification.readers.text_arrays import Arrays, choose_columns, find_rate
+from identification.readers.text_arrays import Arrays, choose_columns, find_rate, read_rate
 from identification.readers.text_tables import read_text_table
-from identification.words import InputError, Real
+from identification.readers.units import TIME_UNITS_S
+from identification.words import InputError, Real, shorten_names
 from identification.words.file_access import check_file
 
 _TIME_NAMES = ("time", "t")
@@ -27,6 +31,8 @@ _CHILDREN = {
 }
 # Part of the intervals between messages that may be longer than twice the usual one.
 _MAX_LATE_MESSAGES = 0.01
+_FASTER, _PASSED, _TAPS = 1.2, 0.9, 16  # ratio of rates, part that passes, taps for each sample
+_DEGREE = 7  # of splines between messages
 _ROUNDING = 1e-4  # of a step, by which times of messages may miss the last one
 
 
@@ -52,9 +58,9 @@ def read_drive_log(path: Path, log: LogSettings) -> Arrays:
         table = choose_columns(read_text_table(path), columns)
         if np.iscomplexobj(table.values) and table.values.imag.any():
             raise InputError(f"{path}: its columns are complex: export the record over time")
-        signals, rate = table.values.real.T, find_rate(table)
+        signals, rate = table.values.real.T, find_rate(table, log.time_unit)
     else:
-        signals, rate = _read_variables(path, columns)
+        signals, rate = _read_variables(path, columns, TIME_UNITS_S[log.time_unit or "s"])
     n_in, n_out = len(log.motors), len(log.encoders)
     if (count := log.realisations) > 1:
         length = signals.shape[1] // count
@@ -75,31 +81,42 @@ def read_drive_log(path: Path, log: LogSettings) -> Arrays:
     return arrays
 
 
-def _read_variables(path: Path, columns: Sequence[int | str]) -> tuple[Real, float]:
+def _read_variables(
+    path: Path, columns: Sequence[int | str], time_unit_s: float
+) -> tuple[Real, float]:
     """Return signals (n_signal, n_sample) of an array file, and samples per second."""
     arrays = _load(path)
-    if path.suffix.lower() == ".mcap":
-        arrays = _resample(path, arrays, [str(column) for column in columns])
-    signals = []
     for column in columns:
         if column not in arrays:
             raise InputError(
-                f"{path} has no variable {column!r} (there are {', '.join(sorted(arrays))}): "
+                f"{path} has no variable {column!r} (there are {shorten_names(sorted(arrays))}): "
                 "correct its name under [log]"
             )
-        signals.append(_vector(path, arrays, str(column)))
-    if len({len(signal) for signal in signals}) > 1:
-        raise InputError(f"{path}: its signals have different lengths: export one record")
-    for name in _LOG_RATES:
-        if name in arrays:
-            return np.array(signals), float(_vector(path, arrays, name)[0])
-    for name in _TIME_NAMES:
-        if name in arrays:
-            steps = np.diff(_vector(path, arrays, name))
-            if len(steps) and (np.abs(steps - steps.mean()) <= 0.01 * abs(steps.mean())).all():
-                return np.array(signals), 1 / float(steps.mean())
-            raise InputError(f"{path}: {name} is not evenly spaced: export samples of one rate")
-    raise InputError(f"{path} has no sampling rate: save time, or rate_hz, samples per second")
+    signals = [_vector(path, arrays, str(column)) for column in columns]
+    if path.suffix.lower() == ".mcap":
+        topics = [_find_times(arrays, str(column)) for column in columns]
+        return _bring_together(path, [str(column) for column in columns], topics, signals)
+    # In a group of HDF5 the clock may lie beside the signals.
+    groups = {str(column).rpartition("/")[0] for column in columns}
+    prefixes = ["", *(f"{group}/" for group in sorted(groups) if group)]
+    clocks = {
+        name: f"{prefix}{name}"
+        for prefix in prefixes
+        for name in (*_TIME_NAMES, *_LOG_RATES)
+        if f"{prefix}{name}" in arrays
+    }
+    time = next((clocks[name] for name in _TIME_NAMES if name in clocks), None)
+    rate = next((clocks[name] for name in _LOG_RATES if name in clocks), None)
+    times = signals[0] if time is None else _vector(path, arrays, time)
+    if len({*map(len, signals), len(times)}) > 1:
+        raise InputError(f"{path}: its signals and times have different lengths: export one record")
+    if rate is not None:
+        return np.array(signals), float(_vector(path, arrays, rate)[0])
+    if time is None:
+        raise InputError(
+            f"{path} has no sampling rate: save time, or rate_hz, samples per second, beside them"
+        )
+    return np.array(signals), read_rate(path, times, time_unit_s)
 
 
 def _load(path: Path) -> Arrays:
@@ -117,33 +134,58 @@ def _load(path: Path) -> Arrays:
         raise InputError(f"{path} cannot be read ({error}): {way_out}") from error
 
 
-def _resample(path: Path, arrays: Arrays, columns: Sequence[str]) -> Arrays:
-    """Return the signals of topics on the time base of the slowest one, with ``time``."""
-    times = {}
-    for column in filter(arrays.__contains__, columns):
-        topic = max(
-            (name for name in arrays if name.endswith(":time") and column.startswith(name[:-5])),
-            key=len,
-        )
-        times[column] = arrays[topic]
-    if not times or min(map(len, times.values())) < 2:
-        return arrays
-    steps = {column: float(np.median(np.diff(time))) for column, time in times.items()}
-    for column, time in times.items():
-        intervals = np.diff(time)
-        if steps[column] <= 0 or np.mean(intervals > 2 * steps[column]) > _MAX_LATE_MESSAGES:
+def _find_times(arrays: Arrays, column: str) -> Real:
+    """Return the times of the messages that hold a signal [s]; (n_message,)."""
+    names = (name for name in arrays if name.endswith(":time") and column.startswith(name[:-5]))
+    return np.asarray(arrays[max(names, key=len)], float)
+
+
+def _bring_together(
+    path: Path, names: Sequence[str], times: Sequence[Real], signals: Sequence[Real]
+) -> tuple[Real, float]:
+    """Return the signals of topics on the time base of the slowest one, and its rate.
+
+    A faster topic loses by a low-pass what the slower base cannot show. Between messages a spline
+    of degree 7 follows: half a sample beside them it is right to 0.1 % up to 0.5 of the highest
+    frequency, and 8 % too low at 0.8 of it (Unser 1999).
+
+    Args:
+        path: the file, for messages.
+        names: of the signals.
+        times: of their messages [s].
+        signals: their values.
+
+    Raises:
+        InputError: messages are missing, late or without a clock.
+    """
+    steps = [float(np.median(np.diff(time))) if len(time) > 1 else 0.0 for time in times]
+    for name, time, step in zip(names, times, steps, strict=True):
+        if step <= 0 or (np.diff(time) <= 0).any():
             raise InputError(
-                f"{path}: messages of {column} are missing or late, up to "
-                f"{intervals.max():.3g} s apart where {steps[column]:.3g} s are usual: record on "
-                "the controller itself, or with less load"
+                f"{path}: messages of {name} are few, or have equal or falling times: record "
+                "stamps that rise"
             )
-    first, last = max(t[0] for t in times.values()), min(t[-1] for t in times.values())
-    step = max(steps.values())
+        if np.mean(np.diff(time) > 2 * step) > _MAX_LATE_MESSAGES:
+            raise InputError(
+                f"{path}: messages of {name} are missing or late, up to {np.diff(time).max():.3g} "
+                f"s apart where {step:.3g} s are usual: record on the controller itself, or with "
+                "less load"
+            )
+    first, last, step = max(t[0] for t in times), min(t[-1] for t in times), max(steps)
     base = np.arange(first, last + _ROUNDING * step, step)
-    return {
-        "time": base - first,
-        **{column: np.interp(base, time, arrays[column]) for column, time in times.items()},
-    }
+    if len(base) <= _DEGREE:
+        raise InputError(
+            f"{path}: the topics of {', '.join(names)} have hardly any time in common: record them "
+            "together, by one clock"
+        )
+    together = []
+    for time, signal, own in zip(times, signals, steps, strict=True):
+        ratio, passed = step / own, signal
+        if ratio > _FASTER:
+            taps = scipy.signal.firwin(2 * round(_TAPS * ratio) + 1, _PASSED / ratio)
+            passed = scipy.ndimage.convolve1d(signal, taps, mode="nearest")
+        together.append(make_interp_spline(time, passed, _DEGREE)(base))
+    return np.array(together), 1 / step
 
 
 def _vector(path: Path, arrays: Arrays, name: str) -> Real:

@@ -32,7 +32,9 @@ def read(path: Path, max_array_bytes: int) -> dict[str, np.ndarray]:
 
         def collect(name: str, item: h5py.Dataset | h5py.Group) -> None:
             is_cell = name.startswith("#")  # of MATLAB, which only references name
-            if isinstance(item, h5py.Dataset) and not is_cell and _is_numeric(item.dtype):
+            if is_cell or not isinstance(item, h5py.Dataset) or item.size is None:
+                return
+            if _is_numeric(item.dtype):
                 datasets[name] = item
 
         file.visititems(collect)

@@ -42,10 +42,9 @@ def read(path: Path, max_array_bytes: int) -> dict[str, np.ndarray]:
             origin = origin or message.publish_time // 1_000_000_000  # doubles hold no epoch in ns
             seconds, rest = divmod(message.publish_time, 1_000_000_000)
             stamp = (numbers.get(f".header.stamp.{name}") for name in ("sec", "nanosec"))
-            whole, part = (
-                float(default if each is None else each)
-                for each, default in zip(stamp, (seconds, rest), strict=True)
-            )
+            whole, part = (float(each or 0) for each in stamp)
+            if not (whole or part):  # a header that nobody filled
+                whole, part = float(seconds), float(rest)
             time = whole - origin + part * 1e-9
             rows.setdefault(channel.topic, []).append({":time": time, **numbers})
             count += 1 + len(numbers)
@@ -54,7 +53,7 @@ def read(path: Path, max_array_bytes: int) -> dict[str, np.ndarray]:
     return {
         f"{topic}{name}": np.array([row.get(name, np.nan) for row in messages])
         for topic, messages in rows.items()
-        for name in messages[0]
+        for name in dict.fromkeys(name for row in messages for name in row)
     }
 
 

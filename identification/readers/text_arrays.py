@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.readers.labview_text import read_labview_text
 from identification.readers.text_tables import TextTable, name_words, read_text_table
-from identification.readers.units import FREQUENCY_UNITS_HZ
+from identification.readers.units import FREQUENCY_UNITS_HZ, TIME_UNITS_S
 from identification.words import Complex, InputError, Real, shorten_names
 
 _FRF_PARTS = {
@@ -28,6 +28,7 @@ _TIME_WORDS = {"time", "t"}
 _FREQUENCY_WORDS = {"frequency", "freq", "hz", "khz"}
 _FORCE_WORDS, _FORCE_UNITS = {"force", "hammer"}, {"n", "newton", "lbf"}
 _MAX_TIME_STEP_SPREAD = 1e-2  # relative: what six printed digits leave of steps of a long record
+_RATES_HZ = (0.01, 1e9)  # of records of machines; others are times in another unit
 
 _UNIT_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]{1,20})[\])]\s*$")
 
@@ -120,14 +121,42 @@ def _records(tables: Sequence[TextTable], forces: int, *, is_force_stated: bool)
     return arrays
 
 
-def find_rate(table: TextTable) -> float:
-    """Return the samples per second of a record."""
-    steps = np.diff(table.axis)
-    mean = float(steps.mean())
-    if np.abs(steps - mean).max() > _MAX_TIME_STEP_SPREAD * mean:
+def find_rate(table: TextTable, unit: str | None = None) -> float:
+    """Return the samples per second of a record, whose times are in the unit of their heading.
+
+    Args:
+        table: columns over time.
+        unit: that of the times, where it is stated; else that at the end of their heading, else s.
+
+    Raises:
+        InputError: times that are not evenly spaced, or give a rate that no record has.
+    """
+    *_, last = ["", *re.findall(r"[^\W\d_]+", table.axis_name.lower())]
+    return read_rate(table.path, table.axis, TIME_UNITS_S.get(unit or last, 1.0))
+
+
+def read_rate(path: Path, times: Real, unit_s: float) -> float:
+    """Return the samples per second by the times of samples.
+
+    Args:
+        path: the file, for messages.
+        times: of the samples; (n_sample,).
+        unit_s: unit of the times [s].
+
+    Raises:
+        InputError: they are not evenly spaced, or give a rate that no record has.
+    """
+    steps = np.diff(times) * unit_s
+    mean = float(steps.mean()) if len(steps) else 0.0
+    if mean <= 0 or np.abs(steps - mean).max() > _MAX_TIME_STEP_SPREAD * mean:
+        spread = f", {steps.min():g} to {steps.max():g} s" if len(steps) else ""
         raise InputError(
-            f"{table.path}: its times are not evenly spaced, {steps.min():g} to {steps.max():g} s: "
-            "export samples of one rate"
+            f"{path}: its times are not evenly spaced{spread}: export samples of one rate"
+        )
+    if not _RATES_HZ[0] <= 1 / mean <= _RATES_HZ[1]:
+        raise InputError(
+            f"{path}: its times give {1 / mean:.3g} samples per second: head them with their unit, "
+            'such as ms, or state time_unit = "ms" under [log]'
         )
     return 1 / mean
 

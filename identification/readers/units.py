@@ -55,6 +55,13 @@ _SPELLINGS = (
 )
 # Units that exporters use, for messages and for the search of a wrong one.
 _COMMON_LENGTHS, _COMMON_FORCES = ("m", "mm", "in"), ("N", "lbf", "kN")
+TIME_UNITS_S = {
+    **dict.fromkeys(("s", "sec", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "\u00b5s", "\u03bcs", "usec", "microsecond", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nanosecond", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
+}
 FREQUENCY_UNITS_HZ = {"Hz": 1.0, "rad/s": 1 / (2 * np.pi), "rpm": 1 / 60, "kHz": 1e3}
 
 

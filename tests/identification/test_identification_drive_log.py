@@ -1,6 +1,7 @@
 """A controller's own record: the plant inside a closed loop, from references, without bias."""
 
 import json
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -15,8 +16,7 @@ from mcap_ros2.writer import Writer as RosWriter
 
 from identification import read_campaign, read_layout, read_settings
 from identification.continuous import estimate_continuous_frf, remove_hold
-from identification.readers.campaign_toml import LogSettings
-from identification.readers.drive_log import _resample
+from identification.readers.drive_log import _bring_together
 from identification.words import Dof, InputError, Records
 
 RATE_HZ = 1000.0
@@ -280,24 +280,95 @@ def test_messages_that_are_missing_are_refused(tmp_path, record):
         read(tmp_path, text)
 
 
-def test_topics_of_two_rates_are_read_at_the_slower_one(tmp_path):
-    time = np.arange(2001) / RATE_HZ
-    slow = time[::4]
-    path = tmp_path / "trace.mcap"
-    write_mcap(path, time, {"fast": np.sin(20 * time)})
-    log = LogSettings(file="trace.mcap", motors={"m": "/fast.data[0]"}, encoders={"e": "/b"})
-    arrays = {
-        "/fast.data[0]": np.sin(20 * time),
-        "/fast:time": time,
-        "/b": np.cos(20 * slow),
-        "/b:time": slow + 1e-4,
-    }
-    columns = [*log.motors.values(), *log.encoders.values()]
-    result = _resample(path, arrays, columns)
-    np.testing.assert_allclose(np.diff(result["time"]), 4 / RATE_HZ, rtol=1e-9)
-    moments = result["time"] + 1e-4
-    np.testing.assert_allclose(result["/fast.data[0]"], np.sin(20 * moments), atol=1e-4)
-    np.testing.assert_allclose(result["/b"], np.cos(20 * (moments - 1e-4)), atol=1e-9)
+def together(*topics):
+    """Signals of topics, each times and values, on one time base."""
+    names = [f"/{k}" for k in range(len(topics))]
+    times, values = zip(*topics, strict=True)
+    return _bring_together(Path("trace.mcap"), names, times, values)
+
+
+def test_topics_of_two_rates_are_read_at_the_slower_one():
+    fast, slow = np.arange(4001) / 1000, np.arange(1000) / 250 + 1e-4
+    (first, second), rate = together((fast, np.sin(20 * fast)), (slow, np.cos(20 * slow)))
+    assert rate == pytest.approx(250)
+    inside = slice(50, -50)  # a low-pass needs samples on both sides
+    np.testing.assert_allclose(first[inside], np.sin(20 * slow[: len(first)])[inside], atol=2e-3)
+    np.testing.assert_allclose(second[inside], np.cos(20 * slow[: len(first)])[inside], atol=1e-6)
+
+
+def test_what_the_slower_topic_cannot_show_is_no_alias():
+    fast, slow = np.arange(4001) / 1000, np.arange(400) / 100
+    (first, _), _ = together((fast, np.sin(2 * np.pi * 180 * fast)), (slow, slow))
+    assert np.abs(first[50:-50]).max() < 1e-2
+
+
+@pytest.mark.parametrize(("share", "error"), [(0.5, 1e-3), (0.8, 0.085)])
+def test_messages_half_a_sample_beside_each_other_keep_gain_and_phase(share, error):
+    time, omega = np.arange(4000) / 500, 2 * np.pi * share * 250
+    later = time + 0.001
+    (first, second), _ = together((time, np.sin(omega * time)), (later, np.sin(omega * later)))
+    inside = slice(100, -100)
+    deviation = np.abs(second - np.sin(omega * later[: len(second)]))[inside].max()
+    assert deviation < 1e-6  # its own samples are the base
+    phases = np.exp(1j * omega * later[: len(first)])[inside]
+    amplitude = 2 * np.mean(first[inside] * phases.conj() * 1j)
+    assert abs(amplitude - 1) < error
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        (np.zeros(100), "equal or falling times"),
+        (np.arange(100) / 100 + 1e6, "hardly any time in common"),
+    ],
+)
+def test_clocks_that_are_of_no_use_are_named(times, said):
+    with pytest.raises(InputError, match=said):
+        together((np.arange(100) / 100, np.zeros(100)), (times, np.zeros(100)))
+
+
+@pytest.mark.parametrize("heading", ["Time ms", "Time [ms]", "time_ms", "t (ms)"])
+def test_times_are_in_the_unit_of_their_heading(tmp_path, record, heading):
+    count = 8192
+    lines = [f"{heading};u;y"]
+    rows = zip(np.arange(count), record[1][:count], record[2][:count], strict=True)
+    lines += [";".join(f"{value:.9e}" for value in row) for row in rows]
+    (tmp_path / "trace.csv").write_text("\n".join(lines) + "\n")
+    text = LOG.format(file="trace.csv", motor="u", encoder="y")
+    (test,) = read(tmp_path, text).tests
+    assert test.estimate.frf.freq_hz[-1] == pytest.approx(400, rel=0.01)
+
+
+def test_the_unit_of_times_may_be_stated_and_must_make_sense(tmp_path, record):
+    count = 8192
+    time = np.arange(count) * 1_000_000 + 1_700_000_000_000_000_000
+    content = {"time": time, "u": record[1][:count], "y": record[2][:count]}
+    pyarrow.parquet.write_table(pyarrow.table(content), tmp_path / "trace.parquet")
+    text = LOG.format(file="trace.parquet", motor="u", encoder="y")
+    with pytest.raises(InputError, match='state time_unit = "ms" under'):
+        read(tmp_path, text)
+    (test,) = read(tmp_path, text + 'time_unit = "ns"\n').tests
+    assert test.estimate.frf.freq_hz[-1] == pytest.approx(400, rel=0.01)
+    content["time"] = pyarrow.array(time, pyarrow.timestamp("ns"))
+    pyarrow.parquet.write_table(pyarrow.table(content), tmp_path / "trace.parquet")
+    (stamped,) = read(tmp_path, text).tests
+    np.testing.assert_array_equal(stamped.estimate.frf.values, test.estimate.frf.values)
+
+
+def test_the_clock_of_a_group_counts_and_must_fit(tmp_path, record):
+    count = 8192
+    for rows, error in ((count, None), (count - 5, "different lengths")):
+        with h5py.File(tmp_path / "trace.h5", "w") as file:
+            file["log/u"], file["log/y"] = record[1][:count], record[2][:count]
+            file["log/time"] = np.arange(rows) / RATE_HZ
+            file["log/note"] = h5py.Empty("f8")
+        text = LOG.format(file="trace.h5", motor="log/u", encoder="log/y")
+        if error:
+            with pytest.raises(InputError, match=error):
+                read(tmp_path, text)
+        else:
+            (test,) = read(tmp_path, text).tests
+            assert test.estimate.frf.freq_hz[-1] == pytest.approx(400, rel=0.01)
 
 
 @pytest.mark.parametrize("suffix", [".h5", ".parquet", ".mcap"])

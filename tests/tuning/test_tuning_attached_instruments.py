@@ -106,6 +106,8 @@ def test_a_stinger_stiffens_its_tests_alone_and_no_tuned_stiffness(folder):
     held = with_tables(
         folder, "\n[hammer.default]\nmass = 0.05\nstinger = { diameter = 0.004, length = 0.05 }\n"
     )
+    (remark,) = (text for text in held.campaign.remarks if "on the machine" in text)
+    assert "50 g at acc3 with a stinger of 2.53e+05 N/m sideways and 211 N m/rad" in remark
     moved = np.abs(answers(held) - answers(bare)).max() / np.abs(answers(bare)).max()
     assert moved > 0.01
     assert held.parametrisation.names == bare.parametrisation.names
@@ -120,7 +122,9 @@ def test_a_stinger_stiffens_its_tests_alone_and_no_tuned_stiffness(folder):
     [
         ("[sensor.acc9]\nmass = 0.01\n", "acc9"),
         ("[sensor.acc1]\nmass = -0.01\n", "sensor.acc1.mass"),
+        ("[sensor.acc6]\nmass = 500\n", "has a mass of 500 kg, and head itself has 35 kg"),
         ("[hammer.default]\nstinger = { diameter = 0.002 }\n", "length"),
+        ("[hammer.default]\nstinger = { diameter = 1.5, length = 40 }\n", "diameter"),
     ],
 )
 def test_instruments_that_are_nowhere_or_incomplete_are_refused(folder, table, message):
