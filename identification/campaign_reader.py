@@ -103,7 +103,7 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
             layout,
             common,
             tolerance,
-            unknown_gains=_unknown_gains(settings),
+            unknown_gains=stated_unknown_gains(settings),
             has_two_machines=settings.two_machines,
         )
     except ValueError as error:
@@ -144,7 +144,7 @@ def _split_states(campaign: Campaign) -> list[Campaign]:
     return [campaign.select_state("before"), campaign.select_state("after")]
 
 
-def _unknown_gains(settings: CampaignSettings) -> UnknownGains:
+def stated_unknown_gains(settings: CampaignSettings) -> UnknownGains:
     """Return the sensors, hammers and drives whose gain campaign.toml calls unknown."""
     return UnknownGains(
         frozenset(

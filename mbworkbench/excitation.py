@@ -13,12 +13,12 @@ from mbworkbench.labels import AnyPath, as_path, check_band
 from mbworkbench.model import MachineModel
 from mbworkbench.tables import Shown, Table
 from tuning import ParameterConfidence
-from tuning.excitation.design import Excitation, design_excitation
+from tuning.excitation.design import Excitation
 from tuning.excitation.limits import DriveLimits
 from tuning.excitation.limits_toml import read_limits
 from tuning.excitation.prediction import forecast_rows, predict_confidence
 from tuning.excitation.request import DEFAULT_SECONDS, ExcitationOptions, build_request
-from tuning.excitation.tested_machine import TestedMachine, open_tested_machine
+from tuning.excitation.tested_machine import TestedMachine, design_test, open_tested_machine
 from tuning.parametrisation.user_specification import UserSpecification
 
 
@@ -123,13 +123,14 @@ def excite(  # noqa: PLR0913  # one for each option
         seconds,
         rate_hz,
         kind,
+        tested.ignored,
     )
     if isinstance(limits, Mapping):
         options = _with_limits(options, limits)
     else:
         options = read_limits(options, as_path(limits), (), tuple(tested.drives))
     request, remarks = build_request(tested.machine, options)
-    excitation = design_excitation(tested.machine, request, tested.tolerance, tested.specification)
+    excitation, tested = design_test(tested, request)
     remarks = (*tested.remarks, *remarks, *excitation.plan.remarks)
     return ExcitationResult(excitation, predict_confidence(excitation), remarks)
 

@@ -84,6 +84,31 @@ def divide_by_unknown_gains(
     )
 
 
+def with_unit_gains(campaign: Campaign) -> Campaign:
+    """Return a campaign that nobody has measured yet, whose unknown gains all are 1.
+
+    Args:
+        campaign: tests that a model gives, with what is unknown of their gains.
+    """
+    held = dict.fromkeys(
+        nodes_of(campaign, test, dof)
+        for test in campaign.tests
+        for dof in test.estimate.frf.outputs
+    )
+    cells = [GainCell(nodes, 0.0, np.zeros(0, complex), np.zeros(0)) for nodes in held if nodes]
+    nodes = list(dict.fromkeys(node for cell in cells for node in cell.nodes))
+    references, groups = _product_groups(cells, nodes)
+    of_products = {node for group in groups for node in group if node[1] is not None}
+    nominal = tuple(
+        NominalGain(*node, 1.0, node in of_products) for node in nodes if node not in references
+    )
+    return replace(
+        campaign,
+        unknown_gains=replace(campaign.unknown_gains, nominal=nominal),
+        remarks=(*campaign.remarks, *map(_product_sentence, groups)),
+    )
+
+
 def _product_groups(
     cells: Sequence[GainCell], nodes: Sequence[GainNode]
 ) -> tuple[set[GainNode], list[list[GainNode]]]:

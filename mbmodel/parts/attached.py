@@ -70,14 +70,14 @@ class AttachedPart:
     Args:
         instrument: ``sensor:<site>`` or ``hammer:<name>``.
         pushes: the reference that it drives; of a sensor any direction of its point.
-        files: names of the files in whose tests it hangs on the machine.
+        files: names of the files in whose tests it hangs on the machine; None for always.
         mass: m [kg].
         stinger: what holds it; None for nothing.
     """
 
     instrument: str
     pushes: Dof
-    files: Collection[str]
+    files: Collection[str] | None
     mass: float
     stinger: Stinger | None = None
 
@@ -94,6 +94,8 @@ class AttachedPart:
 
     def acts(self, condition: Condition | None) -> float:
         """Return 1 in the tests of its files, else 0."""
+        if self.files is None:
+            return 1.0
         return float(condition is not None and condition.test in self.files)
 
     def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:

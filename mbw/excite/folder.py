@@ -15,18 +15,19 @@ from mbmodel import input_unit, output_unit, refuse_difference, write_copy
 from tuning.excitation.design import Excitation
 from tuning.excitation.prediction import predict_record
 from tuning.excitation.tested_machine import TestedMachine
+from tuning.instrument_priors import instrument_priors
 
 SIGNALS, RESPONSE, MODEL, CAMPAIGN = "excitation.csv", "response.csv", "model.xml", "campaign.toml"
 _LOOP_QUANTITIES = ("receptance", "mobility", "accelerance")
 _CAMPAIGN_COMMENT = (
     "# Written by mbw excite. response.csv is what the nominal machine would record: put the trace "
-    "of\n# your drive or the response of mbw simulate in its place.\n"
+    "of\n# your drive in its place. mbw simulate plays open loops: remove [loop.*] before.\n"
 )
 
 
 def folder_names(tested: TestedMachine) -> list[str]:
     """Return the names of all files of the campaign."""
-    return [SIGNALS, RESPONSE, MODEL, CAMPAIGN, *map(_controller_file, tested.machine.loops)]
+    return [SIGNALS, RESPONSE, MODEL, CAMPAIGN, *_controller_files(tested.machine.loops)]
 
 
 def write_folder(
@@ -57,8 +58,8 @@ def write_folder(
     }
     names = ["time [s]", *motors.values(), *encoders.values()]
     _write_columns(place / RESPONSE, names, [time_s, *signals, *record])
-    for loop in machine.loops:
-        _write_controller(place / _controller_file(loop), loop)
+    for name, loop in zip(_controller_files(machine.loops), machine.loops, strict=True):
+        _write_controller(place / name, loop)
     log = {
         "file": RESPONSE,
         "motors": motors,
@@ -80,31 +81,42 @@ def _kept_tables(excitation: Excitation, tested: TestedMachine) -> dict[str, Map
     tables |= {f"spring.{json.dumps(name)}": table for name, table in tested.springs.items()}
     stated = excitation.specification
     names = {"free", "fix", "prior", "bounds"}
-    tuning = {name: value for name, value in vars(stated).items() if name in names and value}
+    tuning = {name: value for name, value in vars(stated).items() if name in names}
     if stated.ties:
         tuning["tie"] = stated.ties
+    if tested.settings is not None:
+        for kind in ("sensor", "hammer"):
+            for name, table in getattr(tested.settings, kind).items():
+                row = table.model_dump(exclude_defaults=True)
+                tables |= {f"{kind}.{json.dumps(name)}": row} if row else {}
+        elsewhere = instrument_priors(tested.settings).items()  # in the tables of instruments
+        tuning["prior"] = {
+            n: value for n, value in stated.prior.items() if (n, value) not in elsewhere
+        }
+    tuning = {name: value for name, value in tuning.items() if value}
     return {**tables, **({"tuning": tuning} if tuning else {})}
 
 
 def _loop_tables(loops: Sequence[Loop]) -> dict[str, Mapping[str, Any]]:
     """Return the tables of closed loops."""
     tables: dict[str, Mapping[str, Any]] = {}
-    for loop in loops:
+    for file, loop in zip(_controller_files(loops), loops, strict=True):
         (output, _), *further = loop.measured.terms
         tables[f"loop.{json.dumps(loop.name)}"] = {
             "input": str(loop.input),
             "output": str(output),
             **({"minus": str(further[0][0])} if further else {}),
             "quantity": _LOOP_QUANTITIES[loop.measured.derivative],
-            "controller": _controller_file(loop),
+            "controller": file,
             "delay": float(loop.delay),
             "as_stated": True,  # stated and checked before
         }
     return tables
 
 
-def _controller_file(loop: Loop) -> str:
-    return f"controller_{loop.name}.mat"
+def _controller_files(loops: Sequence[Loop]) -> list[str]:
+    """Return names of files; a loop's own name may hold what no file's name can."""
+    return [f"controller_{number}.mat" for number in range(1, len(loops) + 1)]
 
 
 def _write_controller(target: Path, loop: Loop) -> None:

@@ -10,6 +10,7 @@ from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.verdict.schema import CauseRow
 from identification.readers.result_files import read_result_json
+from mbmodel.parts import AttachedPart
 from mbw.results.diagnosed_schema import ShownFile
 from tuning import Session
 from tuning.excitation.design import Excitation, design_excitation
@@ -55,13 +56,15 @@ def design_for_causes(excitation: Excitation, causes: Sequence[CauseRow]) -> Exc
     hypotheses = list(_propose(excitation, causes))
     if not hypotheses:
         return excitation
+    hung = [part for part in excitation.model.parts if isinstance(part, AttachedPart)]
     return design_excitation(
         excitation.model.machine,
         excitation.request,
         excitation.campaign.tolerance,
         excitation.specification,
-        parts=list(dict.fromkeys(part for each in hypotheses for part in each.parts)),
+        parts=[*hung, *dict.fromkeys(part for each in hypotheses for part in each.parts)],
         of_interest=list(dict.fromkeys(name for each in hypotheses for name in each.coordinates)),
+        unknown_gains=excitation.campaign.unknown_gains,
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import typer
 
+from identification import correct_layout
 from identification.words import UsageError
 from mbw.excite.folder import folder_names, write_folder
 from mbw.excite.open_causes import design_for_causes, list_open_causes, name_cause
@@ -17,10 +18,9 @@ from mbw.excite.summary import describe_excitation, summarise
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions, source_of
-from tuning.excitation.design import design_excitation
 from tuning.excitation.limits_toml import read_limits
 from tuning.excitation.request import ExcitationOptions, build_request
-from tuning.excitation.tested_machine import TestedMachine, open_tested_machine
+from tuning.excitation.tested_machine import TestedMachine, design_test, open_tested_machine
 from tuning.files.plant_folder import plant_file
 
 
@@ -43,9 +43,7 @@ def run_options(
     names = [EXCITATION_JSON, PAGE, *folder_names(tested)]
     with outputs.open("excite", tested.source, "excited", names) as output:
         with SCREEN.status("design of the signals"):
-            excitation = design_excitation(
-                tested.machine, request, tested.tolerance, tested.specification
-            )
+            excitation, tested = design_test(tested, request)
             causes = list_open_causes(model)
             if causes:
                 excitation = design_for_causes(excitation, causes)
@@ -76,8 +74,12 @@ def _open(path: Path, key: str | None) -> TestedMachine:
     if source is None or source.suffix != ".toml" or not source.is_file():
         return tested
     stated = open_tested_machine(source, key)
-    kept = ("tolerance", "specification", "springs", "drives", "outputs")
-    return replace(tested, **{name: getattr(stated, name) for name in kept})
+    kept = ("tolerance", "specification", "springs", "drives", "outputs", "settings")
+    tested = replace(tested, **{name: getattr(stated, name) for name in kept})
+    if tested.settings is None:
+        return tested
+    layout = correct_layout(source, tested.settings, tested.machine.layout)
+    return replace(tested, machine=replace(tested.machine, layout=layout))
 
 
 def _read_options(stated: Mapping[str, Any], tested: TestedMachine) -> ExcitationOptions:
@@ -94,8 +96,11 @@ def _read_options(stated: Mapping[str, Any], tested: TestedMachine) -> Excitatio
         seconds=stated["seconds"],
         rate_hz=stated["rate_hz"],
         kind=stated["kind"],
+        ignored=tested.ignored,
     )
     names = [name.strip() for name in drives]
+    if not all(names):
+        raise UsageError(f"--drives {stated['drives']!r} names no drive: write NAME,NAME")
     return read_limits(options, stated["limits_file"], stated["limits"], names)
 
 

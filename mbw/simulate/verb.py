@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import typer
 
+from identification.readers.toml_files import load_toml
 from identification.words import Dof, InputError, UsageError, shorten_names
 from mbmodel import (
     Machine,
@@ -223,6 +224,7 @@ def play_signal(
     name = f"{_RESPONSE_STEM}.{file_format}"
     names = [PAGE, *(f"{_RESPONSE_STEM}.{kind}" for kind in _RESPONSE_FORMATS)]
     with outputs.open("simulate", simulated.source, "simulated", names) as output:
+        _refuse_closed_loops(output.path, name)
         with SCREEN.status(f"{signal.time_s[-1] - signal.time_s[0]:.3g} s in time"):
             response = simulate(
                 machine,
@@ -274,6 +276,18 @@ def play_signal(
     return _summary(
         simulated, response.step, kind="signal", files=[name], rate=rate, duration=duration
     )
+
+
+def _refuse_closed_loops(folder: Path, name: str) -> None:
+    """Refuse to put an open-loop response into the place of a record in closed loops."""
+    file = folder / CAMPAIGN
+    content: dict[str, Any] = load_toml(file) if file.is_file() else {}
+    tests = [content.get("log"), *content.get("test", [])]
+    if content.get("loop") and any(isinstance(t, dict) and t.get("file") == name for t in tests):
+        raise InputError(
+            f"{file} reads {name} and closes [loop.*], but a played signal runs open loop: remove "
+            "[loop.*] there, or name another folder by --out"
+        )
 
 
 def _check_format(text: str, allowed: tuple[str, ...]) -> None:

@@ -18,8 +18,9 @@ from mbmodel import Evaluator, FrfRequest, JenkinsElement, as_drawn, write_nonli
 from mbw.blind.user_test import read_user_test
 from mbw.command import app
 from mbw.excite.schema import ExcitationFile
-from tuning import open_campaign
+from tuning import ParameterConfidence, open_campaign, open_session, predict
 from tuning.excitation.tested_machine import open_tested_machine
+from tuning.misfit.misfit import Misfit
 
 RUNNER = CliRunner()
 ROOT = Path(__file__).resolve().parents[2]
@@ -194,7 +195,7 @@ file = "not_recorded_yet.csv"
 motors = { drive = "Cmd A" }
 encoders = { encoder = "Pos m" }
 
-[loop.x]
+[loop."x/y"]
 input = "drive"
 output = "encoder"
 controller = { zeros = [-60.0], poles = [-3000.0], gain = 6e4 }
@@ -223,11 +224,101 @@ def test_a_campaign_is_excited_in_its_loops_before_it_is_recorded(model, tmp_pat
     np.testing.assert_allclose(
         written.controller.response(laplace), stated.controller.response(laplace), rtol=1e-9
     )
-    assert (written.delay, written.input) == (2e-4, Signal("drive"))
+    assert (written.delay, written.input, written.name) == (2e-4, Signal("drive"), "x/y")
     _, machine, campaign = open_campaign(out)
     estimate = campaign.tests[0].estimate
     squares = np.abs(estimate.frf.values - frf(machine, estimate.frf)) ** 2 / estimate.variance
     assert 0.6 < squares.mean() < 1.6
+    before = (out / "response.csv").read_bytes()
+    played = ("--input", out / "excitation.csv", "--output", "encoder", "--out", out)
+    said = run("simulate", out / "model.xml", *played, "--overwrite", code=3)
+    assert "closes [loop.*], but a played signal runs open loop" in said
+    assert (out / "response.csv").read_bytes() == before
+
+
+INSTRUMENTS = """
+model = "axis.xml"
+
+[[test]]
+file = "not_recorded_yet.npz"
+channels = ["acc1:+x", "acc2:+x", "acc2:+z", "encoder"]
+references = ["acc1:+x"]
+
+[[test]]
+file = "nor_this.npz"
+hammer = "other"
+channels = ["acc1:+x"]
+references = ["hit1:+z"]
+
+[sensor.acc1]
+ignore = ["y", "z"]
+gain = "unknown"
+
+[sensor.acc2]
+flip = ["x"]
+turn = [0.0, 0.2, 0.0]
+ignore = ["y"]
+mass = 0.8
+
+[sensor.encoder]
+delay_tolerance = 1e-3
+
+[hammer.default]
+gain_tolerance = 0.15
+mass = 1.5
+stinger = { diameter = 2e-3, length = 0.05 }
+
+[hammer.other]
+mass = 1.0
+
+[tuning.prior]
+"frame_tz.stiffness" = 0.3
+"""
+
+
+def test_the_instruments_of_a_campaign_are_those_of_its_next_test(model, tmp_path):
+    (tmp_path / "axis.xml").write_bytes(model.read_bytes())
+    (tmp_path / "campaign.toml").write_text(INSTRUMENTS)
+    out = tmp_path / "out"
+    said = run("excite", tmp_path, "--limit", "acc1:+x:force=9", *SHORT, "--out", out)
+    assert "800 g at acc2, 1500 g at acc1 with a stinger" in said
+    assert "[hammer.other] drives nothing in this test" in said
+    stated, written = (read_settings(path)[1] for path in (tmp_path, out))
+    assert written.test[0].channels == ["encoder", "acc1:+tx", "acc2:+tx", "acc2:+tz"]
+    assert written.sensor["acc2"] == stated.sensor["acc2"].model_copy(update={"ignore": []})
+    assert written.sensor["encoder"] == stated.sensor["encoder"]
+    assert written.hammer == {"default": stated.hammer["default"]}
+    assert written.tuning.prior == stated.tuning.prior
+    session = open_session(out)
+    varies, (test,) = session.parametrisation, session.campaign.tests
+    exact = predict(session.model, session.model.drawn, session.campaign)[0]
+    errors = np.abs(test.estimate.frf.values - exact) ** 2
+    known = [0, 2, 3]  # the gain of acc1 was divided out
+    assert 0.6 < (errors / test.estimate.variance)[:, known].mean() < 1.6
+    x = varies.coordinates(session.model.drawn)
+    misfit = Misfit(session.model, session.campaign, varies, model_error_floor=0.0)
+    low, high = ParameterConfidence(varies, x, misfit.quadratic_model(x)[2], 1.0).interval()
+    names = [parameter.name for parameter in varies.parameters]
+    for row in json.loads((out / "excitation.json").read_text())["parameters"]:
+        place = names.index(row["parameter"])
+        width = np.log(row["interval"][1] / row["interval"][0])
+        assert width == pytest.approx(np.log(high[place] / low[place]), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--drives", ""), "--drives '' names no drive"),
+        (("--output", "encoder", "--output", "encoder"), "encoder is encoder once more"),
+        (("--output", "acc2:+x", "--output", "acc2:-tx"), "acc2:-tx is acc2:+x once more"),
+        (("--limit", "coil-magnet:-x:force=1"), "drive coil-magnet:-x is coil-magnet:+tx once"),
+        (("--rate", "1e9"), "--seconds 60 and --rate 1e+09 make a record of"),
+        (("--seconds", "1e9"), "lower one of them"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(model, tmp_path, options, words):
+    limits = ("--limits", model.with_name("limits.toml"), "--out", tmp_path / "out")
+    assert words in run("excite", model, *limits, *options, code=2)
 
 
 def test_a_drawn_friction_is_said_to_slide_or_stick(model, tmp_path):

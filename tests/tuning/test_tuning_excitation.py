@@ -315,6 +315,7 @@ def test_a_short_record_says_what_rings_on(axis):
         ({"limits": {"drive": DriveLimits(current=1.0)}}, "belong together"),
         ({"limits": {"floor:+tx": DriveLimits(force=1.0)}}, "floor is no drive"),
         ({"limits": {"drive": DriveLimits(stroke=1.0, at="acc9")}}, "acc9"),
+        ({"limits": {"drive": DriveLimits(force=1.0, at="encoder")}}, "neither is limited"),
         ({"limits": {"motor": DriveLimits(force=1.0)}}, "motor"),
         ({"kind": "noise"}, "multisine, sweep"),
         ({"noise": {"gyro": 1.0}}, "no output"),

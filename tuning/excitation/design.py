@@ -28,6 +28,7 @@ from identification.words import (
     Real,
     Test,
     Tolerance,
+    UnknownGains,
 )
 from mbmodel import Evaluator, FrfRequest, Machine, Model, Part, input_unit, model_modes
 from tuning.assessment.parameter_confidence import posterior_precision
@@ -49,6 +50,7 @@ from tuning.parametrisation.user_specification import (
     parametrise,
 )
 from tuning.toleranced_model import build_toleranced_model
+from tuning.unknown_gains import with_unit_gains
 
 _START_CREST = 1.8  # of a multisine after swapping, and of a sweep
 _DESIGNS = 3  # of the power, each with the crest factors of the one before
@@ -127,6 +129,7 @@ def design_excitation(
     *,
     parts: Sequence[Part] = (),
     of_interest: Sequence[str] = (),
+    unknown_gains: UnknownGains | None = None,
 ) -> Excitation:
     """Design the signals of drives for the shortest intervals of all stiffnesses.
 
@@ -135,15 +138,18 @@ def design_excitation(
         request: drives with their limits, outputs with their noise, band and time.
         tolerance: of the drawings; the default if None.
         specification: of the user, for the parameters.
-        parts: causes that the machine may have beside all that tolerances allow.
+        parts: causes that the machine may have beside all that tolerances allow, and instruments
+            that hang on it.
         of_interest: names of their coordinates, for which the signals are designed; all stiffnesses
             if empty.
+        unknown_gains: sensors and drives of unknown gain; None for none.
 
     Raises:
         UsageError: a label, a limit, band, rate or time that cannot be used.
     """
     tolerance = tolerance or Tolerance()
-    probe = _predict(machine, request, np.array([1.0]), None, tolerance)
+    probe = predict_tests(machine, request, np.array([1.0]), None, tolerance)
+    probe = with_unit_gains(replace(probe, unknown_gains=unknown_gains or UnknownGains()))
     model = build_toleranced_model(machine, probe)
     model = Model(machine, (*model.parts, *parts))
     names = [parameter.name for parameter in model.parameters]
@@ -170,8 +176,8 @@ def design_excitation(
         specification,
     )
     excitation = _design_signals(excitation, chosen, interest)
-    predicted = _predict(machine, request, plan.freq_hz, excitation, tolerance)
-    return replace(excitation, campaign=predicted)
+    predicted = predict_tests(machine, request, plan.freq_hz, excitation, tolerance)
+    return replace(excitation, campaign=replace(probe, tests=predicted.tests))
 
 
 def _choose_coordinates(varies: Parametrisation, of_interest: Sequence[str]) -> tuple[Mask, Mask]:
@@ -286,7 +292,7 @@ def _phase(excitation: Excitation, power: Real, used: Real) -> Complex:
     return np.asarray(turns[:, :, None] * np.array(columns), np.complex128)
 
 
-def _predict(
+def predict_tests(
     machine: Machine,
     request: ExcitationRequest,
     freq_hz: Real,

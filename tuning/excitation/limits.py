@@ -218,5 +218,10 @@ def _check(drive: Input, stated: DriveLimits) -> None:
         raise UsageError(
             f"{drive}: current and motor_constant belong together: state both, in A and N/A (N m/A)"
         )
+    if stated.at is not None and stated.stroke is None and stated.speed is None:
+        raise UsageError(
+            f"{drive}: at = {stated.at!r} is where stroke and speed are read, and neither is "
+            "limited: state one of them, or remove at"
+        )
     if not any(values[name] is not None for name in LIMITED):
         raise UsageError(f"{drive} has no limit: state one of {', '.join(LIMITED)}")

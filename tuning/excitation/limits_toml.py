@@ -12,7 +12,7 @@ from identification.words import InputError, UsageError
 from tuning.excitation.limits import DriveLimits
 from tuning.excitation.request import ExcitationOptions
 
-_NUMBERS = ("force", "current", "stroke", "speed", "motor_constant")
+_LIMIT_NAMES = ("force", "current", "stroke", "speed", "motor_constant")
 
 
 class DriveTable(TomlTable):
@@ -93,8 +93,8 @@ def parse_limit(text: str) -> tuple[str, dict[str, Any]]:
         except ValueError:
             break
     else:
-        if colon and name and numbers.keys() <= set(_NUMBERS):
+        if colon and name and numbers.keys() <= set(_LIMIT_NAMES):
             return name, numbers
     raise UsageError(
-        f"--limit {text!r}: write DRIVE:NAME=VALUE,..., with names among {', '.join(_NUMBERS)}"
+        f"--limit {text!r}: write DRIVE:NAME=VALUE,..., with names among {', '.join(_LIMIT_NAMES)}"
     )

@@ -29,6 +29,7 @@ KINDS: tuple[Kind, ...] = ("multisine", "sweep")
 DEFAULT_SECONDS = 60.0
 DEFAULT_STEP = 1e-6  # m or rad: of an encoder whose noise nobody states
 _BAND_MARGIN = (0.5, 1.2)  # of the default band, about the modes that a test tells apart
+_MAX_NUMBERS = 1e8  # of a record: 0.8 GB, and as much again for its noise and its text
 _NICE_RATES = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)  # of controllers, times a power of ten
 
 
@@ -75,6 +76,7 @@ class ExcitationOptions:
         seconds: length of the record, at most [s].
         rate_hz: samples per second; five times the band by default, or a little more.
         kind: ``multisine`` or ``sweep``.
+        ignored: channels that are no outputs by default.
     """
 
     limits: Mapping[str, DriveLimits]
@@ -85,6 +87,7 @@ class ExcitationOptions:
     seconds: float = DEFAULT_SECONDS
     rate_hz: float | None = None
     kind: str = "multisine"
+    ignored: Sequence[str] = ()
 
 
 def build_request(
@@ -108,8 +111,10 @@ def build_request(
     if not options.limits:
         names = ", ".join(machine.motors) or "no motor; name a force such as acc1:+tx"
         raise UsageError(f"no drive is named (the model has {names}): state --drives and --limits")
-    limits = {parse_input(machine, name): stated for name, stated in options.limits.items()}
-    outputs = _find_outputs(machine, tuple(limits), options.outputs)
+    drives = [parse_input(machine, name) for name in options.limits]
+    _refuse_repeated("drive", list(options.limits), drives)
+    limits = dict(zip(drives, options.limits.values(), strict=True))
+    outputs = _find_outputs(machine, drives, options.outputs, options.ignored)
     quantity: Quantity = (
         "accelerance" if any(isinstance(port, Dof) for port in outputs) else "receptance"
     )
@@ -118,6 +123,12 @@ def build_request(
     for name, value in (("--seconds", options.seconds), ("--rate", rate_hz)):
         if not (np.isfinite(value) and value > 0):
             raise UsageError(f"{name} {value:g}: give a number above 0")
+    numbers = options.seconds * rate_hz * (len(limits) + len(outputs))
+    if numbers > _MAX_NUMBERS:
+        raise UsageError(
+            f"--seconds {options.seconds:g} and --rate {rate_hz:g} make a record of {numbers:.2g} "
+            f"numbers, more than {_MAX_NUMBERS:g}: lower one of them"
+        )
     noise, remarks = _find_noise(machine, outputs, quantity, options, rate_hz)
     request = ExcitationRequest(
         limits, outputs, noise, band, options.seconds, rate_hz, quantity, kind
@@ -126,11 +137,12 @@ def build_request(
 
 
 def _find_outputs(
-    machine: Machine, drives: Sequence[Input], labels: Sequence[str]
+    machine: Machine, drives: Sequence[Input], labels: Sequence[str], ignored: Sequence[str]
 ) -> tuple[Output, ...]:
     """Return what is recorded: what is stated, or encoders and accelerometers."""
     if labels:
         outputs = tuple(parse_output(machine, label) for label in labels)
+        _refuse_repeated("--output", labels, outputs)
         if any(isinstance(port, Dof) for port in outputs):
             joints = [str(p) for p in outputs if isinstance(p, Signal) and p.is_joint]
             if joints:
@@ -144,9 +156,19 @@ def _find_outputs(
         for name, reading in machine.sensors.readings.items()
         if reading.unit in ("m", "rad") and (reading.joint.any() or reading.body.any())
     ]
-    points = [Dof.of(site, axis) for site in machine.layout.sensors for axis in range(3)]
+    channels = (Dof.of(site, axis) for site in machine.layout.sensors for axis in range(3))
+    points = [channel for channel in channels if str(channel) not in ignored]
     places = [motion_of(machine, drive) for drive in drives if not (encoders or points)]
     return (*encoders, *points, *dict.fromkeys(places))
+
+
+def _refuse_repeated(what: str, labels: Sequence[str], ports: Sequence[Input | Output]) -> None:
+    """Refuse two labels of one place and direction, of either sign."""
+    places = [port.positive for port in ports]
+    for label, place, number in zip(labels, places, range(len(places)), strict=True):
+        first = places.index(place)
+        if first < number:
+            raise UsageError(f"{what} {label} is {labels[first]} once more: name it once")
 
 
 def _find_noise(

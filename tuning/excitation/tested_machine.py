@@ -5,13 +5,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from identification import correct_layout, read_settings
+from identification.campaign_reader import stated_unknown_gains
+from identification.readers.campaign_toml import CampaignSettings, port_key
 from identification.readers.toml_files import load_toml
-from identification.words import InputError, Tolerance
+from identification.words import Condition, Dof, InputError, Tolerance
 from mbmodel import Machine, load_machine, with_loops
+from tuning.attached_instruments import attach_instruments
 from tuning.campaign_machine import close_loops, with_drawn_laws
 from tuning.control_loops.loops_file import known_loops
+from tuning.excitation.design import Excitation, design_excitation, predict_tests
+from tuning.excitation.request import ExcitationRequest
 from tuning.files.plant_folder import plant_file
+from tuning.instrument_priors import instrument_priors
 from tuning.parametrisation.user_specification import UserSpecification
 from tuning.session import user_specification
 
@@ -29,6 +37,7 @@ class TestedMachine:
         drives: motors of the campaign's log.
         outputs: encoders of the campaign's log.
         remarks: sentences on the machine.
+        settings: content of campaign.toml, with its instruments; None without a campaign.
     """
 
     __test__ = False
@@ -41,6 +50,13 @@ class TestedMachine:
     drives: Sequence[str] = ()
     outputs: Sequence[str] = ()
     remarks: tuple[str, ...] = ()
+    settings: CampaignSettings | None = None
+
+    @property
+    def ignored(self) -> list[str]:
+        """Labels of the channels that the campaign leaves out."""
+        sensors = {} if self.settings is None else self.settings.sensor
+        return [str(Dof.of(n, "xyz".index(axis))) for n, t in sensors.items() for axis in t.ignore]
 
 
 def open_tested_machine(path: Path, key: str | None = None) -> TestedMachine:
@@ -73,9 +89,67 @@ def open_tested_machine(path: Path, key: str | None = None) -> TestedMachine:
         machine,
         source,
         Tolerance(**dict(settings.tolerance)),
-        user_specification(settings),
+        user_specification(settings, instrument_priors(settings)),
         springs if isinstance(springs, dict) else {},
         () if log is None else tuple(log.motors),
         () if log is None else tuple(log.encoders),
         tuple(remarks),
+        settings,
     )
+
+
+def design_test(
+    tested: TestedMachine, request: ExcitationRequest
+) -> tuple[Excitation, TestedMachine]:
+    """Design the signals of a machine with the instruments that its campaign states.
+
+    Args:
+        tested: the machine, with all instruments of its campaign.
+        request: drives and outputs.
+
+    Returns:
+        The excitation; the machine with the instruments of this test, and remarks on them.
+
+    Raises:
+        InputError: a mass or stinger where this test reads or drives no point of the machine.
+        UsageError: a label, a limit, band, rate or time that cannot be used.
+    """
+    machine, stated, tolerance = tested.machine, tested.specification, tested.tolerance
+    if tested.settings is None:
+        return design_excitation(machine, request, tolerance, stated), tested
+    settings, left_out = _used_instruments(tested.settings, machine, request)
+    expected = predict_tests(machine, request, np.array([1.0]), None, tolerance)
+    parts, remarks = attach_instruments(tested.source, settings, machine, expected)
+    excitation = design_excitation(
+        machine,
+        request,
+        tolerance,
+        stated,
+        parts=[replace(part, files=None) for part in parts],
+        unknown_gains=stated_unknown_gains(settings),
+    )
+    remarks += [f"[hammer.{name}] drives nothing in this test and is left out" for name in left_out]
+    remarks = [*tested.remarks, *remarks, *excitation.campaign.remarks]
+    return excitation, replace(tested, settings=settings, remarks=tuple(remarks))
+
+
+def _used_instruments(
+    settings: CampaignSettings, machine: Machine, request: ExcitationRequest
+) -> tuple[CampaignSettings, list[str]]:
+    """Return the settings with the instruments of a test, and the hammers that it lacks.
+
+    The axes of all sites stay, since drives and loops may act there; a channel that is asked for is
+    not ignored.
+    """
+    read = {port.point for port in request.outputs}
+    drives = {Condition("", drive).instrument for drive in request.drives}
+    sensors = {
+        name: table.model_copy(
+            update={"ignore": [], "mass": table.mass if port_key(name) in read else None}
+        )
+        for name, table in settings.sensor.items()
+        if port_key(name) in read or name in machine.layout.points
+    }
+    hammers = {name: table for name, table in settings.hammer.items() if port_key(name) in drives}
+    update = {"sensor": sensors, "hammer": hammers}
+    return settings.model_copy(update=update), [n for n in settings.hammer if n not in hammers]
