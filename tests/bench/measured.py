@@ -4,7 +4,9 @@ The tower of ``assets/tower``, and where they are at hand the campaigns of ``../
 tower after changes (some with answers, the others sealed) and a suspension. Each verdict is
 committed as ``results/measured/<machine>.<campaign>.json``; those that are there are kept, unless
 ``AGAIN=1``. A changed tower is diagnosed twice: against its drawing, and against the drawing and
-its unchanged test (``results/measured/states``). None was ever tuned to.
+its unchanged test (``results/measured/states``). None was ever tuned to. A steering mirror on
+piezos, driven at three amplitudes, and a bolted beam, driven to eight levels by stepped sines, have
+no model: the check of their levels is committed as ``<machine>.levels.json``.
 """
 
 import json
@@ -15,6 +17,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from tests.bench.kept import only_kept
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,6 +27,7 @@ RESULTS = Path(__file__).parent / "results" / "measured"
 STATES = RESULTS / "states"
 TOWER = ROOT / "assets" / "tower"
 _FLOORS = '["acc1:+x", "acc2:+x", "acc3:+x"]'
+_LEVELS = ".levels.json"
 _CAUSES, _MIN_PROBABILITY = 3, 0.1  # that a row states
 
 
@@ -36,7 +41,71 @@ def run() -> list[dict[str, object]]:
         for target in targets:
             if not only_kept() and (os.environ.get("AGAIN") or not target.exists()):
                 _diagnose(folder, target)
-    return [_row(path) for path in sorted(RESULTS.glob("*.json"))]
+    for name, write in {"mirror": _write_mirror, "beam": _write_beam}.items():
+        target = RESULTS / f"{name}{_LEVELS}"
+        folder = FOLDERS / {"mirror": "mirror", "beam": "brb"}[name]
+        if folder.is_dir() and not only_kept() and (os.environ.get("AGAIN") or not target.exists()):
+            _identify(folder, write, target)
+    verdicts = (path for path in sorted(RESULTS.glob("*.json")) if _LEVELS not in path.name)
+    return [_row(path) for path in verdicts]
+
+
+def _identify(source: Path, write, target: Path) -> None:
+    """Write the level check of a machine without a model."""
+    with tempfile.TemporaryDirectory() as name:
+        folder, out = Path(name) / source.name, Path(name) / "out"
+        folder.mkdir()
+        write(source, folder)
+        words = ["identify", folder, "--out", out, "--quiet", "--no-pictures"]
+        subprocess.run([sys.executable, "-m", "mbw", *map(str, words)], check=True)
+        levels = json.loads((out / "modes.json").read_text(encoding="utf-8"))["levels"]
+    target.write_text(json.dumps(levels, indent=1) + "\n", encoding="utf-8")
+
+
+def _write_mirror(source: Path, folder: Path) -> None:
+    """Write the records of three voltages: inputs (input, record, sample), motions beside."""
+    tests = []
+    for millivolts in (100, 200, 300):
+        with np.load(source / f"multisine_{millivolts}mV.npz") as data:
+            voltage, motion, rate_hz = (data[key] for key in ("u", "y", "rate_hz"))
+        arrays = [
+            values.transpose(1, 2, 3, 0).reshape(3, values.shape[2], -1)
+            for values in (voltage.astype(float), motion.astype(float))
+        ]
+        file = folder / f"{millivolts}mV.npz"
+        np.savez(file, force=arrays[0], response=arrays[1].swapaxes(0, 1), rate_hz=rate_hz)
+        tests.append((file.name, 1e-3 * millivolts, 'quantity = "receptance"\nunit = "m/V"'))
+    arms = ((0.01, 0.0), (-0.005, 0.009), (-0.005, -0.009))  # m, of the three actuators
+    _write_levels(folder, [(f"acc{k}:+z", arm) for k, arm in enumerate(arms, 1)], tests)
+    with (folder / "campaign.toml").open("a", encoding="utf-8") as file:
+        file.write('\n[hammer.default]\ngain = "unknown"\n')
+
+
+def _write_beam(source: Path, folder: Path) -> None:
+    """Write the FRFs of stepped sines; the exciter pulls where the accelerometer reads plus."""
+    with np.load(source / "stepped_sine_at_8_response_levels.npz") as data:
+        freq_hz, force, motion, phase = (
+            data[key] for key in ("frequency_hz", "force_n", "acceleration_m_s2", "phase_rad")
+        )
+    tests = []
+    for k, values in enumerate(-motion / force * np.exp(1j * phase)):
+        np.savez(folder / f"level{k}.npz", freq_hz=freq_hz[k], frf=values[:, None, None])
+        tests.append((f"level{k}.npz", float(force[k].max()), ""))
+    _write_levels(folder, [("acc1:+z", (0.0, 0.0))], tests)
+
+
+def _write_levels(folder: Path, points: list, tests: list) -> None:
+    """Write layout and campaign of a body whose points are driven at several levels."""
+    layout = "[body.machine]\ncentre = [0.0, 0.0, 0.0]\n"
+    for label, (x, y) in points:
+        layout += f'[site.{label[:4]}]\nbody = "machine"\nposition = [{x}, {y}, 0.0]\n'
+    labels = json.dumps([label for label, _ in points])
+    text = 'layout = "layout.toml"\n'
+    for file, level, more in tests:
+        text += f'\n[[test]]\nfile = "{file}"\nlevel = {level:.4g}\n{more}\n'
+        text += f"channels = {labels}\nreferences = {labels}\n"
+    (folder / "layout.toml").write_text(layout, encoding="utf-8")
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
 
 
 def _campaigns() -> dict[str, Path]:
