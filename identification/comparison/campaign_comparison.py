@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -108,8 +108,14 @@ def compare_tests(campaigns: Sequence[Campaign], names: Sequence[str]) -> TestCo
 
     Raises:
         InputError: the campaigns share no channel or too few frequency lines, or one of them
-            cannot be identified.
+            cannot be identified, or states itself what is before and after a change.
     """
+    for campaign, name in zip(campaigns, names, strict=True):
+        if campaign.has_states:
+            raise InputError(
+                f"{name} states tests before and after a change itself: call mbw diagnose on it, "
+                "or compare campaigns without states"
+            )
     chosen, remarks = _select_levels(campaigns, names)
     chosen, of_lines = _share_lines(chosen, names)
     remarks += of_lines
@@ -120,8 +126,7 @@ def compare_tests(campaigns: Sequence[Campaign], names: Sequence[str]) -> TestCo
     ]
     low, high = (np.array([c.freq_hz[end] for c in chosen]) for end in (0, -1))
     band = (float(low.max()), float(high.min()))
-    if len({is_roving_hammer(campaign) for campaign in chosen}) > 1:
-        remarks.append("a roving hammer is compared with a roving sensor by reciprocity")
+    remarks += _describe_unshared(chosen, names, outputs)
     return TestComparison(
         tuple(names),
         band,
@@ -233,6 +238,46 @@ def _share_channels(
         )
         raise InputError(f"the tests have no channel in common ({texts}): name their sensors alike")
     return shared
+
+
+def _describe_unshared(
+    campaigns: Sequence[Campaign], names: Sequence[str], shared: Sequence[Output]
+) -> list[str]:
+    """Return which channels and references not all campaigns have, and what reciprocity replaces.
+
+    Args:
+        campaigns: as they were compared.
+        names: their names.
+        shared: channels at which shapes were compared.
+    """
+    texts: list[str] = []
+    exchanged: set[Output] = set()
+    if len({is_roving_hammer(campaign) for campaign in campaigns}) > 1:
+        for campaign, name in zip(campaigns, names, strict=True):
+            if hit := [dof for dof in shared if dof not in campaign.outputs]:
+                where = shorten_names(hit)
+                texts.append(f"{name}: motion at {where} is that of hits there, by reciprocity")
+                exchanged |= set(hit)
+    kinds = (
+        ("is read by", "are read by", [campaign.outputs for campaign in campaigns]),
+        (
+            "is a reference of",
+            "are references of",
+            [[dof for dof in c.inputs if dof not in exchanged] for c in campaigns],
+        ),
+    )
+    for singular, plural, lists in kinds:
+        groups: dict[tuple[str, ...], list[Output]] = {}
+        for port in dict.fromkeys(chain(*lists)):
+            owners = tuple(name for name, ports in zip(names, lists, strict=True) if port in ports)
+            groups.setdefault(owners, []).append(port)
+        texts += [
+            f"{shorten_names(ports)} {plural if len(ports) > 1 else singular} "
+            f"{shorten_names(owners)} alone"
+            for owners, ports in groups.items()
+            if len(owners) < len(names)
+        ]
+    return texts
 
 
 def compare_frfs(comparison: TestComparison) -> tuple[CellDifference, ...]:

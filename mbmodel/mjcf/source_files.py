@@ -304,6 +304,20 @@ def _shorten(text: str) -> str:
 def named_files(source_files: tuple[SourceFile, ...]) -> tuple[Path, ...]:
     """Return every file that an MJCF reads: itself, included files, models, meshes and pictures.
 
+    Args:
+        source_files: of the MJCF.
+
+    Returns:
+        Paths of the files that exist, sorted.
+    """
+    files = {file.path for file in source_files}
+    files |= {path for _, _, path in possible_files(source_files)}
+    return tuple(sorted({file for file in files if file.is_file()}))
+
+
+def possible_files(source_files: tuple[SourceFile, ...]) -> Iterator[tuple[str, str, Path]]:
+    """Yield where each file that an element names may lie, in an order that the texts decide.
+
     An element names a file in an attribute ``file`` or ``file<side>``, and ``<compiler>`` names
     folders for meshes and textures. Each name is looked up from each of the folders, with and
     without the path that ``strippath`` drops: a file that MuJoCo reads is among them.
@@ -311,17 +325,16 @@ def named_files(source_files: tuple[SourceFile, ...]) -> tuple[Path, ...]:
     Args:
         source_files: of the MJCF.
 
-    Returns:
-        Paths of the files that exist, sorted.
+    Yields:
+        Tag of the element, the name that it gives, and a path, at which nothing may be.
     """
-    names = {name for file in source_files for name in _asset_folders(file.root)}
-    files = {file.path for file in source_files}
+    names = dict.fromkeys(name for file in source_files for name in _asset_folders(file.root))
     for file in source_files:
         folders = [file.model.parent / name for name in ("", *names)]
         for element in file.root.iter():
-            for name in _file_names(element):
-                files |= {folder / form for folder in folders for form in name}
-    return tuple(sorted({file for file in files if file.is_file()}))
+            for forms in _file_names(element):
+                for folder in folders:
+                    yield from ((element.tag, forms[0], folder / form) for form in forms)
 
 
 def _asset_folders(root: ElementTree.Element) -> Iterator[str]:

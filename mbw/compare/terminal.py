@@ -21,19 +21,20 @@ def print_result(result: ComparedFile) -> None:
 def _print_pair(result: ComparedFile) -> None:
     """Print frequency and damping of both tests, the second less the first in its deviations."""
     typer.echo(
-        "mode  frequency/Hz      second  shift/%       sd    sigma  damping/%  second    sigma  "
+        "mode  frequency/Hz      second  shift/%       sd     sigma  damping/%  second     sigma  "
         " MAC  changed"
     )
     for number, row in enumerate(result.modes, start=1):
         frequency = _shift_cells(row.frequency, row.frequency_shift)
-        damping = _shift_cells(row.damping, row.damping_shift)
+        sigma = None if row.damping_shift is None else row.damping_shift.significance
         pairs = (("frequency", row.frequency_shift), ("damping", row.damping_shift))
         changed = [name for name, shift in pairs if shift is not None and shift.changed]
         percents = [None if value is None else 100 * value for value in row.damping]
         typer.echo(
             f"{number:4d}  {_cell(row.frequency[0], 12, '.3f')}  "
             f"{_cell(row.frequency[1], 10, '.3f')}  {frequency}  "
-            f"{_cell(percents[0], 9, '.3f')}  {_cell(percents[1], 6, '.3f')}  {damping[-7:]}  "
+            f"{_cell(percents[0], 9, '.3f')}  {_cell(percents[1], 6, '.3f')}  "
+            f"{_sigma_cell(sigma)}  "
             f"{_cell(row.mac[1] if row.frequency_shift else None, 4, '.2f')}  "
             f"{', '.join(changed) or '-'}"
         )
@@ -43,12 +44,16 @@ def _shift_cells(values: list[float | None], shift: ShiftRow | None) -> str:
     """Return a shift and its deviation relative to the first value, and their ratio."""
     first = values[0]
     if shift is None or not first:
-        return f"{'-':>7}  {'-':>7}  {'-':>7}"
+        return f"{'-':>7}  {'-':>7}  {_sigma_cell(None)}"
     share = 100 / abs(first)
     return (
-        f"{share * shift.value:+7.3f}  {share * shift.sd:7.4f}  "
-        f"{_cell(shift.significance, 7, '.3g')}"
+        f"{share * shift.value:+7.3f}  {share * shift.sd:7.4f}  {_sigma_cell(shift.significance)}"
     )
+
+
+def _sigma_cell(value: float | None) -> str:
+    """Return a shift over its deviation, in the eight characters of 1.23e+04."""
+    return _cell(value, 8, ".3g")
 
 
 def _print_fleet(result: ComparedFile) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from diagnosis import Verdict
 from identification.comparison import TestComparison, compare_tests, name_campaigns
+from identification.readers.campaign_toml import find_campaign_file
 from identification.readers.result_files import read_result_json
 from identification.words import Campaign, InputError, UsageError
 from mbmodel import Machine
@@ -54,7 +55,7 @@ def list_campaigns(paths: Sequence[Path]) -> list[Path]:
     """Return the folders of the campaigns: those that are named, or those in a named folder.
 
     Raises:
-        InputError: there are fewer than two.
+        InputError: there are fewer than two, or one of them has no campaign.toml.
         UsageError: one campaign is named twice.
     """
     folders = list(paths)
@@ -69,7 +70,7 @@ def list_campaigns(paths: Sequence[Path]) -> list[Path]:
                 f"{paths[0]} holds {len(folders)} campaigns, folders with a {CAMPAIGN}: name a "
                 "folder of two or more"
             )
-    if len({path.resolve() for path in folders}) < len(folders):
+    if len({find_campaign_file(path).resolve() for path in folders}) < len(folders):
         raise UsageError("a campaign is named twice: name each of them once")
     return folders
 
@@ -152,11 +153,7 @@ def _choose_tests(
 
 
 def _find_reason(opened: Sequence[_Opened], comparison: TestComparison, kind: Kind) -> str | None:
-    """Return why a change cannot be diagnosed; None if it can.
-
-    Raises:
-        InputError: a campaign states itself what is before and after.
-    """
+    """Return why a change cannot be diagnosed; None if it can."""
     if kind == "fleet":
         return "a fleet is not diagnosed: compare two of its campaigns to find what changed"
     for source, machine, _ in opened:

@@ -182,6 +182,47 @@ def test_channels_are_shared_by_label_and_none_is_an_error():
         compare_tests([campaign("a"), renamed], ["a", "b"])
 
 
+def hits_at(channels, *references):
+    """A campaign with a test for each reference; the values do not matter here."""
+    whole = campaign("b", channels=channels, seed=1)
+    test = whole.tests[0]
+    tests = [
+        replace(
+            test,
+            condition=replace(test.condition, reference=dof),
+            estimate=replace(test.estimate, frf=replace(test.estimate.frf, inputs=(dof,))),
+        )
+        for dof in references
+    ]
+    return replace(campaign("a"), tests=tuple(tests))
+
+
+@pytest.mark.parametrize(
+    ("other", "remarks"),
+    [
+        (hits_at(CHANNELS, CHANNELS[0]), []),
+        (hits_at(CHANNELS[:2], CHANNELS[0]), ["acc3:+tx is read by a alone"]),
+        (hits_at(CHANNELS, *CHANNELS[:2]), ["acc2:+tx is a reference of b alone"]),
+        (
+            hits_at(CHANNELS[:1], *CHANNELS),
+            [
+                "b: motion at acc2:+tx, acc3:+tx is that of hits there, by reciprocity",
+                "acc2:+tx, acc3:+tx are read by a alone",
+            ],
+        ),
+        (
+            hits_at(CHANNELS[:1], *CHANNELS[:2]),
+            [
+                "b: motion at acc2:+tx is that of hits there, by reciprocity",
+                "acc2:+tx, acc3:+tx are read by a alone",
+            ],
+        ),
+    ],
+)
+def test_what_only_one_of_both_has_is_named(other, remarks):
+    assert list(compare_tests([campaign("a"), other], ["a", "b"]).remarks) == remarks
+
+
 def on_lines(freq_hz, seed=0):
     """The campaign on other lines, by interpolation between its own."""
     whole = campaign("b", seed=seed)

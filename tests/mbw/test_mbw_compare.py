@@ -10,6 +10,8 @@ from typer.testing import CliRunner
 
 from identification.readers.result_files import FORMAT
 from mbw.command import app
+from mbw.compare.schema import ComparedFile, ComparedModeRow, ShiftRow
+from mbw.compare.terminal import print_result
 from tests.helpers.browser import data_of
 from tests.helpers.changed_chain import BEFORE, write_chain, write_visits
 
@@ -174,6 +176,7 @@ def test_the_machine_of_a_fleet_that_differs_stands_out(fleet):
     [
         (["m1"], 3, "is compared with nothing"),
         (["m1", "m1"], 2, "is named twice"),
+        (["m1", "m1/campaign.toml"], 2, "is named twice"),
         (["m1", "m2", "m3", "--two-machines"], 2, "more are a fleet"),
         (["nothing", "m2"], 3, "a campaign is a folder with a campaign.toml"),
     ],
@@ -188,10 +191,40 @@ def test_calls_that_cannot_be_meant_are_refused_in_one_sentence(fleet, words, co
 def test_a_campaign_with_states_is_diagnosed_and_not_compared(tmp_path):
     whole = write_chain(tmp_path / "whole")
     (tmp_path / "more").mkdir()
-    first, _ = write_visits(tmp_path / "more")
-    done = mbw("compare", first, whole)
-    assert done.exit_code == 3
-    assert "call mbw diagnose" in " ".join(done.output.split())
+    first, second = write_visits(tmp_path / "more")
+    for words in ([], ["--no-diagnosis"], [second]):
+        done = mbw("compare", first, whole, *words)
+        assert done.exit_code == 3
+        assert "call mbw diagnose" in " ".join(done.output.split())
+
+
+def test_large_ratios_keep_their_digits_and_columns(capsys):
+    shift = ShiftRow(value=1.0, sd=1e-5, significance=0.0, changed=True)
+    row = ComparedModeRow(
+        frequency=[10.0, 11.0],
+        frequency_sd=[1e-5, 1e-5],
+        damping=[0.01, 0.02],
+        damping_sd=[1e-5, 1e-5],
+        mac=[1.0, 0.87],
+        probability=[1.0, 1.0],
+        frequency_shift=shift.model_copy(update={"significance": 1.23e4}),
+        damping_shift=shift.model_copy(update={"significance": 4.56e4}),
+    )
+    result = ComparedFile(
+        kind="visits",
+        campaigns=[],
+        sentence="",
+        remarks=[],
+        band=(1.0, 20.0),
+        channels=[],
+        modes=[row, row.model_copy(update={"damping_shift": None})],
+        frfs=[],
+    )
+    print_result(result)
+    header, line, without = capsys.readouterr().out.splitlines()
+    assert "1.23e+04" in line
+    assert "4.56e+04" in line
+    assert {text.index("0.87") for text in (line, without)} == {header.index(" MAC")}
 
 
 def test_tests_of_two_quantities_are_compared_as_one_and_not_diagnosed(tmp_path):

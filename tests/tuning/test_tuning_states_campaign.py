@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+import scipy.io
 
 from identification.words import InputError
-from tests.helpers.changed_chain import write_visits
+from tests.helpers.changed_chain import CHAIN, write_visits
 from tuning import open_session
 from tuning.files.states_campaign import find_differences, write_states_campaign
 
@@ -72,11 +73,46 @@ def test_another_drawing_is_named(tmp_path):
     assert find_differences(first, second) == ["the model model.xml"]
 
 
-def test_campaigns_with_states_of_their_own_are_refused(tmp_path):
+def test_controllers_in_files_are_compared_by_their_numbers(tmp_path):
+    visits = write_visits(tmp_path)
+    for folder, name, gain in zip(visits, ("c.mat", "other.mat"), (1.0, 1.0), strict=True):
+        scipy.io.savemat(folder / name, {"num": [[gain]], "den": [[1.0, 1.0]]})
+        file = folder / "campaign.toml"
+        loop = f'[loop.x]\ncontroller = "{name}"\ninput = "acc1:+tx"\noutput = "acc1:+tx"\n'
+        file.write_text(file.read_text() + loop)
+    assert find_differences(*visits) == []
+    scipy.io.savemat(visits[1] / "other.mat", {"num": [[2.0]], "den": [[1.0, 1.0]]})
+    assert find_differences(*visits) == ["loop.x.controller"]
+
+
+def test_meshes_are_compared_by_their_content_and_textures_are_not(tmp_path):
+    visits = write_visits(tmp_path)
+    assets = (
+        '<compiler meshdir="parts"/><asset><mesh name="m" file="foo.stl"/>'
+        '<texture name="t" type="2d" file="wood.png"/></asset><worldbody>'
+    )
+    for number, folder in enumerate(visits):
+        (folder / "model.xml").write_text(CHAIN.replace("<worldbody>", assets))
+        (folder / "parts").mkdir()
+        (folder / "parts" / "foo.stl").write_bytes(b"solid")
+        (folder / "wood.png").write_bytes(bytes([number]))
+    assert find_differences(*visits) == []
+    (visits[1] / "parts" / "foo.stl").write_bytes(b"hollow")
+    assert find_differences(*visits) == ["the mesh foo.stl"]
+
+
+def test_the_model_of_a_test_is_looked_up_beside_its_campaign(tmp_path):
     first, second = write_visits(tmp_path)
-    with pytest.raises(InputError, match="states tests before and after a change itself"):
-        find_differences(tmp_path / "whole", second)
-    assert first.exists()
+    loaded = CHAIN.replace('mass="5"', 'mass="6"')
+    (second / "loaded.xml").write_text(loaded)
+    file = second / "campaign.toml"
+    file.write_text(file.read_text() + 'model = "loaded.xml"\n')
+    assert find_differences(first, second) == []
+    folder = tmp_path / "both"
+    folder.mkdir()
+    write_states_campaign(first, second, folder, folder)
+    (variant,) = open_session(folder).model.machine.variants.values()
+    assert variant.source.samefile(second / "loaded.xml")
 
 
 def test_two_machines_need_states(tmp_path):

@@ -10,37 +10,40 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from identification.readers.campaign_toml import CampaignSettings, find_campaign_file, read_settings
+from identification.readers.controller import read_controller
 from identification.readers.result_files import FORMAT
 from identification.readers.toml_files import load_toml, toml_key, toml_value
 from identification.words import InputError, State
-from mbmodel.mjcf.source_files import read_source_files
+from mbmodel.mjcf.source_files import possible_files, read_source_files
 
 CAMPAIGN = "campaign.toml"
 _STATES: tuple[State, State] = ("before", "after")
 _OF_TESTS = {"test", "log"}
 _OF_FILES = {"model", "layout"}
+_OF_LOOKS = "texture"  # MJCF element of files without mechanics
 
 
 def find_differences(first: Path, second: Path) -> list[str]:
     """Return what campaign.toml of two folders states differently beside the tests, by its keys.
+
+    Files count by their content: controllers, models, and what a model reads but its textures.
 
     Args:
         first: folder of a campaign.
         second: folder of another one.
 
     Raises:
-        InputError: a campaign cannot be used, or states itself what is before and after.
+        InputError: a campaign cannot be used.
     """
     both = read_settings(first), read_settings(second)
-    for path, settings in both:
-        if any(test.state for test in settings.test):
-            raise InputError(
-                f"{path} states tests before and after a change itself: call mbw diagnose "
-                f"{path.parent}, or compare campaigns without states"
-            )
     (source, stated), (second_source, second_stated) = both
-    left, right = (dict(_flatten(settings)) for _, settings in both)
+    left, right = (
+        {**dict(_flatten(settings)), **_read_controllers(path.parent, settings)}
+        for path, settings in both
+    )
     keys = [key for key in {**left, **right} if left.get(key) != right.get(key)]
     pairs = {(stated.model, second_stated.model)}
     pairs |= {
@@ -50,9 +53,9 @@ def find_differences(first: Path, second: Path) -> list[str]:
         if test.model is not None and test.model == each.model
     }
     for model, second_model in sorted(pairs, key=str):
-        if _read_model(source.parent, model) != _read_model(second_source.parent, second_model):
-            keys.append(f"the model {model}")
-    return keys
+        if model is not None and second_model is not None:
+            keys += _compare_models(source.parent / model, second_source.parent / second_model)
+    return list(dict.fromkeys(keys))
 
 
 def _flatten(settings: CampaignSettings) -> Iterator[tuple[str, object]]:
@@ -68,11 +71,30 @@ def _flatten(settings: CampaignSettings) -> Iterator[tuple[str, object]]:
     yield from walk("", settings.model_dump(exclude=_OF_TESTS | _OF_FILES, exclude_defaults=True))
 
 
-def _read_model(folder: Path, name: str | None) -> list[bytes]:
-    """Return the content of the XML files of a model; empty without a model."""
-    if name is None:
-        return []
-    return [file.path.read_bytes() for file in read_source_files(folder / name)]
+def _read_controllers(folder: Path, settings: CampaignSettings) -> dict[str, object]:
+    """Return the numbers of the controllers in files of their own, by their keys."""
+    return {
+        f"loop.{name}.controller": [
+            np.asarray(part).tolist()
+            for part in vars(read_controller(folder / table.controller)).values()
+        ]
+        for name, table in settings.loop.items()
+        if isinstance(table.controller, str)
+    }
+
+
+def _compare_models(first: Path, second: Path) -> list[str]:
+    """Return what differs in two models: their texts, or files that equal texts name."""
+    left, right = (read_source_files(path) for path in (first, second))
+    if [each.path.read_bytes() for each in left] != [each.path.read_bytes() for each in right]:
+        return [f"the model {first.name}"]
+    pairs = zip(possible_files(left), possible_files(right), strict=True)
+    return [
+        f"the {tag} {name}"
+        for (tag, name, file), (*_, second_file) in pairs
+        if tag != _OF_LOOKS and file.is_file() and second_file.is_file()
+        if file.read_bytes() != second_file.read_bytes()
+    ]
 
 
 def write_states_campaign(
@@ -108,8 +130,8 @@ def write_states_campaign(
             name = f"{state}{number}_{file.name}"
             _copy(file, place / name)
             test = {**stated, "file": name, "state": state}
-            if "model" in test:  # the same content in both folders
-                test["model"] = _relative(sources[0].parent / str(test["model"]), folder)
+            if "model" in test:
+                test["model"] = _relative(source.parent / str(test["model"]), folder)
             lines = (f"{toml_key(key)} = {toml_value(value)}\n" for key, value in test.items())
             text += "\n[[test]]\n" + "".join(lines)
     (place / CAMPAIGN).write_text(text, encoding="utf-8")
