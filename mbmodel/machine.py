@@ -1,6 +1,6 @@
 """A machine: everything that the equation of motion needs of an MJCF, at static equilibrium."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -110,6 +110,8 @@ class Machine:
         loops: control loops that are closed around the machine.
         variants: the machine with a known mass or with a stage elsewhere, as some tests had it.
         rest: what the model lacked in the state before a change, as measured; None if unknown.
+        correct: makes the layout from that of the MJCF, where a campaign corrects sensors without
+            touching the file; None where nothing is corrected.
 
     Raises:
         ValueError: arrays whose shapes do not fit.
@@ -140,6 +142,7 @@ class Machine:
     loops: tuple[Loop, ...] = ()
     variants: Mapping[str, "Machine"] = field(default_factory=dict)
     rest: MeasuredRest | None = None
+    correct: Callable[[Layout], Layout] | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""

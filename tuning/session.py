@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -189,7 +190,8 @@ def open_campaign(
         raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
     if machine is None:
         machine = load_machine(source.parent / str(settings.model), key=settings.key)
-    machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
+    correct = partial(correct_layout, source, settings)
+    machine = replace(machine, layout=correct(machine.layout), correct=correct)
     machine = with_drawn_laws(source, settings, machine)
     machine = with_variants(machine, load_variants(source, settings, machine))
     machine, loop_remarks = close_loops(source, machine, settings)

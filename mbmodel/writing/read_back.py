@@ -91,8 +91,14 @@ def compare_machines(model: Model, theta: Real, written: Machine) -> Difference 
     Args:
         model: machine and Parts in memory; its control loops and its measured rest do not count.
         theta: parameters that the file holds; (n_parameter,).
-        written: machine that the file describes.
+        written: machine that the file describes, without corrections of a campaign.
     """
+    points = model.machine.layout.points
+    if model.machine.correct is not None:  # copies that it adds for hits are not of the file
+        corrected = model.machine.correct(written.layout)
+        added = set(corrected.points) - set(written.layout.points)
+        points = tuple(name for name in points if name not in added)
+        written = replace(written, layout=corrected)
     nominal = as_drawn(written)
     names = [model.machine.written_name(name) for name in model.machine.coordinates]
     shared = [name for name in names if name in written.coordinates]
@@ -103,7 +109,7 @@ def compare_machines(model: Model, theta: Real, written: Machine) -> Difference 
     )
     lacking = [
         *(name for name in _drawn_coordinates(model.machine) if name not in shared),
-        *(name for name in model.machine.layout.points if name not in written.layout.points),
+        *(name for name in points if name not in written.layout.points),
         *(name for name in model.machine.motors if name not in written.motors),
     ]
     if lacking:
@@ -112,7 +118,7 @@ def compare_machines(model: Model, theta: Real, written: Machine) -> Difference 
         *_compare_motion(memory, file, shared),
         *(
             _difference("point", [point] * 6, memory.point_rows(point), file.point_rows(point))
-            for point in model.machine.layout.points
+            for point in points
         ),
         *(
             _difference("motor", [name] * len(shared), column, file.motor_columns()[name])

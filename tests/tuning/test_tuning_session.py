@@ -5,6 +5,7 @@ import pytest
 from campaign_folder import CAMPAIGN, write_folder
 
 from identification.words import InputError
+from mbmodel import write_model
 from tuning import build_toleranced_model, open_session
 
 INSTRUMENTS = """[tolerance]
@@ -130,3 +131,16 @@ def test_a_wish_that_cannot_be_is_refused_with_its_file(opened, written):
     with pytest.raises(InputError, match=r"fits no parameter: did you mean head\.mass") as caught:
         opened('[tuning]\nfree = ["haed.mass"]\n')
     assert str(written / "campaign.toml") in str(caught.value)
+
+
+def test_a_tuned_mjcf_leaves_the_axes_of_corrected_sensors_as_drawn(tmp_path):
+    folder = write_folder(tmp_path / "campaign")
+    file = folder / "campaign.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text + '\n[sensor.acc6]\nflip = ["x"]\nturn = [0.0, 0.0, 0.1]\n')
+    model = open_session(folder).model
+    names, theta = [parameter.name for parameter in model.parameters], model.drawn.copy()
+    for axis in "xyz":
+        theta[names.index(f"acc6.position_{axis}")] = 1e-3
+    written = write_model(model, theta, tmp_path / "tuned.xml")
+    assert written.difference == ""
