@@ -57,6 +57,28 @@ def measured_table() -> str:
     return table(header, rows, text=5)
 
 
+def levels_table() -> str:
+    """Modes that depend on the level, of machines without a model."""
+    rows = []
+    for path in sorted((RESULTS / "measured").glob("*.levels.json")):
+        check = json.loads(path.read_text(encoding="utf-8"))
+        changing = [row for row in check["modes"] if row["frequency_changes"]]
+        first, last = check["level"][0], check["level"][-1]
+        mode = _steadiest(changing)
+        frequency = f"{mode['frequency'][0]:.2f} to {mode['frequency'][-1]:.2f}"
+        damping = f"{100 * mode['damping'][0]:.3f} to {100 * mode['damping'][-1]:.3f}"
+        levels = f"{first:g} to {last:g} {check['unit']}"
+        of_all = f"{len(changing)} of {len(check['modes'])}"
+        rows.append((path.name.partition(".")[0], levels, of_all, frequency, damping))
+    header = ("Machine", "Levels", "Modes that change", "Frequency / Hz", "Damping / %")
+    return table(header, rows, text=5)
+
+
+def _steadiest(modes: list[dict]) -> dict:
+    """Return the mode that is identified best at every level."""
+    return min(modes, key=lambda mode: max(mode["damping_sd"]) / min(mode["damping"]))
+
+
 def tower_table() -> str:
     """Verdicts on the measured tower, by one state and before and after, beside the answer."""
     rows = [
@@ -111,6 +133,7 @@ def reciprocity_table() -> str:
 FIGURES = {
     "reciprocity-table": reciprocity_table,
     "real-table": real_table,
+    "measured-levels-table": levels_table,
     "measured-table": measured_table,
     "measured-tower-table": tower_table,
     "sealed-table": sealed_table,
