@@ -179,8 +179,8 @@ def _bring_together(
             "together, by one clock"
         )
     together = []
-    for time, signal, own in zip(times, signals, steps, strict=True):
-        ratio, passed = step / own, signal
+    for time, signal, spacing in zip(times, signals, steps, strict=True):
+        ratio, passed = step / spacing, signal
         if ratio > _FASTER:
             taps = scipy.signal.firwin(2 * round(_TAPS * ratio) + 1, _PASSED / ratio)
             passed = scipy.ndimage.convolve1d(signal, taps, mode="nearest")
