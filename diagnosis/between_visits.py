@@ -29,7 +29,6 @@ class VisitPriors:
 
 
 VISIT_PRIORS = VisitPriors()
-TWO_DRAWS = float(np.sqrt(2.0))  # width of the difference of two independent draws over that of one
 _REMOUNTED = {  # of a test: what is mounted, hit or switched on anew, and its prior
     "sensor_gain": "gain",
     "hammer_gain": "gain",
@@ -122,7 +121,7 @@ def vary_between_machines(varies: Parametrisation, theta: Real) -> Parametrisati
     # A cause released its parameters: they have neither prior nor width, and stay.
     kept = varies.precision > 0
     kept[place[varies.free & np.isin(kinds, ("stiffness", "damping"))]] = True
-    widths = np.where(np.append(is_tolerance, False)[place], TWO_DRAWS, 1.0)
+    widths = np.where(np.append(is_tolerance, False)[place], np.sqrt(2), 1.0)
     undrawn = np.flatnonzero(varies.free & (kinds == "undrawn_damping"))  # never negative
     lower = varies.lower.copy()
     lower[place[undrawn]] = -theta[undrawn] / varies.scale[undrawn]
@@ -130,7 +129,7 @@ def vary_between_machines(varies: Parametrisation, theta: Real) -> Parametrisati
         varies,
         scale=widths * varies.scale,
         fixed=theta,
-        precision=np.where(is_tolerance, varies.precision, varies.precision / TWO_DRAWS**2),
+        precision=np.where(is_tolerance, varies.precision, varies.precision / 2),
         lower=lower,
     )
     return about.restrict(kept, np.zeros(varies.size))

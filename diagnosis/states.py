@@ -17,7 +17,6 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.between_visits import (
-    TWO_DRAWS,
     VISIT_PRIORS,
     calibrate_nominally,
     vary_between_machines,
@@ -132,7 +131,7 @@ def _rest_drift(campaign: Campaign) -> float:
         campaign: tests of both states.
     """
     if campaign.has_two_machines:
-        return TWO_DRAWS * campaign.tolerance.mass
+        return float(np.sqrt(2)) * campaign.tolerance.mass  # of two independent draws
     return VISIT_PRIORS.stiffness
 
 
