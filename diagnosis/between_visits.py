@@ -1,4 +1,4 @@
-"""What differs of itself between two visits to a machine, or two machines of one drawing."""
+"""Parameters that differ between two visits to a machine, or between machines of a drawing."""
 
 from dataclasses import dataclass, replace
 

@@ -24,7 +24,6 @@ from identification.noise.variance import (
 from identification.readers.array_frfs import read_arrays
 from identification.readers.campaign_toml import (
     CampaignSettings,
-    SensorSettings,
     TestSettings,
     port_key,
     stated_channels,
@@ -38,6 +37,7 @@ from identification.readers.file_kinds import (
 from identification.readers.frequency_lines import keep_common_lines, leave_out_lines
 from identification.readers.frf_table import FrfTable, set_zero_line
 from identification.readers.frf_units import parse_frf_units, refuse_signals_of_known_gain
+from identification.readers.instrument_toml import SensorSettings
 from identification.readers.several_inputs import CoherenceKind, resolve_several_inputs
 from identification.readers.uff_frfs import read_uff
 from identification.readers.uff_nodes import site_axes_remarks

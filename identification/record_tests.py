@@ -18,7 +18,6 @@ from identification.readers.array_records import holds_time_records, read_array_
 from identification.readers.campaign_toml import (
     CampaignSettings,
     LogSettings,
-    SensorSettings,
     TestSettings,
 )
 from identification.readers.drive_log import read_drive_log
@@ -28,6 +27,7 @@ from identification.readers.file_kinds import (
     is_universal,
 )
 from identification.readers.frf_units import parse_frf_units
+from identification.readers.instrument_toml import SensorSettings
 from identification.readers.uff_records import holds_uff_time_records, read_uff_records
 from identification.words import Condition, HitEstimate, InputError, Port, Records, Test
 

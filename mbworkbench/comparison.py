@@ -82,7 +82,7 @@ class ComparisonResult(Shown):
 
     @property
     def sentence(self) -> str:
-        """What changed, if it was diagnosed, and what the modes show."""
+        """Sentence on the diagnosed change, if there is one, and on the modes."""
         modes, names = self.tests.modes, self.names
         if self.is_fleet:
             return describe_fleet(modes, self._scatter("freq_hz", "freq_sd"), names)

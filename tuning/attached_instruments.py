@@ -86,8 +86,8 @@ def _shakers(
             continue
         files = defaultdict[Dof, set[str]](set)
         for condition in (test.condition for test in campaign.tests):
-            reference, is_mine = condition.reference, condition.instrument == port_key(name)
-            if is_mine and isinstance(reference, Dof) and reference.point in points:
+            reference, is_of_shaker = condition.reference, condition.instrument == port_key(name)
+            if is_of_shaker and isinstance(reference, Dof) and reference.point in points:
                 files[reference].add(condition.test)
         if not files:
             raise InputError(

@@ -169,8 +169,10 @@ def _select_levels(
             f"the levels of the tests differ ({'; '.join(texts)}): what depends on the level "
             "seems to have changed"
         ]
-    left = sum(len(c.tests) - len(tests) for c, tests in zip(campaigns, kept, strict=True))
-    remarks = [f"tests at levels that not all campaigns have are left out: {left}"] if left else []
+    omitted = sum(len(c.tests) - len(tests) for c, tests in zip(campaigns, kept, strict=True))
+    remarks = (
+        [f"tests at levels that not all campaigns have are left out: {omitted}"] if omitted else []
+    )
     return [replace(c, tests=tests) for c, tests in zip(campaigns, kept, strict=True)], remarks
 
 

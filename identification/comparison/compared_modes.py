@@ -180,9 +180,9 @@ def pair_tests(tests: Sequence[TestedModes], band: tuple[float, float]) -> list[
         odds = np.zeros((len(modes.freq_hz), len(compared)))
         similarity = odds
         if odds.size:
-            known, means = _collect_known(tests, compared)
-            similarity = mac(modes.complex_shapes, known.complex_shapes)
-            odds = pairing_odds(modes, known.shapes, means, band, _PRIORS)
+            references, means = _collect_references(tests, compared)
+            similarity = mac(modes.complex_shapes, references.complex_shapes)
+            odds = pairing_odds(modes, references.shapes, means, band, _PRIORS)
             odds = np.where(similarity < _MIN_PAIRED_MAC, 0.0, odds)
         pairs = best_matching(odds) if odds.size else {}
         probability = pair_probabilities(odds) if odds.size else odds
@@ -198,7 +198,7 @@ def pair_tests(tests: Sequence[TestedModes], band: tuple[float, float]) -> list[
     return sorted(compared, key=lambda mode: float(np.nanmean(mode.freq_hz)))
 
 
-def _collect_known(
+def _collect_references(
     tests: Sequence[TestedModes], compared: Sequence[ComparedMode]
 ) -> tuple[TestedModes, Real]:
     """Return each mode in the first test that has it, and its mean frequency so far [Hz]."""
@@ -206,8 +206,8 @@ def _collect_known(
     numbers = [int(mode.number[test]) for mode, test in zip(compared, first, strict=True)]
     shapes = [tests[t].complex_shapes[:, n] for t, n in zip(first, numbers, strict=True)]
     means = np.array([np.nanmean(mode.freq_hz) for mode in compared])
-    known = replace(tests[0], freq_hz=means, complex_shapes=np.stack(shapes, axis=1))
-    return known, means
+    references = replace(tests[0], freq_hz=means, complex_shapes=np.stack(shapes, axis=1))
+    return references, means
 
 
 def _make_empty(n_test: int) -> ComparedMode:

@@ -1,4 +1,4 @@
-"""What a comparison of tests shows, in sentences."""
+"""Sentences on the comparison of tests."""
 
 from collections.abc import Sequence
 

@@ -7,9 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, StrictInt, StrictStr, model_validator
 
 from identification.readers.frequency_lines import FrequencyRanges
+from identification.readers.instrument_toml import HammerSettings, SensorSettings
 from identification.readers.loop_toml import CampaignLoopTable
 from identification.readers.several_inputs import CoherenceKind
-from identification.readers.toml_files import FileName, TomlTable, Turn, load_toml, read_toml
+from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml
 from identification.words import (
     DEFAULT_HAMMER,
     Estimator,
@@ -27,7 +28,6 @@ from identification.words.signal import FLOOR
 
 MAX_LOSS_FACTOR = 10.0  # rubber has 1; beyond 10 the number is a slip
 MAX_LAW_TIME_S = 100.0  # of a delay or relaxation: slower ones are a drift, not dynamics
-MAX_STINGER_DIAMETER_M, MAX_STINGER_LENGTH_M = 0.05, 2.0  # beyond, mm were written as m
 MAX_BRANCH_RATIO = 1e6  # of a branch to the static stiffness: beyond it the branch is a damper
 _MIN_WINDOW_TAU_S = 1e-4  # s: shorter time constants are no exponential windows of hits
 
@@ -119,46 +119,6 @@ class TestSettings(TomlTable):
         """Name of the machine's variant in the test, such as ``loaded.xml at ty_ty = 0.05``."""
         joints = ", ".join(f"{joint} = {value:g}" for joint, value in sorted(self.pose.items()))
         return " at ".join(filter(None, (self.model, joints)))
-
-
-class SensorSettings(TomlTable):
-    """Settings of one ``[sensor.<site>]``: corrections that leave the MJCF as it is.
-
-    A channel that is no site, such as an encoder, goes by its name. ``gain_tolerance`` (relative)
-    and ``delay_tolerance`` [s] replace those of ``[tolerance]`` for its channels. ``mass`` [kg] is
-    that of the accelerometer, on the machine in the tests of the files that it reads.
-    """
-
-    flip: list[Literal["x", "y", "z"]] = Field(default_factory=list)
-    turn: Turn = Field(default=[0.0, 0.0, 0.0])
-    ignore: list[Literal["x", "y", "z"]] = Field(default_factory=list)
-    body: str | None = None
-    gain: Literal["unknown"] | None = None
-    gain_tolerance: float | None = Field(default=None, gt=0)
-    delay_tolerance: float | None = Field(default=None, gt=0)
-    mass: float | None = Field(default=None, gt=0)
-
-
-class StingerTable(TomlTable):
-    """``stinger``: ``diameter`` and ``length`` [m] of the rod, ``modulus`` [Pa] (steel)."""
-
-    diameter: float = Field(gt=0, le=MAX_STINGER_DIAMETER_M)
-    length: float = Field(gt=0, le=MAX_STINGER_LENGTH_M)
-    modulus: float = Field(default=2.1e11, gt=0)
-
-
-class HammerSettings(TomlTable):
-    """Settings of one ``[hammer.<name>]``: a hammer or drive that tests name, or ``default``.
-
-    ``mass`` [kg] is what a shaker has on the machine's side of its force gauge, and ``stinger`` the
-    rod that holds it. All shakers of a file hang on the machine in each of its tests.
-    """
-
-    gain: Literal["unknown"] | None = None
-    gain_tolerance: float | None = Field(default=None, gt=0)
-    delay_tolerance: float | None = Field(default=None, gt=0)
-    mass: float | None = Field(default=None, gt=0)
-    stinger: StingerTable | None = None
 
 
 class ToleranceSettings(TomlTable):

@@ -1,4 +1,4 @@
-"""What ``mbw compare`` prints: modes of both tests or of a fleet, and FRFs that differ most."""
+"""Terminal output of ``mbw compare``: modes of the tests, and FRFs that differ most."""
 
 import typer
 

@@ -31,14 +31,14 @@ def list_open_causes(folder: Path) -> list[CauseRow]:
         return []
     verdict = read_result_json(folder / VERDICT, Verdict, DIAGNOSE_VERB)
     plant = read_result_json(folder / SHOWN, ShownFile, DIAGNOSE_VERB).plant
-    known = "" if plant is None else plant.name
+    plant_name = "" if plant is None else plant.name
     named = [
         row.model_copy(update={"location": place})
         for row in verdict.causes
         if row.probability >= _MIN_OPEN_PROBABILITY
         for place in (row.places or [row.location])
     ]
-    return [row for row in named if name_cause(row) not in known]
+    return [row for row in named if name_cause(row) not in plant_name]
 
 
 def name_cause(row: CauseRow) -> str:

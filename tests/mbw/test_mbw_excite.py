@@ -293,8 +293,8 @@ def test_the_instruments_of_a_campaign_are_those_of_its_next_test(model, tmp_pat
     varies, (test,) = session.parametrisation, session.campaign.tests
     exact = predict(session.model, session.model.drawn, session.campaign)[0]
     errors = np.abs(test.estimate.frf.values - exact) ** 2
-    known = [0, 2, 3]  # the gain of acc1 was divided out
-    assert 0.6 < (errors / test.estimate.variance)[:, known].mean() < 1.6
+    free_columns = [0, 2, 3]  # the gain of acc1 was divided out
+    assert 0.6 < (errors / test.estimate.variance)[:, free_columns].mean() < 1.6
     x = varies.coordinates(session.model.drawn)
     misfit = Misfit(session.model, session.campaign, varies, model_error_floor=0.0)
     low, high = ParameterConfidence(varies, x, misfit.quadratic_model(x)[2], 1.0).interval()

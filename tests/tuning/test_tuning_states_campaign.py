@@ -61,9 +61,9 @@ def test_what_differs_beside_the_tests_is_named_by_its_key(tmp_path, added, keys
     first, second = write_visits(tmp_path)
     file = second / "campaign.toml"
     file.write_text(file.read_text() + added)
-    found = find_differences(first, second)
-    assert [key for key in found if key in keys] == keys
-    assert bool(found) == bool(keys)
+    differences = find_differences(first, second)
+    assert [key for key in differences if key in keys] == keys
+    assert bool(differences) == bool(keys)
 
 
 def test_another_drawing_is_named(tmp_path):

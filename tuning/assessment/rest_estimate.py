@@ -63,7 +63,7 @@ class RestEstimate:
 
 @dataclass(frozen=True, eq=False)
 class CarriedNoise:
-    """What noise of the tests before, and drift, make of the receptances after a change.
+    """Variance that noise of the tests before, and drift, add to the receptances after a change.
 
     Args:
         variance: their variance; (n_freq, n_out, n_in).

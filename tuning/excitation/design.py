@@ -184,10 +184,10 @@ def _choose_coordinates(varies: Parametrisation, of_interest: Sequence[str]) -> 
     """Return coordinates of the design; (n_x,), and those of interest among them; (n_chosen,)."""
     kinds = dict.fromkeys(varies.names, "")
     kinds |= {parameter.name: parameter.known for parameter in varies.parameters}
-    known = np.array([kinds[name] for name in varies.names])
+    prior_kinds = np.array([kinds[name] for name in varies.names])
     named = np.isin(np.array(varies.names), list(of_interest))
-    chosen = np.isin(known, SPRING_KINDS) | named
-    wanted = named if named.any() else known == "stiffness"
+    chosen = np.isin(prior_kinds, SPRING_KINDS) | named
+    wanted = named if named.any() else prior_kinds == "stiffness"
     wanted = wanted if wanted.any() else chosen
     return chosen, wanted[chosen]
 
