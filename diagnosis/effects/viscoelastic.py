@@ -1,8 +1,13 @@
 """A Maxwell branch in parallel with springs of a joint: stiffness rises with frequency.
 
-With the static stiffness k, one spring of the joint, or all of them alike, get
+With the static stiffness k, springs of the joint get
 
     K += r k s tau / (1 + s tau),   r > 0.
+
+They are one spring, all of them alike, or those that elements along one axis at several points
+make up: such elements, as the air springs below a table, resist the translation along their axis
+and the rotations about the two others, with one ratio. The verdict gives the direction of the
+translation.
 
 The ratio r is fitted as ln(1 + r), the logarithm of the stiffness at high frequency over the static
 one, so that neither r nor its interval can be negative. The time constant is scanned and fitted.
@@ -40,10 +45,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         springs = tuple(
             spring for spring in find_own_springs(machine, stage) if f"{spring}.stiffness" in tuned
         )
-        alike = [(f"{stage}.maxwell", springs)] if len(springs) > 1 else []
-        groups = [*alike, *((f"{spring}.branch", (spring,)) for spring in springs)]
-        for prefix, group in groups:
-            dof = dofs[group[0]] if len(group) == 1 else None
+        for prefix, dof, group in _list_groups(stage, springs, dofs):
             for number, law in enumerate(laws):
                 name = f"{prefix}{number}"
                 branch = Law.for_springs(
@@ -62,6 +64,25 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                         bounds={**hypothesis.bounds, **ends},
                         valid_below_bound=(branch.time_name,),
                     )
+
+
+def _list_groups(
+    stage: str, springs: tuple[str, ...], dofs: Mapping[str, str]
+) -> list[tuple[str, str | None, tuple[str, ...]]]:
+    """Return prefix, direction and springs of each group that may have a branch."""
+    groups: dict[tuple[str, ...], tuple[str, str | None]] = {}
+    if len(springs) > 1:
+        groups[springs] = f"{stage}.maxwell", None
+    for spring in springs:
+        groups.setdefault((spring,), (f"{spring}.branch", dofs[spring]))
+    for slide in (spring for spring in springs if dofs[spring][0] == "t"):
+        across = tuple(
+            spring
+            for spring in springs
+            if dofs[spring][0] == "r" and dofs[spring][1] != dofs[slide][1]
+        )
+        groups.setdefault((slide, *across), (f"{slide}.elements", dofs[slide]))
+    return [(prefix, dof, group) for group, (prefix, dof) in groups.items()]
 
 
 @lru_cache(1024)  # all joints share it: their columns are formed together

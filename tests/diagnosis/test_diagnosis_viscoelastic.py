@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene, build_verdict, diagnose
+from identification.words import DIRECTIONS
 from mbmodel import PartContext
 from tests.helpers.drawn import drawn
 
@@ -36,7 +37,7 @@ def values_of(hypothesis, size):
     return np.array(list(named.values())), named
 
 
-def test_each_direction_and_all_alike_have_the_dynamic_stiffness_of_a_branch(scene):
+def test_each_group_of_springs_has_the_dynamic_stiffness_of_a_branch(scene):
     machine = scene.model.machine
     places = {axle.joint: axle.coordinate for axle in machine.axles}
     proposed = [h for h in EFFECTS["viscoelastic"](scene) if h.location == "joint:stage2"]
@@ -51,9 +52,20 @@ def test_each_direction_and_all_alike_have_the_dynamic_stiffness_of_a_branch(sce
         for name, spring in hypothesis.follow.items():
             joint = places[spring.removesuffix(".stiffness")]
             expected[:, joint, joint] = named[name] * 0.7 * s_tau / (1 + s_tau)
-        assert len(hypothesis.follow) == (6 if hypothesis.dof is None else 1)
         stiffness_change = dynamic_stiffness(scene, hypothesis, theta)
         np.testing.assert_allclose(stiffness_change, expected, rtol=1e-12)
+
+
+def test_elements_along_an_axis_stiffen_its_translation_and_the_rotations_across_it(scene):
+    proposed = [h for h in EFFECTS["viscoelastic"](scene) if h.location == "joint:stage2"]
+    springs = [[name.removesuffix(".stiffness") for name in h.follow.values()] for h in proposed]
+    groups = {
+        (h.dof, *(spring.rpartition("_")[2] for spring in names))
+        for h, names in zip(proposed, springs, strict=True)
+    }
+    singles = {(dof, dof) for dof in DIRECTIONS}
+    across = {("tx", "tx", "ry", "rz"), ("ty", "ty", "rx", "rz"), ("tz", "tz", "rx", "ry")}
+    assert groups == {(None, *DIRECTIONS), *singles, *across}
 
 
 def test_neither_a_ratio_nor_an_end_of_its_interval_is_negative(scene):

@@ -233,4 +233,5 @@ def write_tower(folder, model, freq_hz, values, before=None):
         text += "" if before is None else f'state = "{name}"\n'
         text += f"channels = {labels}\nreferences = {labels}\n"
         text += 'quantity = "accelerance"\nunit = "m/s^2/N"\n'
+        text += "as_stated = true\n"  # a common gain of 4.4 is no unit of lbf
     (folder / "campaign.toml").write_text(text, encoding="utf-8")

@@ -92,3 +92,11 @@ def test_where_no_channel_moves_there_are_no_statistics(model):
     test = Test(Condition("a.uff", reference), replace(estimate))
     campaign = Campaign("still", model.machine.layout, (test,))
     assert residual_statistics([zero], campaign) is None
+
+
+def test_errors_below_the_least_of_a_force_sensor_are_no_gap_however_small_the_noise(model):
+    shape = np.sqrt(3.0) * circular(np.random.default_rng(6))
+    quiet = statistics_of(model, 0.5 * FORCE_ERROR_FLOOR * shape, deviation=1e-7)
+    assert quiet.chi_square == pytest.approx(0.25, rel=0.05)
+    gap = statistics_of(model, 10 * FORCE_ERROR_FLOOR * shape, deviation=1e-7)
+    assert gap.chi_square == pytest.approx(100.0, rel=0.05)

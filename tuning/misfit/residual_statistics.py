@@ -20,7 +20,7 @@ import numpy as np
 from identification import smooth_variance
 from identification.words import Campaign, Complex
 from tuning.misfit.model_error import profile_floor
-from tuning.misfit.weights import point_power_of, squared_size
+from tuning.misfit.weights import FORCE_ERROR_FLOOR, point_power_of, squared_size
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class ResidualStatistics:
         floor: relative model error a of largest likelihood.
         cost: -ln L at that floor, mean of all values [nats].
         values: number of values.
-        chi_square: mean of |r|^2 / var; 1 for noise alone.
+        chi_square: mean of |r|^2 / (var + a_0^2 |H_point|^2), a_0 the least relative error of any
+            line (``FORCE_ERROR_FLOOR``); 1 for noise alone.
         noise_share: mean share of the noise in the variance var + a^2 |H_point|^2.
         effective_values: number of independent values.
     """
@@ -73,6 +74,7 @@ def residual_statistics(
     counted_residual, counted_variance, counted_power = of_counted
     squares = squared_size(counted_residual)
     error = profile_floor(squares, counted_variance, counted_power)
+    least = counted_variance + FORCE_ERROR_FLOOR**2 * counted_power
     total = counted_variance + error.floor**2 * counted_power
     unit = np.zeros(shape, complex)
     unit[counted] = counted_residual / np.sqrt(total)
@@ -80,7 +82,7 @@ def residual_statistics(
         floor=error.floor,
         cost=error.cost / error.values,
         values=error.values,
-        chi_square=float(np.mean(squares / np.maximum(counted_variance, np.finfo(float).tiny))),
+        chi_square=float(np.mean(squares / least)),
         noise_share=float(np.mean(counted_variance / total)),
         effective_values=max(1.0, min(1.0, independent_share(unit)) * error.values),
     )
