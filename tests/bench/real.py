@@ -93,7 +93,7 @@ def rate_cases(kind: str, rows: list[dict]) -> dict[str, object]:
 def _draw(number: int) -> dict[str, object]:
     """Return change, scale and survival ratio; sizes are drawn until the ratio is as wanted."""
     kind, ratio, scale = KINDS[number % len(KINDS)], None, 1.0
-    without = 0.0
+    without, ratios = 0.0, {}
     with threadpool_limits(1), tempfile.TemporaryDirectory() as name:
         for _ in range(_TRIES):
             changes, values, unchanged = make_change(FIRST + number, kind, scale)
@@ -104,7 +104,11 @@ def _draw(number: int) -> dict[str, object]:
             ratio = float(np.sqrt(max(excess**2 - without**2, 0.0)) / without)
             if RATIOS[0] <= ratio <= RATIOS[1]:
                 break
+            ratios[scale] = ratio
             scale *= float(np.clip(4.0 / max(ratio, 0.5), 0.3, 2.0))
+        else:  # the largest of few sizes: a refit may follow a larger one better
+            scale = max(ratios, key=lambda size: min(ratios[size], RATIOS[1]))
+            ratio, (changes, *_) = ratios[scale], make_change(FIRST + number, kind, scale)
     truth = [vars(each) for each in changes]
     return {"seed": FIRST + number, "kind": kind, "scale": scale, "ratio": ratio, "truth": truth}
 
