@@ -20,6 +20,7 @@ from identification.readers.campaign_toml import (
     LogSettings,
     TestSettings,
 )
+from identification.readers.controller import find_controller
 from identification.readers.drive_log import read_drive_log
 from identification.readers.file_kinds import (
     array_description,
@@ -98,27 +99,50 @@ def tests_from_records(
             if entry.log is None:
                 refuse_exchanged_force(each)
             continuous = estimate_continuous_frf(each, setting)
-            if entry.log is not None and entry.log.hold:
-                continuous = remove_hold(continuous, each.rate_hz)
-            test = Test(_condition(entry, each), continuous.estimate)
             remarks += continuous.remarks
             if entry.log is not None:
-                remarks += _bias_remark(entry.log, continuous)
+                remarks += _bias_remark(entry.log, each, setting, continuous)
+                if entry.log.hold:
+                    continuous = remove_hold(continuous, each.rate_hz)
+            test = Test(_condition(entry, each), continuous.estimate)
         tests.setdefault(entry.file, []).append(test)
     of_files = dict.fromkeys(remark for reference in records for remark in reference.remarks)
     once = dict.fromkeys(remarks)  # forces that act at once share what is said of them
     return tests, (*of_files, *once, *window_remarks(all_hits))
 
 
-def _bias_remark(log: LogSettings, continuous: ContinuousEstimate) -> list[str]:
-    """Return a remark on the direct estimate in a closed loop, whose coherence hides its bias."""
-    if log.references or continuous.blocks.kind == "periodic":
+def _bias_remark(
+    log: LogSettings, records: Records, setting: HitSettings, continuous: ContinuousEstimate
+) -> list[str]:
+    """Return a remark on the direct estimate in a closed loop, whose coherence hides its bias.
+
+    Args:
+        log: settings of the record.
+        records: its signals.
+        setting: settings of the estimate.
+        continuous: FRFs by references, or direct ones.
+    """
+    if continuous.blocks.kind == "periodic":
+        return []
+    if not len(records.set_points):
+        return [
+            f"{log.file}: no reference is stated, so that FRFs are estimated from motors and "
+            "encoders directly; if the loop was closed they are biased towards the inverse of the "
+            "controller, which no coherence shows: record the reference or an injected "
+            "disturbance, and name it under [log], or state controllers there"
+        ]
+    unaided = replace(records, set_points=np.zeros((0, *records.force.shape)))
+    direct = estimate_continuous_frf(unaided, setting).estimate
+    estimate = continuous.estimate
+    _, rows, lines = np.intersect1d(direct.frf.freq_hz, estimate.frf.freq_hz, return_indices=True)
+    values, variance = estimate.frf.values[lines], estimate.variance[lines]
+    square = np.abs(direct.frf.values[rows] - values) ** 2
+    bias = (square - variance).sum() / (np.abs(values) ** 2).sum()
+    if bias <= variance.sum() / (np.abs(values) ** 2).sum():
         return []
     return [
-        f"{log.file}: no reference is stated, so that FRFs are estimated from motors and encoders "
-        "directly; if the loop was closed they are biased towards the inverse of the controller, "
-        "which no coherence shows: record the reference or an injected disturbance, and name it "
-        "under [log]"
+        f"{log.file}: estimated from motors and encoders directly, FRFs along {records.reference} "
+        f"would be off by {100 * np.sqrt(bias):.2g} %, root mean square, as the loop was closed"
     ]
 
 
@@ -144,7 +168,12 @@ def _read(
     file = path.parent / entry.file
     forces, arrays = len(entry.references or "1"), None
     if entry.log is not None:
-        arrays = read_drive_log(file, entry.log)
+        tables = entry.log.controllers.items()
+        controllers = {
+            motor: find_controller(path, f"log.controllers.{motor}", table.controller)
+            for motor, table in tables
+        }
+        arrays = read_drive_log(file, entry.log, controllers)
     elif is_arrays(file):
         arrays = load_arrays(file, entry.columns, forces)
     if not _has_time_records(file, arrays):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.readers.loop_toml import MIN_PERIOD_S
+from identification.readers.loop_toml import MIN_PERIOD_S, ControllerTable, as_roots
 from identification.readers.matlab5 import read_matlab5
 from identification.words import Controller, InputError, Real
 
@@ -16,6 +16,27 @@ from identification.words import Controller, InputError, Real
 _MAX_CONJUGATE_ERROR = 1e-6
 _DELAY_NAME = re.compile(r"delays?(_s)?$", re.IGNORECASE)
 _CONTROLLER_REMEDY = "give A, B, C, D, or num, den, or zeros, poles, gain"
+
+
+def find_controller(path: Path, key: str, source: str | ControllerTable) -> Controller:
+    """Return the controller that a TOML file names, or describes by zeros, poles and gain.
+
+    Args:
+        path: the TOML file.
+        key: key of the table that holds the controller, for messages.
+        source: file beside the TOML file, or zeros, poles and gain.
+
+    Raises:
+        InputError: the controller cannot be read.
+    """
+    if isinstance(source, str):
+        return read_controller(path.parent / source)
+    try:
+        return controller_from_roots(
+            as_roots(source.zeros), as_roots(source.poles), source.gain, source.period or 0.0
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: {key}.controller: {error}") from error
 
 
 def controller_from_roots(

@@ -4,10 +4,11 @@ Messages of an MCAP file come when they come. All signals are brought to one tim
 fast as the slowest of their topics in the median.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy.fft
 import scipy.ndimage
 import scipy.signal
 from scipy.interpolate import make_interp_spline
@@ -18,7 +19,7 @@ from identification.readers.child_process import read_in_child
 from identification.readers.text_arrays import Arrays, choose_columns, find_rate, read_rate
 from identification.readers.text_tables import read_text_table
 from identification.readers.units import TIME_UNITS_S
-from identification.words import InputError, Real, shorten_names
+from identification.words import Controller, InputError, Real, shorten_names
 from identification.words.file_access import check_file
 
 _TIME_NAMES = ("time", "t")
@@ -36,7 +37,9 @@ _DEGREE = 7  # of splines between messages
 _ROUNDING = 1e-4  # of a step, by which times of messages may miss the last one
 
 
-def read_drive_log(path: Path, log: LogSettings) -> Arrays:
+def read_drive_log(
+    path: Path, log: LogSettings, controllers: Mapping[str, Controller] | None = None
+) -> Arrays:
     """Read ``force``, ``response``, ``set_point`` and ``rate_hz`` of a record over time.
 
     A text table has a column of time; a .mat, .npz, .h5 or .parquet file has a variable for each
@@ -45,6 +48,7 @@ def read_drive_log(path: Path, log: LogSettings) -> Arrays:
     Args:
         path: the file.
         log: its columns.
+        controllers: stated controller of each motor, from which ``set_point`` follows.
 
     Returns:
         Motors (motor, realisation, sample), encoders (realisation, encoder, sample) and references
@@ -78,7 +82,51 @@ def read_drive_log(path: Path, log: LogSettings) -> Arrays:
     }
     if log.references:
         arrays["set_point"] = signals[n_in + n_out :]
+    if controllers:
+        arrays["set_point"] = _find_set_points(log, controllers, force, response, rate)
     return arrays
+
+
+def _find_set_points(
+    log: LogSettings,
+    controllers: Mapping[str, Controller],
+    force: Real,
+    response: Real,
+    rate_hz: float,
+) -> Real:
+    r"""Return what commands hold beside the feedback of the encoders; (n_motor, .., n_sample).
+
+    The command u = K(s) exp(-s tau) (r - y) holds the noise of y through K alone, so that
+
+        u + K(s) exp(-s tau) y = K(s) exp(-s tau) r
+
+    is independent of it, an instrument like a recorded reference (indirect identification;
+    Soderstrom and Stoica 1989, ch. 10). Sampled controllers act by K(z), without the hold that
+    follows them. A motor without a stated controller has no feedback.
+
+    Args:
+        log: names of motors and encoders, and delays tau.
+        controllers: K of each motor.
+        force: u; (n_motor, .., n_sample).
+        response: y; (n_encoder, .., n_sample).
+        rate_hz: samples per second.
+    """
+    external, count = np.array(force), 2 * force.shape[-1]  # zeros behind: K may ring
+    laplace = 2j * np.pi * scipy.fft.rfftfreq(count, 1 / rate_hz)[1:]  # a constant tells nothing
+    for row, motor in enumerate(log.motors):
+        if motor not in controllers:
+            continue
+        controller, table = controllers[motor], log.controllers[motor]
+        gain = np.exp(-laplace * table.delay) * (
+            controller.sampled_response(laplace)
+            if controller.period_s
+            else controller.response(laplace)
+        )
+        motion = response[list(log.encoders).index(table.encoder)]
+        spectrum = scipy.fft.rfft(motion - motion.mean(axis=-1, keepdims=True), count)
+        spectrum = np.concatenate([np.zeros_like(spectrum[..., :1]), gain * spectrum[..., 1:]], -1)
+        external[row] += scipy.fft.irfft(spectrum, count)[..., : force.shape[-1]]
+    return external
 
 
 def _read_variables(

@@ -31,6 +31,13 @@ class ControllerTable(TomlTable):
     period: float | None = Field(default=None, ge=MIN_PERIOD_S, le=1.0)
 
 
+# A file beside the TOML file, or zeros, poles and gain.
+ControllerSource = Annotated[
+    Annotated[FileName, Tag(FILE_TAG)] | Annotated[ControllerTable, Tag(TABLE_TAG)],
+    Discriminator(tag_file_or_table),
+]
+
+
 class LoopTable(TomlTable):
     """Settings of ``[loop.NAME]``: a controller between an output and an input."""
 
@@ -38,10 +45,7 @@ class LoopTable(TomlTable):
     output: str
     minus: str | None = None
     quantity: Quantity = "receptance"
-    controller: Annotated[
-        Annotated[FileName, Tag(FILE_TAG)] | Annotated[ControllerTable, Tag(TABLE_TAG)],
-        Discriminator(tag_file_or_table),
-    ]
+    controller: ControllerSource
     delay: float = Field(default=0.0, ge=0, le=1.0)
 
 

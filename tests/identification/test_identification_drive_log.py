@@ -171,6 +171,36 @@ def test_a_trace_of_a_drive_is_a_campaign(tmp_path, record):
     assert any("which no coherence shows" in remark for remark in direct.remarks)
 
 
+CONTROLLER = """
+[log.controllers."acc1:+x"]
+encoder = "acc1:+x"
+controller = {{ zeros = [{zero}], poles = [0.0], gain = {gain}, period = 1e-3 }}
+"""
+
+
+def test_a_stated_controller_stands_in_for_a_reference_that_nobody_recorded(tmp_path, record):
+    _, command, position = record
+    np.savez(tmp_path / "trace.npz", i_q=command, x_1=position, rate_hz=RATE_HZ)
+    text = LOG.format(file="trace.npz", motor="i_q", encoder="x_1")
+    difference = RATE_GAIN * RATE_HZ  # u = G e + D (e - e_before): K(z) = ((G + D) z - D) / z
+    gain = GAIN + difference
+    stated = CONTROLLER.format(zero=difference / gain, gain=gain)
+    campaign = read(tmp_path, text + stated)
+    estimate = campaign.tests[0].estimate
+    by_reference = estimate_continuous_frf(records_of(*record)).estimate
+    lines = np.isin(estimate.frf.freq_hz, by_reference.frf.freq_hz)
+    chosen = np.isin(by_reference.frf.freq_hz, estimate.frf.freq_hz)
+    assert lines.mean() > 0.9
+    np.testing.assert_allclose(
+        estimate.frf.values[lines], by_reference.frf.values[chosen], rtol=0.02
+    )
+    assert any("would be off by" in remark for remark in campaign.remarks)
+    with pytest.raises(InputError, match=r"acc2:\+x is none of the encoders"):
+        read(tmp_path, text + stated.replace('encoder = "acc1:+x"', 'encoder = "acc2:+x"'))
+    with pytest.raises(InputError, match="need no controllers"):
+        read(tmp_path, text + 'references = ["i_q"]\n' + stated)
+
+
 @pytest.mark.parametrize("clock", ["rate_hz", "time"])
 def test_signals_may_be_variables_of_matlab(tmp_path, record, clock):
     reference, command, position = record

@@ -4,11 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from identification.readers.controller import controller_from_roots, read_controller
-from identification.readers.loop_toml import LoopTable, as_roots
+from identification.readers.controller import find_controller
+from identification.readers.loop_toml import LoopTable
 from identification.words import (
     DERIVATIVE_ORDER,
-    Controller,
     Input,
     InputError,
     Loop,
@@ -56,7 +55,7 @@ def _read_loop(
     if is_floor(machine, port):
         raise InputError(f"{path}: {key} drives the floor: name a motor or a force as input")
     measured = read_port_sum(path, machine, key, (table.output, table.minus), table.quantity)
-    controller = _controller(path, key, table) if system is None else None
+    controller = find_controller(path, key, table.controller) if system is None else None
     return Loop(
         name,
         port,
@@ -65,19 +64,6 @@ def _read_loop(
         input_unit(machine, port),
         table.delay,
     )
-
-
-def _controller(path: Path, key: str, table: LoopTable) -> Controller:
-    """Return the controller of a loop of the file."""
-    roots = table.controller
-    if isinstance(roots, str):
-        return read_controller(path.parent / roots)
-    try:
-        return controller_from_roots(
-            as_roots(roots.zeros), as_roots(roots.poles), roots.gain, roots.period or 0.0
-        )
-    except ValueError as error:
-        raise InputError(f"{path}: {key}.controller: {error}") from error
 
 
 def read_port_sum(
