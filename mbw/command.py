@@ -51,6 +51,7 @@ VERBS = {
     "place": Verb("mbw.match.place_options", "Propose places for a few sensors."),
     "predict": Verb("mbw.predict.options", "Print a model's modes, FRFs and state space."),
     "view": Verb("mbw.view.options", "Show a machine in MuJoCo's viewer, or in a picture."),
+    "open": Verb("mbw.open.options", "Open the workbench: a live page of model and test."),
     "simulate": Verb(
         "mbw.simulate.options", "Make a virtual hammer test, or play a signal, in time."
     ),

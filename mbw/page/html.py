@@ -43,7 +43,7 @@ def fill_template(
     return Template(read_asset("page/frame.html")).substitute(
         {name: fields[name] for name in ("title", "subtitle")},
         main=main,
-        style="".join(read_asset(name) for name in ("page/style.css", *styles)),
+        style="".join(read_asset(name) for name in ("page/colours.css", "page/style.css", *styles)),
         policy=_content_policy(plotly, code),
         plotly=plotly,
         code=code,

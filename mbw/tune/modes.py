@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-import numpy as np
-
-from identification.words import Campaign, Dof, InputError, ModalModel, UsageError
-from mbw.results.identified_files import read_result
-from tuning import ResidualKind, modes_in_band, select_modes
+from identification.words import Campaign, ModalModel, UsageError
+from mbw.results.measured_modes import read_measured_modes
+from tuning import ResidualKind, modes_in_band
 
 RESIDUALS: dict[str, tuple[ResidualKind, ...]] = {
     "log": ("log",),
@@ -45,7 +43,7 @@ def measured_modes(
         UsageError: modes shall be fitted, but the band holds none.
     """
     if folder is not None:
-        measured = _read(folder, campaign)
+        measured = read_measured_modes(folder, campaign)
     elif "modal" in residuals:
         measured = modes_in_band(campaign)
     else:
@@ -56,31 +54,3 @@ def measured_modes(
             "--residual log"
         )
     return measured
-
-
-def _read(folder: Path, campaign: Campaign) -> ModalModel:
-    result = read_result(folder)
-    arrays = result.arrays
-    try:
-        model = ModalModel(
-            **{name: arrays[name] for name in _ARRAYS},
-            outputs=tuple(result.layout.parse(label) for label in result.summary.outputs),
-            inputs=tuple(result.layout.parse(label) for label in result.summary.inputs),
-        )
-        is_measured = np.asarray(arrays["is_measured"].any(axis=1), np.bool_)
-        inside = np.asarray(arrays["inside_band"], np.bool_)
-    except (KeyError, ValueError) as error:
-        raise InputError(f"{folder} holds no modes ({error}): run mbw identify again") from error
-    points = {dof.point for dof in campaign.layout.body_dofs()} | set(campaign.layout.points)
-    unknown = sorted({dof.point for dof in model.outputs if isinstance(dof, Dof)} - points)
-    if unknown:
-        raise InputError(
-            f"{folder} holds modes of another machine: {campaign.name} has no {unknown[0]}; name "
-            "the folder that mbw identify wrote for this campaign"
-        )
-    lowest, highest = campaign.freq_hz[[0, -1]]
-    inside &= (model.freq_hz >= lowest) & (model.freq_hz <= highest)
-    return select_modes(model, inside, is_measured)
-
-
-_ARRAYS = ("poles", "shapes", "participation", "lower", "upper", "freq_sd", "damping_sd")

@@ -113,28 +113,59 @@ def write_states_campaign(
         InputError: a file cannot be read or copied.
     """
     sources = [find_campaign_file(path) for path in (first, second)]
-    base = load_toml(sources[0])
-    head: dict[str, Any] = {
-        key: value for key, value in base.items() if key not in (*_OF_TESTS, "format")
-    }
-    head = {"format": FORMAT, **head, **({"two_machines": True} if two_machines else {})}
-    if "model" in head:
-        head["model"] = _relative(sources[0].parent / str(head["model"]), folder)
-    for loop in head.get("loop", {}).values():
-        if isinstance(loop.get("controller"), str):
-            loop["controller"] = _relative(sources[0].parent / loop["controller"], folder)
-    text = "".join(f"{toml_key(key)} = {toml_value(value)}\n" for key, value in head.items())
+    extra = {"two_machines": True} if two_machines else {}
+    text = _table_text(_read_head(sources[0], folder, extra))
     for source, state in zip(sources, _STATES, strict=True):
         for number, stated in enumerate(_list_tests(source), start=1):
             file = source.parent / str(stated["file"])
             name = f"{state}{number}_{file.name}"
             _copy(file, place / name)
-            test = {**stated, "file": name, "state": state}
-            if "model" in test:
-                test["model"] = _relative(source.parent / str(test["model"]), folder)
-            lines = (f"{toml_key(key)} = {toml_value(value)}\n" for key, value in test.items())
-            text += "\n[[test]]\n" + "".join(lines)
+            test = _move_model({**stated, "file": name, "state": state}, source, folder)
+            text += "\n[[test]]\n" + _table_text(test)
     (place / CAMPAIGN).write_text(text, encoding="utf-8")
+
+
+def write_campaign_with_model(source: Path, model: str, place: Path, folder: Path) -> None:
+    """Write the campaign.toml of a campaign with another model; its measurements stay.
+
+    Args:
+        source: campaign.toml.
+        model: file name of the model in the folder.
+        place: existing folder into which the file is written.
+        folder: where it is in the end, from which paths count.
+
+    Raises:
+        InputError: campaign.toml cannot be read.
+    """
+    text = _table_text({**_read_head(source, folder, {}), "model": model})
+    for stated in _list_tests(source):
+        file = _relative(source.parent / str(stated["file"]), folder)
+        text += "\n[[test]]\n" + _table_text(_move_model({**stated, "file": file}, source, folder))
+    (place / CAMPAIGN).write_text(text, encoding="utf-8")
+
+
+def _read_head(source: Path, folder: Path, extra: dict[str, Any]) -> dict[str, Any]:
+    """Return all that campaign.toml states beside its tests, with paths from another folder."""
+    base = load_toml(source)
+    stated = {key: value for key, value in base.items() if key not in (*_OF_TESTS, "format")}
+    head: dict[str, Any] = {"format": FORMAT, **stated, **extra}
+    head = _move_model(head, source, folder)
+    for loop in head.get("loop", {}).values():
+        if isinstance(loop.get("controller"), str):
+            loop["controller"] = _relative(source.parent / loop["controller"], folder)
+    return head
+
+
+def _move_model(table: dict[str, Any], source: Path, folder: Path) -> dict[str, Any]:
+    """Return a table whose model, if it names one, has its path from another folder."""
+    if "model" not in table:
+        return table
+    return {**table, "model": _relative(source.parent / str(table["model"]), folder)}
+
+
+def _table_text(table: dict[str, Any]) -> str:
+    """Return the lines of a table of TOML."""
+    return "".join(f"{toml_key(key)} = {toml_value(value)}\n" for key, value in table.items())
 
 
 def _list_tests(source: Path) -> list[dict[str, Any]]:

@@ -1,0 +1,114 @@
+"""``mbw open``: a server on this computer for the page of one campaign, model or result."""
+
+import webbrowser
+from pathlib import Path
+
+import numpy as np
+
+from identification.readers.result_files import ResultFile
+from identification.words import InputError
+from mbw.band import check_band
+from mbw.files import check_json_target, write_json
+from mbw.messages import SCREEN
+from mbw.output_folder import ResultOptions, default_folder
+from mbw.report.verb import run as write_report
+from mbw.workbench.desk import Desk
+from mbw.workbench.frames import FrameMaker
+from mbw.workbench.saving import save_state
+from mbw.workbench.server import HOST, PageServer, Workbench
+from mbw.workbench.state import SessionState
+from mbw.workbench.state_log import log_path, open_log
+from mbw.workbench.subject import Subject, open_subject
+
+
+class OpenedState(ResultFile):
+    """State of the workbench when it ended.
+
+    Args:
+        path: what was opened.
+        state: name of the state.
+        log: file of its actions.
+        parameters: value of each parameter that is not as drawn [SI].
+    """
+
+    path: str
+    state: str
+    log: str
+    parameters: dict[str, float]
+
+
+def run_options(  # noqa: PLR0913  # one for each option
+    path: Path,
+    *,
+    state: str,
+    port: int,
+    browser: bool,
+    band: tuple[float, float] | None,
+    key: str | None,
+    out: Path | None,
+    json: Path | None,
+    overwrite: bool,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.open.options`` describes them.
+
+    Raises:
+        InputError: the path cannot be opened, or the port is in use.
+    """
+    check_band(band)
+    if json is not None:
+        check_json_target(json)
+    with SCREEN.status(f"opening {path}"):
+        subject = open_subject(path, band, key)
+        maker = FrameMaker(subject)
+    first = subject.first_state()
+    with open_log(log_path(path, state, first), first) as log:
+        if log.remark:
+            SCREEN.say(log.remark)
+        desk = Desk(maker, log)
+        outputs = ResultOptions(out, overwrite=overwrite)
+        tasks = {"save": lambda: save_state(subject, desk.state, outputs)}
+        if subject.result is not None:
+            tasks["export"] = lambda: [_export(subject, out, overwrite=overwrite)]
+        with _start_server(Workbench(desk, tasks), port) as server:
+            SCREEN.say(f"workbench of {subject.name}: {server.address}")
+            SCREEN.say(f"actions are kept in {log.path}; Ctrl-C ends the workbench")
+            if browser:
+                webbrowser.open(server.address)
+            try:
+                server.serve_forever()
+            except KeyboardInterrupt:
+                SCREEN.say(f"the state {state} is kept: open {path} again to go on")
+        if json is not None:
+            write_json(_summary(subject, desk.state, state, log.path), json)
+
+
+def _start_server(workbench: Workbench, port: int) -> PageServer:
+    """Return the server, bound to its port.
+
+    Raises:
+        InputError: the port cannot be used.
+    """
+    try:
+        return PageServer(workbench, port)
+    except OSError as error:
+        raise InputError(
+            f"port {port} on {HOST} cannot be used ({error.strerror}): name another with --port, "
+            "or leave the option out"
+        ) from error
+
+
+def _export(subject: Subject, out: Path | None, *, overwrite: bool) -> str:
+    """Write the page of the result as one HTML file; return a sentence on where it is."""
+    assert_result = subject.result or subject.path
+    folder = out or default_folder(subject.source, "opened")
+    return f"the page of the result is {write_report(assert_result, folder, overwrite=overwrite)}"
+
+
+def _summary(subject: Subject, state: SessionState, name: str, log: Path) -> str:
+    """Return the parameters at the end, as JSON."""
+    varies = subject.parametrisation
+    theta = varies.theta(state.x(varies.names))
+    moved = np.flatnonzero(theta != varies.fixed)
+    values = {varies.parameters[k].name: float(theta[k]) for k in moved.tolist()}
+    summary = OpenedState(path=str(subject.path), state=name, log=str(log), parameters=values)
+    return summary.model_dump_json(indent=1)

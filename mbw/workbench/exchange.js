@@ -1,0 +1,84 @@
+// Exchange with the server: one request at a time; of previews, the newest wins.
+
+let revision = 0, busy = false, preview = null, show = () => {}, say = () => {};
+const actions = [];
+
+export async function load(path) {
+  const answer = await fetch(path);
+  const content = await answer.json();
+  if (!answer.ok) throw new Error(content.error);
+  return content;
+}
+
+// Begin: show(frame, isPreview) draws a frame, say(text, isError) tells the user.
+export async function begin(onFrame, onMessage) {
+  show = onFrame; say = onMessage;
+  await renew();
+  const events = new EventSource("/events");
+  events.onmessage = event => { if (Number(event.data) !== revision && !busy) renew(); };
+  events.onerror = () => say("The workbench has ended or cannot be reached: run mbw open again, then reload this page.", true);
+  events.onopen = () => say("");
+}
+
+export function act(action) {
+  actions.push(action);
+  preview = null;
+  work();
+}
+
+export function move(values) {
+  preview = values;
+  work();
+}
+
+export async function run(task) {
+  try {
+    const answer = await post("/" + task, {});
+    const content = await answer.json();
+    say(answer.ok ? content.sentences.join(". ") + "." : content.error, !answer.ok);
+  } catch { say("The workbench does not answer: run mbw open again, then reload this page.", true); }
+}
+
+async function work() {
+  if (busy) return;
+  busy = true;
+  try {
+    while (actions.length || preview) {
+      if (actions.length) {
+        const answer = await post("/act", {revision, action: actions.shift()});
+        if (answer.ok) await take(answer, false);
+        else await refuse(answer);
+      } else {
+        const values = preview;
+        preview = null;
+        const answer = await post("/preview", {values});
+        if (answer.ok) await take(answer, true);
+        else await refuse(answer);
+      }
+    }
+  } catch { say("The workbench does not answer: run mbw open again, then reload this page.", true); }
+  busy = false;
+}
+
+async function refuse(answer) {
+  say((await answer.json()).error, true);
+  actions.length = 0;
+  await renew();
+}
+
+async function renew() { await take(await fetch("/frame"), false); }
+
+const post = (path, content) => fetch(path, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(content)});
+
+async function take(answer, isPreview) {
+  const buffer = await answer.arrayBuffer(), size = new DataView(buffer).getUint32(0, true);
+  const frame = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
+  const numbers = new Float32Array(buffer, 4 + size);
+  for (const [name, [first, count]] of Object.entries(frame.arrays)) frame.arrays[name] = numbers.subarray(first, first + count);
+  if (!isPreview) {
+    revision = Number(answer.headers.get("Revision"));
+    frame.undo = Number(answer.headers.get("Undo-Steps"));
+    frame.redo = Number(answer.headers.get("Redo-Steps"));
+  }
+  show(frame, isPreview);
+}

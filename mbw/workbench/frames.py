@@ -1,0 +1,263 @@
+"""Frames of the page: every number and curve of one state, as bytes that the page draws at once.
+
+A frame is a header in JSON, preceded by its length, and arrays in single precision. All of it comes
+from one state. Frames are kept by the state's hash, up to a number of bytes.
+"""
+
+import json
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from identification.modal import mac
+from identification.words import Complex, Integers, ModalModel, Real
+from mbmodel import Evaluator, FrfRequest, ModeEvaluator, Modes, parse_input, parse_output
+from mbmodel.ports.port_units import input_unit, output_unit
+from mbw.workbench.state import SessionState
+from mbw.workbench.subject import Subject
+from tuning import channel_gaps, predict, summarise_gaps
+from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost
+
+MAX_FRAME_BYTES = 64 * 2**20  # of all frames that are kept: some thousand states
+_MIN_ALIKE_MAC = 0.5  # below it no mode of the drawing is named as the one that became this mode
+
+_Arrays = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """The nominal model, with which every state is compared."""
+
+    theta: Real
+    modes: Modes
+    shapes: Complex
+    gap: dict[str, float | None]
+    predicted: tuple[Complex, ...]
+
+
+@dataclass(eq=False)
+class FrameMaker:
+    """Maker of the frames of one subject, with those that are kept.
+
+    Args:
+        subject: model, tests and results.
+        max_bytes: bytes of the frames that are kept.
+    """
+
+    subject: Subject
+    max_bytes: int = MAX_FRAME_BYTES
+    _kept: OrderedDict[str, bytes] = field(default_factory=OrderedDict)
+    _pairs: dict[tuple[str, str], tuple[Evaluator, Complex]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Compute what every frame compares with."""
+        subject = self.subject
+        model = subject.model
+        self._bodies = model.machine.layout.body_dofs()
+        self._modes = ModeEvaluator(model, self._bodies)
+        theta = subject.parametrisation.theta(np.zeros(subject.parametrisation.size))
+        linearised = self._modes.at(theta)
+        predicted = self._predict(theta)
+        self._drawn = _Drawn(
+            theta, linearised.modes, linearised.shapes, self._gap(predicted), predicted
+        )
+        measured = subject.measured_modes
+        self._pairing = (
+            ModalCost(model, measured, MODAL_STAGES[-1])
+            if measured is not None and len(measured.poles)
+            else None
+        )
+
+    @property
+    def kept_bytes(self) -> int:
+        """Bytes of all frames that are kept."""
+        return sum(map(len, self._kept.values()))
+
+    def make(self, state: SessionState) -> bytes:
+        """Return the frame of a state, computed or kept.
+
+        Raises:
+            UsageError: the state looks at a channel that the machine does not have.
+        """
+        key = state.key
+        if key not in self._kept:
+            self._kept[key] = encode_frame(*self._compute(state))
+            while self.kept_bytes > self.max_bytes and len(self._kept) > 1:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return self._kept[key]
+
+    def _compute(self, state: SessionState) -> tuple[dict[str, Any], _Arrays]:
+        """Return header and arrays of a state."""
+        varies = self.subject.parametrisation
+        theta = varies.theta(state.x(varies.names))
+        linearised = self._modes.at(theta)
+        predicted = self._predict(theta)
+        curves = self._curves(state, theta, predicted)
+        modes = linearised.modes
+        number = min(state.view.mode, len(modes.poles))
+        shape = linearised.shapes[:, number - 1] if number else np.zeros(len(self._bodies), complex)
+        header = {
+            "key": state.key,
+            "view": vars(state.view),
+            "x": dict(state.coordinates),
+            "gap": self._gap(predicted),
+            "drawn_gap": self._drawn.gap,
+            "modes": self._mode_rows(modes, linearised.shapes, theta),
+            "unit": self._unit(state),
+        }
+        return header, {**curves, "shape": shape}
+
+    def _predict(self, theta: Real) -> tuple[Complex, ...]:
+        """Return the model's answer to every test."""
+        campaign = self.subject.campaign
+        return () if campaign is None else predict(self.subject.model, theta, campaign)
+
+    def _gap(self, predicted: tuple[Complex, ...]) -> dict[str, float | None]:
+        """Return error and excess over all channels; empty without a test."""
+        if self.subject.campaign is None:
+            return {}
+        gap = summarise_gaps(channel_gaps(predicted, self.subject.campaign))
+        return {"error": gap.error, "excess": gap.excess, "noise": gap.noise}
+
+    def _curves(
+        self, state: SessionState, theta: Real, predicted: tuple[Complex, ...]
+    ) -> _Arrays:
+        """Return the curves of the FRF that the page looks at."""
+        subject, view = self.subject, state.view
+        cell = _find_cell(subject, view.reference, view.channel)
+        if cell is None:
+            evaluator, drawn = self._pair(view.reference, view.channel)
+            return {"drawn": drawn, "current": evaluator.at(theta).values[:, 0, 0]}
+        number, row = cell
+        estimate = subject.campaign.tests[number].estimate  # type: ignore[union-attr]
+        curves: _Arrays = {
+            "measured": estimate.frf.values[:, row, 0],
+            "deviation": np.sqrt(estimate.variance[:, row, 0]),
+            "drawn": self._drawn.predicted[number][:, row, 0],
+            "current": predicted[number][:, row, 0],
+        }
+        if estimate.coherence is not None:
+            curves["coherence"] = estimate.coherence[:, row, 0]
+        for name, frfs in (subject.stored or {}).items():
+            column = frfs.column.get((view.reference, view.channel))
+            if column is not None:
+                curves[name] = frfs.values[:, column]
+        return curves
+
+    def _pair(self, reference: str, channel: str) -> tuple[Evaluator, Complex]:
+        """Return the evaluator of an FRF that was not measured, and its values as drawn."""
+        if (reference, channel) not in self._pairs:
+            subject = self.subject
+            request = FrfRequest(
+                subject.freq_hz,
+                (parse_output(subject.model.machine, channel),),
+                (parse_input(subject.model.machine, port_of(reference)),),
+                subject.quantity,
+            )
+            evaluator = Evaluator(subject.model, request)
+            drawn = evaluator.at(self._drawn.theta).values[:, 0, 0]
+            self._pairs[reference, channel] = evaluator, drawn
+        return self._pairs[reference, channel]
+
+    def _unit(self, state: SessionState) -> str:
+        """Return the unit of the FRF that the page looks at."""
+        machine, view = self.subject.model.machine, state.view
+        output = output_unit(machine, parse_output(machine, view.channel), self.subject.quantity)
+        return f"{output}/{input_unit(machine, parse_input(machine, port_of(view.reference)))}"
+
+    def _mode_rows(self, modes: Modes, shapes: Complex, theta: Real) -> list[dict[str, Any]]:
+        """Return a row for each mode, with the drawing's mode that is most like it."""
+        drawn = self._drawn
+        alike = mac(self._weighted(shapes), self._weighted(drawn.shapes))
+        partner = _partners(self.subject.measured_modes, modes, self._pairing, theta)
+        rows = []
+        for k, (pole, frequency, damping) in enumerate(
+            zip(modes.poles, modes.freq_hz.tolist(), modes.damping.tolist(), strict=True)
+        ):
+            nearest = int(np.argmax(alike[k]))
+            row: dict[str, Any] = {
+                "name": modes.names[k],
+                "frequency": frequency,
+                "damping": damping if pole.imag > 0 or modes.names[k] else None,
+                "drawn": float(drawn.modes.freq_hz[nearest])
+                if pole.imag > 0 and alike[k, nearest] >= _MIN_ALIKE_MAC
+                else None,
+            }
+            rows.append({**row, **partner.get(k, {})})
+        return rows
+
+    def _weighted(self, shapes: Complex) -> Complex:
+        """Return shapes at the bodies, weighted by the square root of the nominal masses."""
+        root = np.linalg.cholesky(self._regular_mass).T
+        weighted: Complex = root @ shapes
+        return weighted
+
+    @property
+    def _regular_mass(self) -> Real:
+        """Mass of the bodies, positive definite also where a body has none."""
+        mass = self.subject.model.machine.body_mass
+        tiny = 1e-12 * float(np.diag(mass).max())
+        regular: Real = mass + tiny * np.eye(len(mass))
+        return regular
+
+
+def _partners(
+    measured: ModalModel | None, modes: Modes, pairing: ModalCost | None, theta: Real
+) -> dict[int, dict[str, float]]:
+    """Return measured frequency, damping and MAC by the number of the mode that is paired."""
+    if measured is None or pairing is None:
+        return {}
+    pairs = pairing.pairs(theta)
+    oscillating: Integers = np.flatnonzero((modes.poles.imag > 0) & (modes.poles.real < 0))
+    return {
+        int(oscillating[k]): {
+            "measured": float(measured.freq_hz[number]),
+            "measured_damping": float(measured.damping[number]),
+            "mac": float(pairs.mac[number]),
+        }
+        for number, k in enumerate(pairs.partner.tolist())
+        if k >= 0
+    }
+
+
+def _find_cell(subject: Subject, reference: str, channel: str) -> tuple[int, int] | None:
+    """Return the numbers of the test and of its output that were measured; None if not."""
+    if reference not in subject.tests or subject.campaign is None:
+        return None
+    number = subject.tests.index(reference)
+    estimate = subject.campaign.tests[number].estimate
+    labels = [str(dof) for dof in estimate.frf.outputs]
+    if channel not in labels or not estimate.measured[labels.index(channel), 0]:
+        return None
+    return number, labels.index(channel)
+
+
+def port_of(reference: str) -> str:
+    """Return the label of the input, without the file in which it was measured."""
+    return reference.partition(" in ")[0]
+
+
+def encode_frame(header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> bytes:
+    """Return a frame: length of the header, header in JSON, arrays in single precision.
+
+    The header names each array with its first number and its count; complex arrays hold real and
+    imaginary parts in turn.
+
+    Args:
+        header: content that JSON can hold.
+        arrays: arrays by name.
+    """
+    places, parts, first = {}, [], 0
+    for name, values in arrays.items():
+        kind = "<c8" if np.iscomplexobj(values) else "<f4"
+        numbers = np.ascontiguousarray(values, kind).view("<f4").ravel()
+        places[name] = [first, len(numbers)]
+        parts.append(numbers.tobytes())
+        first += len(numbers)
+    text = json.dumps({**header, "arrays": places}).encode()
+    text += b" " * (-len(text) % 4)
+    return len(text).to_bytes(4, "little") + text + b"".join(parts)

@@ -1,0 +1,154 @@
+// The page of the workbench: each part draws the newest frame, all of one state.
+
+import {act, begin, load, move, run} from "./exchange.js";
+import {createPlot, LABEL} from "./curves.js";
+import {createScene} from "./scene.js";
+import {createSliders, fourDigits} from "./sliders.js";
+
+const byId = id => document.getElementById(id);
+const create = (tag, properties, ...children) => { const e = Object.assign(document.createElement(tag), properties); e.append(...children); return e; };
+const session = await load("/session");
+document.title = session.name + " - workbench";
+byId("title").textContent = session.name;
+byId("subtitle").textContent = `model ${session.model}, ${session.parameters.length} parameters`;
+byId("subtitle").title = session.path;
+
+// ---- choice of input and output ---------------------------------------------------------------
+
+const tests = Object.keys(session.measured);
+function fill(select, sets) {
+  select.replaceChildren(...sets.filter(([, names]) => names.length).map(([label, names]) => {
+    const group = create("optgroup", {label});
+    group.append(...names.map(name => new Option(name, name)));
+    return group;
+  }));
+}
+fill(byId("reference"), [["measured", tests], ["not measured", session.inputs]]);
+function fillChannels(reference) {
+  const measured = session.measured[reference] ?? [], seen = new Set(measured);
+  fill(byId("channel"), [["measured", measured], ["not measured", session.outputs.filter(name => !seen.has(name))]]);
+}
+byId("reference").onchange = event => act({do: "look", reference: event.target.value});
+byId("channel").onchange = event => act({do: "look", channel: event.target.value});
+
+function pick(point, isInput) {  // a point of the picture, along the axis that is looked at now
+  const reference = byId("reference").value, channel = byId("channel").value;
+  const ending = name => name.slice(name.lastIndexOf(":")).replace("-", "+");
+  if (isInput) {
+    const test = tests.find(name => session.ports[name].startsWith(point + ":"));
+    act({do: "look", reference: test ?? point + ending(session.ports[reference] ?? reference)});
+  } else {
+    const wanted = point + ending(channel), options = [...(session.measured[reference] ?? []), ...session.outputs];
+    act({do: "look", channel: options.includes(wanted) ? wanted : options.find(name => name.startsWith(point + ":")) ?? channel});
+  }
+}
+
+// ---- parts of the page ------------------------------------------------------------------------
+
+const reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
+const plot = createPlot(byId("plot"), session.freq, session.curves, writeReadout);
+const scene = createScene(byId("scene"), byId("marks"), await load("/scene"), pick);
+const sliders = createSliders(byId("groups"), session.parameters, session.tuned, (name, x) => move({[name]: x}), values => act({do: "move", values}));
+
+function writeReadout(frequency, values, coherence) {
+  const cells = session.curves.map(name => {
+    const key = create("i", {className: "key " + name});
+    const {size, angle} = values[name] ?? {};
+    const has = Number.isFinite(size);
+    return create("tr", {}, create("th", {scope: "row"}, key, LABEL[name]), create("td", {textContent: has ? fourDigits(size) : "none"}), create("td", {textContent: has ? angle.toFixed(1) + "°" : ""}));
+  });
+  const head = create("tr", {}, create("th", {scope: "col", textContent: frequency.toFixed(2) + " Hz"}), create("th", {scope: "col", textContent: "|H|"}), create("th", {scope: "col", textContent: "phase"}));
+  byId("readout").replaceChildren(create("thead", {}, head), create("tbody", {}, ...cells));
+  if (coherence !== undefined) byId("readout").tBodies[0].append(create("tr", {}, create("th", {scope: "row", textContent: "coherence"}), create("td", {textContent: coherence.toFixed(3)}), create("td")));
+}
+
+const percent = value => value === null || value === undefined ? "unknown" : (100 * value).toPrecision(3) + " %";
+function writeFigures({gap, drawn_gap: drawn}) {
+  if (gap.error === undefined) { byId("figures").hidden = true; return; }
+  const rows = [["error of the FRFs", percent(gap.error), "as drawn " + percent(drawn.error)]];
+  if (gap.excess !== null) rows.push(["over the noise", "× " + gap.excess.toPrecision(3), "as drawn × " + drawn.excess.toPrecision(3)]);
+  byId("figures").replaceChildren(...rows.map(([name, value, note]) => create("div", {}, create("dt", {textContent: name}), create("dd", {}, create("strong", {textContent: value}), " ", create("span", {className: "soft", textContent: note})))));
+}
+
+let rowCount = -1;
+function writeModes(frame) {
+  const body = byId("mode-rows"), withTest = session.has_measured_modes;
+  if (rowCount !== frame.modes.length) {
+    rowCount = frame.modes.length;
+    body.replaceChildren(...frame.modes.map((_, k) => {
+      const button = create("button", {type: "button", textContent: k + 1});
+      button.onclick = () => act({do: "look", mode: k + 1 === chosenMode ? 0 : k + 1});
+      const row = create("tr", {}, create("td", {}, button), ...Array.from({length: withTest ? 6 : 3}, () => create("td")));
+      row.onclick = event => { if (event.target !== button) button.click(); };
+      return row;
+    }));
+  }
+  frame.modes.forEach((mode, k) => {
+    const shift = mode.drawn ? mode.frequency / mode.drawn - 1 : null;
+    const texts = [mode.name || mode.frequency.toFixed(2), shift === null ? "" : (shift < 0 ? "−" : "+") + Math.abs(100 * shift).toFixed(1) + " %",
+      mode.damping === null ? "overdamped" : (100 * mode.damping).toFixed(2), mode.measured?.toFixed(2) ?? "", mode.measured ? (100 * mode.measured_damping).toFixed(2) : "", mode.mac?.toFixed(3) ?? ""];
+    const row = body.rows[k], isChosen = k + 1 === frame.view.mode;
+    for (let c = 1; c < row.cells.length; c++) if (row.cells[c].textContent !== texts[c - 1]) row.cells[c].textContent = texts[c - 1];
+    row.classList.toggle("chosen", isChosen);
+    row.cells[0].firstChild.setAttribute("aria-pressed", String(isChosen));
+    row.cells[0].firstChild.setAttribute("aria-label", `mode ${k + 1}, ${texts[0]} Hz`);
+  });
+}
+
+let chosenMode = 0, newest = null;
+function show(frame, isPreview) {
+  newest = frame; chosenMode = frame.view.mode;
+  if (byId("reference").value !== frame.view.reference || !byId("channel").options.length) {
+    byId("reference").value = frame.view.reference;
+    fillChannels(frame.view.reference);
+  }
+  byId("channel").value = frame.view.channel;
+  plot.show(frame, isPreview);
+  scene.show(frame, session.ports);
+  writeFigures(frame); writeModes(frame);
+  if (!isPreview) {
+    sliders.show(frame.x);
+    byId("undo").disabled = !frame.undo; byId("redo").disabled = !frame.redo;
+    byId("as-drawn").disabled = !Object.keys(frame.x).length;
+    history.replaceState(null, "", "#" + new URLSearchParams(frame.view));  // what is looked at, for a bookmark
+  }
+  dispatchEvent(new CustomEvent("painted", {detail: {key: frame.key, isPreview}}));
+}
+
+function say(text, isError = false) {
+  byId("status").textContent = text;
+  byId("status").className = isError ? "warn" : text ? "note" : "";
+}
+
+// ---- controls -----------------------------------------------------------------------------------
+
+byId("undo").onclick = () => act({do: "undo"});
+byId("redo").onclick = () => act({do: "redo"});
+byId("as-drawn").onclick = () => act({do: "move", values: Object.fromEntries(Object.keys(newest.x).map(name => [name, 0]))});
+byId("as-tuned").onclick = () => act({do: "move", values: session.tuned});
+byId("as-tuned").hidden = !Object.keys(session.tuned).length;
+byId("save").onclick = () => { say("Saving and reading back …"); run("save"); };
+byId("export").onclick = () => { say("Writing the page …"); run("export"); };
+byId("export").hidden = !session.has_page;
+byId("logarithmic").onchange = event => plot.setLogarithmic(event.target.checked);
+byId("frames").onchange = event => scene.setFrames(event.target.checked);
+byId("amplitude").oninput = event => scene.setAmplitude(Number(event.target.value));
+byId("filter").oninput = event => sliders.filter(event.target.value);
+const play = value => { byId("play").setAttribute("aria-pressed", String(value)); byId("play").textContent = value ? "Pause" : "Play"; scene.setPlaying(value); };
+byId("play").onclick = () => play(byId("play").getAttribute("aria-pressed") !== "true");
+addEventListener("keydown", event => {
+  if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || event.target.matches("input[type=text], input[type=search]")) return;
+  act({do: event.shiftKey ? "redo" : "undo"});
+  event.preventDefault();
+});
+document.querySelectorAll(".of-test").forEach(e => { e.hidden = !session.has_measured_modes; });
+document.querySelectorAll(".of-tuning").forEach(e => { e.hidden = !Object.keys(session.tuned).length; });
+byId("remarks").hidden = !session.remarks.length;
+byId("remarks").querySelector("ul").append(...session.remarks.map(textContent => create("li", {textContent})));
+
+const asked = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+await begin(show, say);
+if (asked.reference && (asked.reference !== newest.view.reference || asked.channel !== newest.view.channel || Number(asked.mode) !== newest.view.mode))
+  act({do: "look", reference: asked.reference, channel: asked.channel, mode: Number(asked.mode)});
+play(!reduced);
+document.documentElement.dataset.ready = "true";

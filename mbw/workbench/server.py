@@ -1,0 +1,267 @@
+"""Server of the workbench's page: one machine, one user, nothing from or to a network.
+
+It listens on 127.0.0.1 alone. The address that is printed holds a random token; the first request
+with it gets a strict cookie and is sent on to an address without it. Every request must name this
+server as its host, a request that changes something also as its origin. No path of a request is
+looked up on the disk: the files of the page are a fixed table.
+
+The standard library serves it. Curves go as bytes over one kept connection, and events tell other
+windows of a new state; this needs no package, no build step and no policy beyond ``'self'``.
+"""
+
+import json
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from http.cookies import CookieError, SimpleCookie
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
+
+from identification.words import WorkbenchError
+from mbw.page.html import read_asset
+from mbw.workbench.desk import Desk, StaleRevisionError
+from mbw.workbench.session_data import scene_data, session_data
+from mbw.workbench.state import Action, History
+
+HOST = "127.0.0.1"
+_ASSETS = {
+    "/": ("workbench/index.html", "text/html"),
+    "/colours.css": ("page/colours.css", "text/css"),
+    "/workbench.css": ("workbench/style.css", "text/css"),
+    "/icon.svg": ("workbench/icon.svg", "image/svg+xml"),
+    **{
+        f"/{name}.js": (f"workbench/{name}.js", "text/javascript")
+        for name in ("main", "curves", "scene", "sliders", "exchange")
+    },
+}
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'; object-src 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+_MAX_REQUEST_BYTES = 2**18  # values of some thousand parameters
+_PING_S = 10.0  # between signs of life of a connection for events
+_IDLE_S = 120.0  # after which a connection without a request is closed
+
+
+class _Act(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    revision: int
+    action: Action
+
+
+class _Preview(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    values: dict[str, FiniteFloat]
+
+
+@dataclass(frozen=True, eq=False)
+class Workbench:
+    """What the server serves.
+
+    Args:
+        desk: state and frames.
+        tasks: what the page's buttons ask for, by name: each returns sentences.
+        token: secret of the address.
+        cookie: secret of the browsers that came with it.
+    """
+
+    desk: Desk
+    tasks: dict[str, Callable[[], list[str]]]
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    cookie: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+
+
+class PageServer(ThreadingHTTPServer):
+    """HTTP server of one workbench.
+
+    Args:
+        workbench: what it serves.
+        port: port on 127.0.0.1; 0 for a free one.
+
+    Raises:
+        OSError: the port is in use.
+    """
+
+    daemon_threads = True
+    allow_reuse_address = True
+
+    def __init__(self, workbench: Workbench, port: int = 0) -> None:
+        self.workbench = workbench
+        super().__init__((HOST, port), _Handler)
+
+    @property
+    def host(self) -> str:
+        """Host and port, as requests have to name them."""
+        return f"{HOST}:{self.server_address[1]}"
+
+    @property
+    def address(self) -> str:
+        """Address with the token, for the first request of a browser."""
+        return f"http://{self.host}/?token={self.workbench.token}"
+
+    @property
+    def cookie_name(self) -> str:
+        """Name of the cookie, which browsers do not keep apart by port."""
+        return f"mbw-{self.server_address[1]}"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "mbw", ""
+    disable_nagle_algorithm = True
+    wbufsize = -1  # header and body in one packet
+    timeout = _IDLE_S
+    server: PageServer
+
+    def do_GET(self) -> None:  # noqa: N802  # name of the library
+        """Answer with a file of the page, data, or events."""
+        address = urlsplit(self.path)
+        if not self._is_for_us():
+            return
+        token = parse_qs(address.query).get("token", [""])[0]
+        if address.path == "/" and _equal(token, self.server.workbench.token):
+            self._admit()
+            return
+        if not self._is_admitted():
+            return
+        desk = self.server.workbench.desk
+        if address.path in _ASSETS:
+            name, kind = _ASSETS[address.path]
+            self._send(200, read_asset(name).encode(), f"{kind}; charset=utf-8")
+        elif address.path == "/session":
+            self._send_json(200, session_data(desk.maker.subject))
+        elif address.path == "/scene":
+            self._send_json(200, scene_data(desk.maker.subject))
+        elif address.path == "/frame":
+            self._send_frame(*desk.frame())
+        elif address.path == "/events":
+            self._send_events(desk)
+        else:
+            self._refuse(404, "the workbench has no such address: open its first page")
+
+    def do_POST(self) -> None:  # noqa: N802
+        """Do an action, show a preview of one, or run a task."""
+        content = self._content()
+        if content is None or not self._is_for_us(changes=True) or not self._is_admitted():
+            return
+        workbench, task = self.server.workbench, self.path.removeprefix("/")
+        try:
+            if task == "act":
+                asked = _Act.model_validate_json(content)
+                self._send_frame(*workbench.desk.act(asked.revision, asked.action))
+            elif task == "preview":
+                values = _Preview.model_validate_json(content).values
+                self._send(200, workbench.desk.preview(values), "application/octet-stream")
+            elif task in workbench.tasks:
+                self._send_json(200, {"sentences": workbench.tasks[task]()})
+            else:
+                self._refuse(404, "the workbench has no such task: open its first page")
+        except ValidationError:
+            self._refuse(400, "the request is none of this version's page: open the page again")
+        except StaleRevisionError as error:
+            self._refuse(409, str(error))
+        except WorkbenchError as error:
+            self._refuse(422, str(error))
+
+    def _content(self) -> bytes | None:
+        """Return the body of a request; refuse one that is too long or has no length."""
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > _MAX_REQUEST_BYTES:
+            self.close_connection = True
+            self._refuse(413, "the request is too long or has no length")
+            return None
+        return self.rfile.read(int(length))
+
+    def _is_for_us(self, *, changes: bool = False) -> bool:
+        """Return whether a request names this server, so that no other page sent it; else refuse.
+
+        Another name that leads to this computer (DNS rebinding) is another host.
+        """
+        host, origin = self.headers.get_all("Host", []), self.headers.get("Origin")
+        own = self.server.host
+        site = self.headers.get("Sec-Fetch-Site", "none")
+        is_own_origin = origin == f"http://{own}" if changes or origin is not None else True
+        if host == [own] and is_own_origin and site in ("none", "same-origin"):
+            return True
+        self._refuse(403, "this request does not come from the workbench's page")
+        return False
+
+    def _is_admitted(self) -> bool:
+        """Return whether a request has the cookie; refuse it otherwise."""
+        try:
+            cookie = SimpleCookie(self.headers.get("Cookie", "")).get(self.server.cookie_name)
+        except CookieError:
+            cookie = None
+        if cookie is not None and _equal(cookie.value, self.server.workbench.cookie):
+            return True
+        self._refuse(403, "open the address that mbw open printed: it holds the key to this page")
+        return False
+
+    def _admit(self) -> None:
+        """Give the cookie for the token, and send the browser on to an address without it."""
+        cookie = f"{self.server.cookie_name}={self.server.workbench.cookie}"
+        further = {
+            "Location": "/",
+            "Set-Cookie": f"{cookie}; HttpOnly; SameSite=Strict; Path=/",
+        }
+        self._send(303, b"", "text/plain", further)
+
+    def _send_frame(self, history: History, frame: bytes) -> None:
+        """Send a frame with its revision and whether there is something to undo and redo."""
+        further = {
+            "Revision": str(history.revision),
+            "Undo-Steps": str(len(history.past)),
+            "Redo-Steps": str(len(history.future)),
+        }
+        self._send(200, frame, "application/octet-stream", further)
+
+    def _send_json(self, status: int, content: dict[str, Any]) -> None:
+        self._send(status, json.dumps(content, allow_nan=False).encode(), "application/json")
+
+    def _refuse(self, status: int, sentence: str) -> None:
+        """Refuse a request with a sentence."""
+        self._send_json(status, {"error": sentence})
+
+    def _send(
+        self, status: int, body: bytes, kind: str, further: dict[str, str] | None = None
+    ) -> None:
+        self.send_response(status)
+        head = {**_HEADERS, "Content-Type": kind, "Content-Length": str(len(body))}
+        for name, value in {**head, **(further or {})}.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def _send_events(self, desk: Desk) -> None:
+        """Tell a browser each new revision until it leaves."""
+        self.close_connection = True
+        self.send_response(200)
+        for name, value in {**_HEADERS, "Content-Type": "text/event-stream"}.items():
+            self.send_header(name, value)
+        self.end_headers()
+        revision = -1
+        try:
+            while True:
+                newest = desk.wait(revision, _PING_S)
+                text = f"data: {newest}\n\n" if newest != revision else ": \n\n"
+                self.wfile.write(text.encode())
+                self.wfile.flush()
+                revision = newest
+        except OSError:  # the browser left
+            return
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002  # of the library
+        """Print nothing: addresses hold the token."""
+
+
+def _equal(first: str, second: str) -> bool:
+    """Compare secrets in a time that does not depend on where they differ."""
+    return secrets.compare_digest(first.encode(), second.encode())
