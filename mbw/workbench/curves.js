@@ -5,7 +5,7 @@ const STYLE = {  // dash and width: no meaning by colour alone
   diagnosed: {dash: [9, 3, 2, 3], width: 1.6}, current: {dash: [], width: 2.4},
 };
 export const LABEL = {measured: "measured", drawn: "as drawn", tuned: "tuned", diagnosed: "diagnosed", current: "current"};
-const QUANTILE_95 = 1.96, LEFT = 58, RIGHT = 10;
+const QUANTILE_95 = 1.96, LEFT = 58, RIGHT = 16;
 
 export function createPlot(canvas, freq, names, onCursor) {
   const context = canvas.getContext("2d"), base = document.createElement("canvas");

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from identification.modal import mac
-from identification.words import Complex, Integers, ModalModel, Real
+from identification.words import Complex, Real
 from mbmodel import Evaluator, FrfRequest, ModeEvaluator, Modes, parse_input, parse_output
 from mbmodel.ports.port_units import input_unit, output_unit
 from mbw.workbench.state import SessionState
@@ -33,7 +33,7 @@ class _Drawn:
 
     theta: Real
     modes: Modes
-    shapes: Complex
+    weighted_shapes: Complex
     gap: dict[str, float | None]
     predicted: tuple[Complex, ...]
 
@@ -55,21 +55,22 @@ class FrameMaker:
     def __post_init__(self) -> None:
         """Compute what every frame compares with."""
         subject = self.subject
-        model = subject.model
-        self._bodies = model.machine.layout.body_dofs()
-        self._modes = ModeEvaluator(model, self._bodies)
-        theta = subject.parametrisation.theta(np.zeros(subject.parametrisation.size))
-        linearised = self._modes.at(theta)
-        predicted = self._predict(theta)
-        self._drawn = _Drawn(
-            theta, linearised.modes, linearised.shapes, self._gap(predicted), predicted
-        )
-        measured = subject.measured_modes
+        model, measured = subject.model, subject.measured_modes
         self._pairing = (
             ModalCost(model, measured, MODAL_STAGES[-1])
             if measured is not None and len(measured.poles)
             else None
         )
+        bodies = model.machine.layout.body_dofs()
+        self._n_body_dofs = len(bodies)
+        channels = () if self._pairing is None else self._pairing.outputs
+        self._modes = ModeEvaluator(model, (*bodies, *channels))
+        theta = subject.parametrisation.theta(np.zeros(subject.parametrisation.size))
+        linearised = self._modes.at(theta)
+        predicted = self._predict(theta)
+        self._mass_root = _mass_root(model.machine.body_mass)
+        shapes = self._mass_root @ linearised.shapes[: self._n_body_dofs]
+        self._drawn = _Drawn(theta, linearised.modes, shapes, self._gap(predicted), predicted)
 
     @property
     def kept_bytes(self) -> int:
@@ -96,20 +97,20 @@ class FrameMaker:
         theta = varies.theta(state.x(varies.names))
         linearised = self._modes.at(theta)
         predicted = self._predict(theta)
-        curves = self._curves(state, theta, predicted)
-        modes = linearised.modes
+        modes, shapes = linearised.modes, linearised.shapes
         number = min(state.view.mode, len(modes.poles))
-        shape = linearised.shapes[:, number - 1] if number else np.zeros(len(self._bodies), complex)
+        shape = shapes[: self._n_body_dofs, number - 1] if number else np.zeros(self._n_body_dofs)
         header = {
             "key": state.key,
             "view": vars(state.view),
             "x": dict(state.coordinates),
             "gap": self._gap(predicted),
             "drawn_gap": self._drawn.gap,
-            "modes": self._mode_rows(modes, linearised.shapes, theta),
+            "modes": self._mode_rows(modes, shapes),
             "unit": self._unit(state),
         }
-        return header, {**curves, "shape": shape}
+        curves = self._curves(state, theta, predicted)
+        return header, {**curves, "shape": shape.astype(complex)}
 
     def _predict(self, theta: Real) -> tuple[Complex, ...]:
         """Return the model's answer to every test."""
@@ -123,9 +124,7 @@ class FrameMaker:
         gap = summarise_gaps(channel_gaps(predicted, self.subject.campaign))
         return {"error": gap.error, "excess": gap.excess, "noise": gap.noise}
 
-    def _curves(
-        self, state: SessionState, theta: Real, predicted: tuple[Complex, ...]
-    ) -> _Arrays:
+    def _curves(self, state: SessionState, theta: Real, predicted: tuple[Complex, ...]) -> _Arrays:
         """Return the curves of the FRF that the page looks at."""
         subject, view = self.subject, state.view
         cell = _find_cell(subject, view.reference, view.channel)
@@ -142,7 +141,7 @@ class FrameMaker:
         }
         if estimate.coherence is not None:
             curves["coherence"] = estimate.coherence[:, row, 0]
-        for name, frfs in (subject.stored or {}).items():
+        for name, frfs in subject.stored.items():
             column = frfs.column.get((view.reference, view.channel))
             if column is not None:
                 curves[name] = frfs.values[:, column]
@@ -169,59 +168,52 @@ class FrameMaker:
         output = output_unit(machine, parse_output(machine, view.channel), self.subject.quantity)
         return f"{output}/{input_unit(machine, parse_input(machine, port_of(view.reference)))}"
 
-    def _mode_rows(self, modes: Modes, shapes: Complex, theta: Real) -> list[dict[str, Any]]:
-        """Return a row for each mode, with the drawing's mode that is most like it."""
-        drawn = self._drawn
-        alike = mac(self._weighted(shapes), self._weighted(drawn.shapes))
-        partner = _partners(self.subject.measured_modes, modes, self._pairing, theta)
+    def _mode_rows(self, modes: Modes, shapes: Complex) -> list[dict[str, Any]]:
+        """Return a row for each mode, with the drawing's mode that is most like it.
+
+        Args:
+            modes: modes of the state.
+            shapes: their motion at the bodies and at the measured channels; (n_out, n_mode).
+        """
+        drawn, split = self._drawn, self._n_body_dofs
+        alike = mac(self._mass_root @ shapes[:split], drawn.weighted_shapes)
+        partners = self._partners(modes, shapes[split:])
         rows = []
-        for k, (pole, frequency, damping) in enumerate(
-            zip(modes.poles, modes.freq_hz.tolist(), modes.damping.tolist(), strict=True)
-        ):
-            nearest = int(np.argmax(alike[k]))
+        for k, pole in enumerate(modes.poles.tolist()):
+            nearest, oscillates = int(np.argmax(alike[k])), pole.imag > 0
+            is_alike = oscillates and alike[k, nearest] >= _MIN_ALIKE_MAC
             row: dict[str, Any] = {
                 "name": modes.names[k],
-                "frequency": frequency,
-                "damping": damping if pole.imag > 0 or modes.names[k] else None,
-                "drawn": float(drawn.modes.freq_hz[nearest])
-                if pole.imag > 0 and alike[k, nearest] >= _MIN_ALIKE_MAC
-                else None,
+                "frequency": float(modes.freq_hz[k]),
+                "damping": float(modes.damping[k]) if oscillates else None,
+                "drawn": float(drawn.modes.freq_hz[nearest]) if is_alike else None,
             }
-            rows.append({**row, **partner.get(k, {})})
+            rows.append({**row, **partners.get(k, {})})
         return rows
 
-    def _weighted(self, shapes: Complex) -> Complex:
-        """Return shapes at the bodies, weighted by the square root of the nominal masses."""
-        root = np.linalg.cholesky(self._regular_mass).T
-        weighted: Complex = root @ shapes
-        return weighted
-
-    @property
-    def _regular_mass(self) -> Real:
-        """Mass of the bodies, positive definite also where a body has none."""
-        mass = self.subject.model.machine.body_mass
-        tiny = 1e-12 * float(np.diag(mass).max())
-        regular: Real = mass + tiny * np.eye(len(mass))
-        return regular
-
-
-def _partners(
-    measured: ModalModel | None, modes: Modes, pairing: ModalCost | None, theta: Real
-) -> dict[int, dict[str, float]]:
-    """Return measured frequency, damping and MAC by the number of the mode that is paired."""
-    if measured is None or pairing is None:
-        return {}
-    pairs = pairing.pairs(theta)
-    oscillating: Integers = np.flatnonzero((modes.poles.imag > 0) & (modes.poles.real < 0))
-    return {
-        int(oscillating[k]): {
-            "measured": float(measured.freq_hz[number]),
-            "measured_damping": float(measured.damping[number]),
-            "mac": float(pairs.mac[number]),
+    def _partners(self, modes: Modes, shapes: Complex) -> dict[int, dict[str, float]]:
+        """Return measured frequency, damping and MAC by the number of the mode that is paired."""
+        measured = self.subject.measured_modes
+        if measured is None or self._pairing is None:
+            return {}
+        pairs = self._pairing.pair_modes(modes, shapes)
+        oscillating = np.flatnonzero((modes.poles.imag > 0) & (modes.poles.real < 0))
+        return {
+            int(oscillating[k]): {
+                "measured": float(measured.freq_hz[number]),
+                "measured_damping": float(measured.damping[number]),
+                "mac": float(pairs.mac[number]),
+            }
+            for number, k in enumerate(pairs.partner.tolist())
+            if k >= 0
         }
-        for number, k in enumerate(pairs.partner.tolist())
-        if k >= 0
-    }
+
+
+def _mass_root(mass: Real) -> Real:
+    """Return W with W'W = M, so that the MAC of W phi counts motions by the energy they carry."""
+    tiny = 1e-12 * float(np.diag(mass).max())  # of a body without mass
+    root: Real = np.asarray(np.linalg.cholesky(mass + tiny * np.eye(len(mass))).T, np.float64)
+    return root
 
 
 def _find_cell(subject: Subject, reference: str, channel: str) -> tuple[int, int] | None:

@@ -86,7 +86,7 @@ function writeModes(frame) {
   frame.modes.forEach((mode, k) => {
     const shift = mode.drawn ? mode.frequency / mode.drawn - 1 : null;
     const texts = [mode.name || mode.frequency.toFixed(2), shift === null ? "" : (shift < 0 ? "−" : "+") + Math.abs(100 * shift).toFixed(1) + " %",
-      mode.damping === null ? "overdamped" : (100 * mode.damping).toFixed(2), mode.measured?.toFixed(2) ?? "", mode.measured ? (100 * mode.measured_damping).toFixed(2) : "", mode.mac?.toFixed(3) ?? ""];
+      mode.damping === null ? (mode.name ? "at rest" : "overdamped") : (100 * mode.damping).toFixed(2), mode.measured?.toFixed(2) ?? "", mode.measured ? (100 * mode.measured_damping).toFixed(2) : "", mode.mac?.toFixed(3) ?? ""];
     const row = body.rows[k], isChosen = k + 1 === frame.view.mode;
     for (let c = 1; c < row.cells.length; c++) if (row.cells[c].textContent !== texts[c - 1]) row.cells[c].textContent = texts[c - 1];
     row.classList.toggle("chosen", isChosen);
@@ -104,7 +104,7 @@ function show(frame, isPreview) {
   }
   byId("channel").value = frame.view.channel;
   plot.show(frame, isPreview);
-  scene.show(frame, session.ports);
+  scene.show(frame, session.ports, isPreview);
   writeFigures(frame); writeModes(frame);
   if (!isPreview) {
     sliders.show(frame.x);

@@ -1,6 +1,7 @@
 // The machine in 3-D: surfaces are sent once, and its modes move in the browser.
 
 const PERIOD_MS = 1800, FIELD = 0.5;  // period of the shown motion; half the height of the picture over the distance
+const SLOW_MS = 12, REST_MS = 150;  // a picture that takes longer (no graphics card) waits until sliders rest
 const VERTEX = `#version 300 es
 uniform mat4 camera; uniform vec3 shift, turn; in vec3 place; out vec3 world;
 void main() { world = place + shift + cross(turn, place); gl_Position = camera * vec4(world, 1.0); gl_PointSize = 1.0; }`;
@@ -52,7 +53,7 @@ export function createScene(canvas, marks, data, onPick) {
   const lines = data.lines.map(line => ({...line, points: floats(line.points)}));
 
   let azimuth = -0.94, elevation = 0.48, distance = 0.92 * size, shape = new Float32Array(12 * data.stages.length), factor = 0;
-  let amplitude = 5, playing = false, frames = false, phase = 0, before = 0, asked = false, view = {reference: "", channel: ""}, ports = {};
+  let amplitude = 5, playing = false, frames = false, phase = 0, before = 0, asked = false, view = {reference: "", channel: ""}, ports = {}, isSlow = null, rest = 0;
   let css = {};
 
   // Motion of a body at the present phase: p moves by shift + turn x p.
@@ -102,6 +103,7 @@ export function createScene(canvas, marks, data, onPick) {
   }
 
   function draw() {
+    const began = performance.now();
     asked = false;
     const look = camera();
     gl.viewport(0, 0, canvas.width, canvas.height);
@@ -125,6 +127,10 @@ export function createScene(canvas, marks, data, onPick) {
       return [moved(centre, stage), moved(end, stage)];
     }), rgba(colour)));
     mark(look);
+    if (isSlow === null) {
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));  // waits for the picture
+      isSlow = performance.now() - began > SLOW_MS;
+    }
   }
 
   // Sensors, hits and names lie over the picture as elements of the page.
@@ -155,8 +161,7 @@ export function createScene(canvas, marks, data, onPick) {
   }
 
   function step(now) {
-    if (playing && !document.hidden) { phase = (phase + 2 * Math.PI * Math.min(now - before, 100) / PERIOD_MS) % (2 * Math.PI); draw(); }
-    before = now;
+    if (playing && !document.hidden && !(isSlow && (rest || now - before < 80))) { phase = (phase + 2 * Math.PI * Math.min(now - before, 100) / PERIOD_MS) % (2 * Math.PI); draw(); before = now; }
     if (playing) requestAnimationFrame(step);
   }
   const ask = () => { if (!asked && !playing) { asked = true; requestAnimationFrame(draw); } };
@@ -195,10 +200,13 @@ export function createScene(canvas, marks, data, onPick) {
   readColours();
 
   return {
-    show(frame, portOf) {
+    show(frame, portOf, isPreview) {
       shape = frame.arrays.shape.slice(); view = frame.view; ports = portOf;
       for (const d of dots) d.dot.classList.toggle("chosen", d.name === view.channel.split(":")[0]);
-      scaleShape(); ask();
+      scaleShape();
+      clearTimeout(rest); rest = 0;
+      if (isSlow && isPreview) rest = setTimeout(() => { rest = 0; ask(); }, REST_MS);
+      else ask();
     },
     setAmplitude(percent) { amplitude = percent; scaleShape(); ask(); },
     setPlaying(value) { playing = value; if (playing) { before = performance.now(); requestAnimationFrame(step); } else ask(); },

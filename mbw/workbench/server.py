@@ -11,6 +11,7 @@ windows of a new state; this needs no package, no build step and no policy beyon
 
 import json
 import secrets
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
@@ -97,6 +98,11 @@ class PageServer(ThreadingHTTPServer):
         self.workbench = workbench
         super().__init__((HOST, port), _Handler)
 
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Report a failure of the server, but no browser that left before its answer."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)  # type: ignore[arg-type]
+
     @property
     def host(self) -> str:
         """Host and port, as requests have to name them."""
@@ -121,7 +127,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = _IDLE_S
     server: PageServer
 
-    def do_GET(self) -> None:  # noqa: N802  # name of the library
+    def do_GET(self) -> None:  # name of the library
         """Answer with a file of the page, data, or events."""
         address = urlsplit(self.path)
         if not self._is_for_us():
@@ -147,7 +153,7 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._refuse(404, "the workbench has no such address: open its first page")
 
-    def do_POST(self) -> None:  # noqa: N802
+    def do_POST(self) -> None:
         """Do an action, show a preview of one, or run a task."""
         content = self._content()
         if content is None or not self._is_for_us(changes=True) or not self._is_admitted():
@@ -186,10 +192,13 @@ class _Handler(BaseHTTPRequestHandler):
         Another name that leads to this computer (DNS rebinding) is another host.
         """
         host, origin = self.headers.get_all("Host", []), self.headers.get("Origin")
-        own = self.server.host
         site = self.headers.get("Sec-Fetch-Site", "none")
-        is_own_origin = origin == f"http://{own}" if changes or origin is not None else True
-        if host == [own] and is_own_origin and site in ("none", "same-origin"):
+        is_same_origin = origin == f"http://{self.server.host}"
+        if (
+            host == [self.server.host]
+            and (is_same_origin or (origin is None and not changes))
+            and site in ("none", "same-origin")
+        ):
             return True
         self._refuse(403, "this request does not come from the workbench's page")
         return False

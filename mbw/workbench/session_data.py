@@ -14,12 +14,20 @@ def session_data(subject: Subject) -> dict[str, Any]:
     """Return names, parameters, channels and lines of a subject, as JSON can hold them."""
     machine, campaign = subject.model.machine, subject.campaign
     labels = port_labels(machine.layout)
-    measured = {} if campaign is None else {
-        name: [str(dof) for dof, seen in zip(
-            test.estimate.frf.outputs, test.estimate.measured[:, 0].tolist(), strict=True
-        ) if seen]
-        for name, test in zip(subject.tests, campaign.tests, strict=True)
-    }
+    measured = (
+        {}
+        if campaign is None
+        else {
+            name: [
+                str(dof)
+                for dof, seen in zip(
+                    test.estimate.frf.outputs, test.estimate.measured[:, 0].tolist(), strict=True
+                )
+                if seen
+            ]
+            for name, test in zip(subject.tests, campaign.tests, strict=True)
+        }
+    )
     return {
         "name": subject.name,
         "model": machine.name,
@@ -32,7 +40,7 @@ def session_data(subject: Subject) -> dict[str, Any]:
         "freq": [float(f"{value:.7g}") for value in subject.freq_hz.tolist()],
         "parameters": _parameter_rows(subject),
         "tuned": subject.tuned_x(),
-        "curves": ["measured", "drawn", *(subject.stored or {}), "current"],
+        "curves": ["measured", "drawn", *subject.stored, "current"],
         "has_page": subject.result is not None,
         "has_measured_modes": subject.measured_modes is not None,
         "remarks": list(subject.remarks),
@@ -42,45 +50,37 @@ def session_data(subject: Subject) -> dict[str, Any]:
 def _parameter_rows(subject: Subject) -> list[dict[str, Any]]:
     """Return a row for each coordinate, in x: value = drawn exp(scale x) or drawn + scale x."""
     varies, model = subject.parametrisation, subject.model
-    tuned = {} if subject.tuned is None else {row.name: row for row in subject.tuned.parameters}
-    first = {int(k): i for i, k in reversed(list(enumerate(varies.coordinate_of.tolist())))}
-    rows = []
-    for k, name in enumerate(varies.names):
-        parameter, index = varies.parameters[first[k]], first[k]
-        precision = float(varies.precision[k])
-        row: dict[str, Any] = {
+    first = np.array([varies.coordinate_of.tolist().index(k) for k in range(varies.size)], int)
+    rows = () if subject.tuned is None else subject.tuned.parameters
+    known = {row.name: row for row in rows if row.seen and row.low is not None}
+    ends = [
+        subject.coordinates({name: getattr(row, end) for name, row in known.items()})
+        for end in ("low", "high")
+    ]
+    return [
+        {
             "name": name,
             "location": model.locations[index],
-            "unit": parameter.unit,
+            "unit": varies.parameters[index].unit,
             "drawn": float(varies.fixed[index]),
             "scale": float(varies.scale[index]),
             "log": bool(varies.is_logarithmic[k]),
             "tolerance": bool(varies.is_tolerance[k]),
-            "low": float(varies.lower[k]),
-            "high": float(varies.upper[k]),
-            "sd": 1 / float(np.sqrt(precision)) if precision > 0 else None,
-            "interval": None,
+            "low": _finite_or_none(varies.lower[k]),
+            "high": _finite_or_none(varies.upper[k]),
+            "sd": float(varies.precision[k] ** -0.5) if varies.precision[k] > 0 else None,
+            "interval": [end[name] for end in ends] if name in known else None,
         }
-        known = tuned.get(name)
-        if known is not None and known.low is not None and known.high is not None and known.seen:
-            row["interval"] = [_coordinate(row, known.low), _coordinate(row, known.high)]
-        rows.append(row)
-    return rows
+        for k, (name, index) in enumerate(zip(varies.names, first.tolist(), strict=True))
+    ]
 
 
-def _coordinate(row: dict[str, Any], value: float) -> float:
-    """Return the x at which a parameter has a value, within its bounds."""
-    if not row["log"]:
-        x = (value - row["drawn"]) / row["scale"]
-    else:
-        x = float(np.log(value / row["drawn"])) / row["scale"] if value > 0 else row["low"]
-    return float(np.clip(x, row["low"], row["high"]))
+def _finite_or_none(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def scene_data(subject: Subject) -> dict[str, Any]:
-    """Return the machine in 3-D: surfaces, points and lines, and where each port of a test is."""
+    """Return the machine at rest in 3-D: surfaces, points and lines."""
     machine = subject.model.machine
-    layout = machine.layout
-    shapes = np.zeros((0, 6 * len(layout.bodies)), complex)
-    axes = {name: layout.axes[k].tolist() for k, name in enumerate(layout.points)}
-    return {**picture_data(layout, machine_geometry(machine), shapes), "axes": axes}
+    at_rest = np.zeros((0, 6 * len(machine.layout.bodies)), complex)
+    return picture_data(machine.layout, machine_geometry(machine), at_rest)

@@ -137,7 +137,7 @@ class History:
 
 
 def apply(history: History, action: Action) -> History:
-    """Return the history after an action; undo without a past and redo without a future change it not.
+    """Return the history after an action; without a past, undo changes nothing but the revision.
 
     Args:
         history: state with its past and future.

@@ -1,8 +1,8 @@
 """What the workbench shows: a model with what can vary, its tests, and results of earlier verbs."""
 
 import hashlib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +77,7 @@ class Subject:
     quantity: Quantity
     hashes: tuple[str, str]
     tuned: TunedFile | None = None
-    stored: dict[str, StoredFrfs] | None = None
+    stored: Mapping[str, StoredFrfs] = field(default_factory=dict)
     measured_modes: ModalModel | None = None
     result: Path | None = None
     remarks: tuple[str, ...] = ()
@@ -103,15 +103,22 @@ class Subject:
         return dict(zip(varies.names, ends, strict=True))
 
     def tuned_x(self) -> dict[str, float]:
-        """Return the coordinates of the tuned model, within their bounds; empty without one."""
+        """Return the coordinates of the tuned model; empty without one."""
         if self.tuned is None:
             return {}
-        values = {row.name: row.tuned for row in self.tuned.parameters}
+        return self.coordinates({row.name: row.tuned for row in self.tuned.parameters})
+
+    def coordinates(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return x of every coordinate within its bounds, zero where no value is given.
+
+        Args:
+            values: values of parameters [SI], by name.
+        """
         varies = self.parametrisation
-        theta = np.array([values.get(p.name, p.drawn) for p in varies.parameters])
-        theta = np.where(varies.free, theta, varies.fixed)
-        x = np.clip(varies.coordinates(theta), varies.lower, varies.upper)
-        return dict(zip(varies.names, x.tolist(), strict=True))
+        theta = [values.get(each.name, each.drawn) for each in varies.parameters]
+        x = varies.coordinates(np.where(varies.free, theta, varies.fixed))
+        within = np.clip(np.nan_to_num(x), varies.lower, varies.upper)
+        return dict(zip(varies.names, within.tolist(), strict=True))
 
     def first_state(self) -> SessionState:
         """Return the state at which a session begins: as drawn, or as tuned if that was opened."""
@@ -155,11 +162,8 @@ def open_subject(path: Path, band: tuple[float, float] | None, key: str | None) 
         return _open_campaign(path, find_campaign_file(path), band)
     source = source_of(path, file)
     if source is None or not source.is_file():
-        where = "does not say from which campaign it was made" if source is None else source
-        raise InputError(
-            f"{path}: its campaign is missing ({where}): run mbw "
-            "again on the campaign, or open the campaign itself"
-        )
+        where = "the folder does not name it" if source is None else source
+        raise InputError(f"{path}: its campaign is missing ({where}): open the campaign itself")
     if source.suffix != ".toml":
         raise InputError(f"{path} was made from a model alone: open {source}")
     return _open_campaign(path, source, band)
@@ -208,7 +212,10 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
         campaign=campaign,
         freq_hz=campaign.freq_hz,
         quantity=campaign.tests[0].estimate.frf.quantity,
-        hashes=(_hash(rows), _hash(hash_files(mjcf_files(session.model.machine.source), source.parent))),
+        hashes=(
+            _hash(rows),
+            _hash(hash_files(mjcf_files(session.model.machine.source), source.parent)),
+        ),
         tuned=None if tuned is None else tuned.summary,
         result=path if path.is_dir() and path in folders.values() else None,
     )
@@ -223,7 +230,9 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
             continue
         frfs = _stored(read(), subject)
         if frfs is None:
-            remarks.append(f"{folders[name]} has other frequency lines, and its curves are not shown")
+            remarks.append(
+                f"{folders[name]} has other frequency lines, and its curves are not shown"
+            )
         else:
             stored[name] = frfs
     if tuned is not None and (changed := _changed_files(tuned.summary.inputs, rows)):

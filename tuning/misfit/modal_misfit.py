@@ -39,7 +39,7 @@ from identification.words import (
     Real,
     UsageError,
 )
-from mbmodel import LinearisedModes, ModeEvaluator, Model
+from mbmodel import LinearisedModes, ModeEvaluator, Model, Modes
 
 _START_PRIOR_SD = 3.0  # of a size's logarithm about the start of a search
 _MIN_SHAPE_RATIO = 1e-10  # of the largest motion: below it a channel does not move
@@ -136,6 +136,9 @@ class ModalCost:
         measured: measured modes that count, all inside the band.
         stage: model-error floors and the limit of pairing.
 
+    Attributes:
+        outputs: channels at which shapes are compared.
+
     Raises:
         UsageError: no measured mode, or an output that the machine does not have.
     """
@@ -145,7 +148,8 @@ class ModalCost:
             raise UsageError("no mode was measured in the band: leave the modal residual out")
         everywhere = ModeEvaluator(model, measured.outputs)
         moving = _moving_channels(everywhere.at(model.drawn), measured)
-        self._evaluator = ModeEvaluator(model, [measured.outputs[k] for k in moving])
+        self.outputs = tuple(measured.outputs[k] for k in moving)
+        self._evaluator = ModeEvaluator(model, self.outputs)
         self._measured, self._shapes = measured, measured.shapes[moving]
         self._is_counted = np.ones(len(measured.poles), bool)
         self._sizes = np.array([parameter.positive for parameter in model.parameters], bool)
@@ -169,21 +173,28 @@ class ModalCost:
     def pairs(self, theta: Real) -> ModePairs:
         """Pair measured modes and modes of the model at theta."""
         linearised = self._evaluator.at(theta)
-        oscillating, cost, mac_matrix = self._compare(linearised)
+        return self.pair_modes(linearised.modes, linearised.shapes)
+
+    def pair_modes(self, modes: Modes, shapes: Complex) -> ModePairs:
+        """Pair measured modes and modes of the model.
+
+        Args:
+            modes: modes of the model.
+            shapes: their motion at ``outputs``; (n_out, n_mode).
+        """
+        oscillating, cost, mac_matrix = self._compare(modes, shapes)
         rows, columns = scipy.optimize.linear_sum_assignment(np.minimum(cost, self._unpaired_cost))
         is_pair = cost[rows, columns] < self._unpaired_cost
         rows, columns = rows[is_pair], columns[is_pair]
         partner, pair_mac = np.full(len(cost), -1), np.zeros(len(cost))
         partner[rows], pair_mac[rows] = columns, mac_matrix[rows, columns]
         total = cost[rows, columns].sum() + (len(cost) - len(rows)) * self._unpaired_cost
-        return ModePairs(
-            partner, pair_mac, linearised.modes.poles[oscillating], float(total) / len(cost)
-        )
+        return ModePairs(partner, pair_mac, modes.poles[oscillating], float(total) / len(cost))
 
     def __call__(self, theta: Real) -> tuple[float, Real]:
         """Return J and dJ / dtheta [1/SI]; (n_parameter,)."""
         linearised = self._evaluator.at(theta)
-        oscillating, cost, _ = self._compare(linearised)
+        oscillating, cost, _ = self._compare(linearised.modes, linearised.shapes)
         counted = np.flatnonzero(self._is_counted)
         rows, columns = scipy.optimize.linear_sum_assignment(cost[counted])
         rows, partners = counted[rows], oscillating[columns]
@@ -198,15 +209,14 @@ class ModalCost:
             gradient[self._sizes] += pull / theta[self._sizes]
         return float(total) / count, gradient / count
 
-    def _compare(self, linearised: LinearisedModes) -> tuple[Integers, Real, Real]:
+    def _compare(self, modes: Modes, shapes: Complex) -> tuple[Integers, Real, Real]:
         """Compare each measured mode with each mode of the model that oscillates.
 
         Returns:
             Indices of the model's modes (n_model,), c and MAC (n_measured, n_model) each.
         """
-        modes = linearised.modes
         oscillating = np.flatnonzero((modes.poles.imag > 0) & (modes.poles.real < 0))
-        mac_matrix = mac(self._shapes, linearised.shapes[:, oscillating])
+        mac_matrix = mac(self._shapes, shapes[:, oscillating])
         freq_log_ratio = np.log(np.abs(modes.poles[oscillating])) - self._log_freq[:, None]
         damping_log_ratio = np.log(modes.damping[oscillating]) - self._log_damping[:, None]
         squares = (

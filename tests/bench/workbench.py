@@ -1,0 +1,119 @@
+"""Latency of the workbench: from the input on a slider to the painted frame, in a real browser.
+
+The station's campaign is open in a window of 1280 x 800: four curves of 800 frequency lines and
+their coherence, modes with MAC to the measured ones, misfit over all 207 channels, and a slider for
+each of the 72 stiffnesses and dampers beside those of the tolerances. Keys move the sliders, one
+after the other; each state is new, so that no frame is a kept one. A frame counts as painted in the
+task that follows the browser's next animation frame. The browser draws without a graphics card.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+from mbw.workbench.subject import StoredFrfs, Subject, open_subject
+from tests.helpers.browser import Tab, open_tab
+from tests.helpers.workbench_server import serve
+from tuning import modes_in_band, predict
+
+DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo"
+WARM_UP, STROKES = 12, 144
+SOFTWARE_GL = "--enable-unsafe-swiftshader"  # the machine in 3-D without a graphics card
+MEASURE = """
+window.times = [];
+addEventListener("input", () => { window.began = performance.now(); }, true);
+addEventListener("painted", event => { if (event.detail.isPreview) requestAnimationFrame(() => {
+  const channel = new MessageChannel();
+  channel.port1.onmessage = () => window.times.push(performance.now() - window.began);
+  channel.port2.postMessage(0);
+}); });
+window.sliders = [...document.querySelectorAll("#groups .row")]
+  .filter(row => /stiffness|damping/.test(row.querySelector("label").title))
+  .map(row => row.querySelector("input[type=range]"));
+window.sliders.forEach(slider => { slider.closest("details").open = true; });
+window.stroke = async k => {
+  const slider = window.sliders[k % window.sliders.length], before = window.times.length;
+  slider.focus({preventScroll: true});
+  slider.stepUp(1 + k % 7);
+  slider.dispatchEvent(new Event("input", {bubbles: true}));
+  while (window.times.length === before) await new Promise(requestAnimationFrame);
+  return window.times[before];
+};
+"""
+
+
+def four_curves() -> Subject:
+    """Return the demo with modes and a third model's curves, of any parameters."""
+    subject = open_subject(DEMO, (0.1, 200.0), None)
+    campaign, varies = subject.campaign, subject.parametrisation
+    assert campaign is not None
+    values = predict(subject.model, varies.theta(np.full(varies.size, 0.1)), campaign)
+    labels = [
+        (name, str(dof))
+        for name, test in zip(subject.tests, campaign.tests, strict=True)
+        for dof in test.estimate.frf.outputs
+    ]
+    stored = StoredFrfs(
+        {label: k for k, label in enumerate(labels)}, np.hstack([v[..., 0] for v in values])
+    )
+    return replace(subject, stored={"tuned": stored}, measured_modes=modes_in_band(campaign))
+
+
+def measure(tab: Tab, address: str, *, moves: bool) -> np.ndarray:
+    """Return the latencies [ms] of strokes on all sliders."""
+    tab.show(address, still=not moves)
+    tab.wait("document.documentElement?.dataset.ready")
+    tab.run(MEASURE)
+    assert tab.run("window.sliders.length") == 72
+    times = [tab.run(f"window.stroke({k})") for k in range(WARM_UP + STROKES)]
+    assert tab.run("FAULTS") == []
+    return np.array(times[WARM_UP:])
+
+
+@contextmanager
+def computation() -> Iterator[None]:
+    """Keep a computation running at low priority on each core, as tunings and diagnoses are."""
+    code = "import os; os.nice(10)\nwhile True: pass"
+    jobs = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(os.cpu_count() or 1)]
+    try:
+        yield
+    finally:
+        for job in jobs:
+            job.kill()
+            job.wait()
+
+
+def run() -> list[dict[str, object]]:
+    """Latency with the machine at rest, with a moving mode, and beside a computation."""
+    rows = []
+    with (
+        tempfile.TemporaryDirectory() as home,
+        mock.patch.dict(os.environ, {"XDG_STATE_HOME": home}),
+        serve(four_curves()) as server,
+        open_tab(SOFTWARE_GL) as tab,
+    ):
+        for name, moves, job in (
+            ("machine at rest", False, nullcontext()),
+            ("a mode in motion", True, nullcontext()),
+            ("at rest, a computation on each core", False, computation()),
+        ):
+            with job:
+                times = measure(tab, server.address, moves=moves)
+            rows.append(
+                {
+                    "case": name,
+                    "strokes": len(times),
+                    "median_ms": round(float(np.median(times)), 1),
+                    "p95_ms": round(float(np.percentile(times, 95)), 1),
+                    "largest_ms": round(float(times.max()), 1),
+                }
+            )
+    return rows

@@ -1,0 +1,434 @@
+"""The workbench without a browser: states, log, frames, saving, and who may ask the server."""
+
+import http.client
+import json
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from dataclasses import replace
+from functools import reduce
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaign_folder import write_folder
+from hypothesis import given
+from hypothesis import strategies as st
+from small_machine import MJCF
+from typer.testing import CliRunner
+from workbench_server import serve
+
+from identification.words import InputError, UsageError
+from mbmodel import Evaluator, FrfRequest, model_modes, parse_input, parse_output
+from mbw.command import app
+from mbw.output_folder import ResultOptions
+from mbw.workbench.frames import FrameMaker
+from mbw.workbench.saving import save_state
+from mbw.workbench.state import History, Look, Move, Redo, SessionState, Undo, View, apply
+from mbw.workbench.state_log import log_path, open_log
+from mbw.workbench.subject import open_subject
+from tuning import channel_gaps, open_session, predict, summarise_gaps
+from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost
+
+FIRST = SessionState("c", "m", View("a", "b"))
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("open") / "campaign")
+
+
+@pytest.fixture(scope="module")
+def results(campaign):
+    """Folders of mbw identify and mbw tune beside the campaign."""
+    for verb in ("identify", "tune"):
+        run = CliRunner().invoke(app, [verb, str(campaign), "--quiet", "--no-pictures"])
+        assert run.exit_code in (0, 4), run.output
+    return campaign.with_name("campaign-tuned")
+
+
+@pytest.fixture(autouse=True)
+def state_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "states"))
+    return tmp_path / "states"
+
+
+def read(frame):
+    """Header and arrays of a frame, as the page reads them."""
+    size = int.from_bytes(frame[:4], "little")
+    header, numbers = json.loads(frame[4 : 4 + size]), np.frombuffer(frame[4 + size :], "<f4")
+    places = header["arrays"].items()
+    return header, {name: numbers[first : first + count] for name, (first, count) in places}
+
+
+def complexes(numbers):
+    return numbers.reshape(-1, 2) @ (1, 1j)
+
+
+# ---- states ------------------------------------------------------------------------------------
+
+MOVES = st.builds(
+    lambda name, x: Move(values={name: x}), st.sampled_from("pqr"), st.sampled_from([-1.0, 0, 2.5])
+)
+ACTIONS = st.lists(MOVES | st.builds(Undo) | st.builds(Redo) | st.just(Look(mode=3)), max_size=30)
+
+
+@given(ACTIONS)
+def test_undo_walks_back_to_the_first_parameters_and_redo_to_the_last(actions):
+    history = reduce(apply, actions, History(FIRST))
+    back = reduce(apply, [Undo()] * len(history.past), history)
+    assert back.state.coordinates == ()
+    again = reduce(apply, [Redo()] * len(back.future), back)
+    last = history.future[0] if history.future else history.state
+    assert again.state.coordinates == last.coordinates
+    assert history.revision == len(actions)
+
+
+def test_a_look_is_no_step_of_undo():
+    moved = apply(History(FIRST), Move(values={"p": 1.0}))
+    looked = apply(moved, Look(channel="c", mode=4))
+    back = apply(looked, Undo())
+    assert back.state == replace(FIRST, view=View("a", "c", 4))
+
+
+def test_a_parameter_moved_back_to_its_drawing_leaves_the_state_as_drawn():
+    assert FIRST.move({"p": 1.0}).move({"p": 0.0}) == FIRST
+    assert FIRST.move({"p": 1.0}).key != FIRST.key
+
+
+# ---- the log -----------------------------------------------------------------------------------
+
+
+@given(ACTIONS)
+def test_the_log_gives_the_state_again(tmp_path_factory, actions):
+    path = tmp_path_factory.mktemp("log") / "work.jsonl"
+    with open_log(path, FIRST) as log:
+        for action in actions:
+            log.append(action)
+    with open_log(path, replace(FIRST, campaign="not used: the log begins with its own")) as log:
+        assert log.history == reduce(apply, actions, History(FIRST))
+        assert log.remark == ""
+
+
+def test_a_torn_last_line_is_named_and_left_out(tmp_path):
+    path = tmp_path / "work.jsonl"
+    with open_log(path, FIRST) as log:
+        log.append(Move(values={"p": 1.0}))
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"do":"move","val')
+    with open_log(path, FIRST) as log:
+        assert "cut off" in log.remark
+        assert log.history.revision == 1
+    assert path.read_bytes() == whole
+
+
+def test_one_state_has_one_server_and_other_content_another_log(tmp_path):
+    path = log_path(tmp_path / "model.xml", "work", FIRST)
+    with open_log(path, FIRST), pytest.raises(InputError, match="another mbw open"), open_log(
+        path, FIRST
+    ):
+        pass
+    assert path != log_path(tmp_path / "model.xml", "work", replace(FIRST, model="changed"))
+    with pytest.raises(InputError, match="--state"):
+        log_path(tmp_path / "model.xml", "../up", FIRST)
+    path.write_text("no log\n", encoding="utf-8")
+    with pytest.raises(InputError, match="no log of this version"), open_log(path, FIRST):
+        pass
+
+
+# ---- frames ------------------------------------------------------------------------------------
+
+
+def test_all_of_a_frame_is_that_of_its_state(campaign):
+    subject = open_subject(campaign, None, None)
+    state = subject.first_state().move({subject.parametrisation.names[0]: 0.4})
+    header, arrays = read(FrameMaker(subject).make(state))
+    theta = subject.parametrisation.theta(state.x(subject.parametrisation.names))
+    predicted = predict(subject.model, theta, subject.campaign)
+    gap = summarise_gaps(channel_gaps(predicted, subject.campaign))
+    assert header["gap"] == {"error": gap.error, "excess": gap.excess, "noise": gap.noise}
+    estimate = subject.campaign.tests[0].estimate
+    row = [str(dof) for dof in estimate.frf.outputs].index(state.view.channel)
+    for name, values in (
+        ("current", predicted[0][:, row, 0]),
+        ("measured", estimate.frf.values[:, row, 0]),
+        ("drawn", predict(subject.model, subject.model.drawn, subject.campaign)[0][:, row, 0]),
+    ):
+        np.testing.assert_allclose(complexes(arrays[name]), values, rtol=1e-6)
+    np.testing.assert_allclose(arrays["deviation"] ** 2, estimate.variance[:, row, 0], rtol=1e-5)
+    np.testing.assert_allclose(arrays["coherence"], estimate.coherence[:, row, 0], rtol=1e-6)
+    modes = model_modes(subject.model, theta)
+    np.testing.assert_allclose([each["frequency"] for each in header["modes"]], modes.freq_hz)
+    assert header["key"] == state.key
+
+
+def test_a_channel_that_was_not_measured_is_predicted(campaign):
+    subject = open_subject(campaign, None, None)
+    maker, machine = FrameMaker(subject), subject.model.machine
+    view = View("acc1:+tx", "head:+rz")
+    state = replace(subject.first_state(), view=view)
+    header, arrays = read(maker.make(state))
+    request = FrfRequest(
+        subject.freq_hz,
+        (parse_output(machine, view.channel),),
+        (parse_input(machine, view.reference),),
+        subject.quantity,
+    )
+    values = Evaluator(subject.model, request).at(subject.model.drawn).values[:, 0, 0]
+    np.testing.assert_allclose(complexes(arrays["current"]), values, rtol=1e-5)
+    assert "measured" not in arrays
+    assert header["unit"] == "rad/s²/N"
+    with pytest.raises(UsageError, match="nowhere"):
+        maker.make(replace(state, view=View("acc1:+tx", "nowhere:+tx")))
+
+
+def test_a_folder_of_results_begins_as_tuned_with_its_curves_and_modes(results):
+    subject = open_subject(results, None, None)
+    state = subject.first_state()
+    header, arrays = read(FrameMaker(subject).make(state))
+    saved = json.loads((results / "tuned.json").read_text("utf-8"))
+    theta = subject.parametrisation.theta(state.x(subject.parametrisation.names))
+    values = {p.name: v for p, v in zip(subject.model.parameters, theta, strict=True)}
+    for row in saved["parameters"]:
+        assert values[row["name"]] == pytest.approx(row["tuned"], rel=1e-9, abs=1e-9)
+    assert header["gap"]["error"] == pytest.approx(saved["gap"]["sensors"]["tuned"]["error"])
+    np.testing.assert_allclose(complexes(arrays["tuned"]), complexes(arrays["current"]), rtol=1e-4)
+    pairs = ModalCost(subject.model, subject.measured_modes, MODAL_STAGES[-1]).pairs(theta)
+    shown = sorted(row["mac"] for row in header["modes"] if "mac" in row)
+    np.testing.assert_allclose(shown, sorted(pairs.mac[pairs.partner >= 0]))
+    assert len(shown) > 3
+
+
+def test_kept_frames_stay_within_their_bytes(campaign):
+    subject = open_subject(campaign, None, None)
+    one = len(FrameMaker(subject).make(subject.first_state()))
+    maker, name = FrameMaker(subject, max_bytes=4 * one), subject.parametrisation.names[0]
+    for k in range(12):
+        maker.make(subject.first_state().move({name: 0.01 * k}))
+        assert maker.kept_bytes <= 4 * one
+    assert maker.kept_bytes > 2 * one
+
+
+# ---- saving ------------------------------------------------------------------------------------
+
+
+def content(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_what_is_saved_reads_back_as_the_state_and_the_campaign_stays(campaign, tmp_path):
+    subject, before = open_subject(campaign, None, None), content(campaign)
+    names = [name for name in subject.parametrisation.names if name.endswith("stiffness")]
+    state = subject.first_state().move({names[0]: 0.5, names[1]: -0.3})
+    sentences = save_state(subject, state, ResultOptions(tmp_path / "saved"))
+    assert len(sentences) == 1, sentences
+    session = open_session(tmp_path / "saved", (subject.freq_hz[0], subject.freq_hz[-1]))
+    theta = subject.parametrisation.theta(state.x(subject.parametrisation.names))
+    wanted = predict(subject.model, theta, subject.campaign)
+    for saved, meant in zip(
+        predict(session.model, session.model.drawn, session.campaign), wanted, strict=True
+    ):
+        np.testing.assert_allclose(saved, meant, rtol=1e-8)
+    assert content(campaign) == before
+    run = CliRunner().invoke(app, ["predict", str(tmp_path / "saved/model.xml"), "--modes", "-q"])
+    assert run.exit_code == 0
+
+
+def test_what_an_mjcf_cannot_hold_is_named_with_its_size(campaign, tmp_path):
+    subject = open_subject(campaign, None, None)
+    state = subject.first_state().move({"acc3.gain_x": 2.0})
+    sentences = save_state(subject, state, ResultOptions(tmp_path / "saved"))
+    assert "does not hold" in sentences[-1]
+    assert "%" in sentences[-1]
+
+
+def test_a_model_alone_is_saved_and_never_over_what_was_opened(tmp_path):
+    model = tmp_path / "model.xml"
+    model.write_text(MJCF, encoding="utf-8")
+    subject = open_subject(model, (5.0, 90.0), None)
+    assert subject.freq_hz[[0, -1]].tolist() == [5.0, 90.0]
+    with pytest.raises(UsageError, match="--out"):
+        save_state(subject, subject.first_state(), ResultOptions(tmp_path, overwrite=True))
+    save_state(subject, subject.first_state(), ResultOptions(None))
+    assert (tmp_path / "model-opened" / "model.xml").is_file()
+    assert model.read_text("utf-8") == MJCF
+
+
+# ---- what cannot be opened ---------------------------------------------------------------------
+
+
+def test_what_cannot_be_opened_is_said_in_one_sentence(campaign, results, tmp_path):
+    (tmp_path / "empty").mkdir()
+    still = MJCF.replace("stiffness", "margin")
+    assert CliRunner().invoke(app, ["open", str(tmp_path / "empty")]).exit_code == 3
+    with pytest.raises(InputError, match=r"campaign\.toml, an MJCF, or a folder"):
+        open_subject(tmp_path / "empty", None, None)
+    shutil.copytree(results, tmp_path / "moved")
+    with pytest.raises(InputError, match="its campaign is missing"):
+        open_subject(tmp_path / "moved", None, None)
+    (tmp_path / "still.xml").write_text(still, encoding="utf-8")
+    with pytest.raises(InputError):
+        open_subject(tmp_path / "still.xml", None, None)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        run = CliRunner().invoke(app, ["open", str(campaign), "--port", port, "--no-browser"])
+    assert (run.exit_code, "--port" in run.stderr) == (3, True)
+
+
+# ---- the server --------------------------------------------------------------------------------
+
+
+class Browser:
+    """Requests as a browser makes them, with what each test changes."""
+
+    def __init__(self, server):
+        self.server, self.cookie = server, ""
+        self.cookie = self.ask("GET", server.address.removeprefix(f"http://{server.host}"))[1][
+            "Set-Cookie"
+        ]
+
+    def ask(self, method, path, content=None, **changed):
+        host, _, port = self.server.host.partition(":")
+        line = http.client.HTTPConnection(host, int(port), timeout=20)
+        headers = {"Host": self.server.host, "Cookie": self.cookie.partition(";")[0]}
+        if method == "POST":
+            headers["Origin"] = f"http://{self.server.host}"
+        headers = {**headers, **{key.replace("_", "-"): text for key, text in changed.items()}}
+        body = None if content is None else json.dumps(content)
+        line.request(method, path, body, {k: v for k, v in headers.items() if v is not None})
+        answer = line.getresponse()
+        done = answer.status, dict(answer.getheaders()), answer.read()
+        line.close()
+        return done
+
+
+@pytest.fixture(scope="module")
+def served(campaign, tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("states")))
+        with serve(open_subject(campaign, None, None)) as server:
+            yield Browser(server)
+
+
+def test_the_token_gives_a_strict_cookie_and_leaves_the_address(served):
+    path = served.server.address.removeprefix(f"http://{served.server.host}")
+    status, headers, _ = served.ask("GET", path, Cookie=None)
+    assert (status, headers["Location"]) == (303, "/")
+    assert headers["Set-Cookie"].endswith("; HttpOnly; SameSite=Strict; Path=/")
+    assert served.server.workbench.token not in headers["Set-Cookie"]
+    assert served.ask("GET", "/?token=guess", Cookie=None)[0] == 403
+
+
+@pytest.mark.parametrize("path", ["/", "/main.js", "/session", "/scene", "/frame", "/events"])
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"Cookie": None},
+        {"Cookie": "mbw-1=x; ;=;"},
+        {"Host": "localhost:80"},
+        {"Host": "evil.example"},
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Sec_Fetch_Site": "cross-site"},
+        {"Sec_Fetch_Site": "same-site"},
+    ],
+    ids=str,
+)
+def test_nothing_is_read_without_cookie_or_from_another_page(served, path, changed):
+    assert served.ask("GET", path, **changed)[0] == 403
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"Cookie": None}, {"Origin": None}, {"Origin": "http://127.0.0.1:1"}, {"Host": "a.example"}],
+    ids=str,
+)
+def test_nothing_is_done_for_another_page(served, changed):
+    before = served.ask("GET", "/frame")[1]["Revision"]
+    action = {"revision": int(before), "action": {"do": "look", "mode": 2}}
+    assert served.ask("POST", "/act", action, **changed)[0] == 403
+    assert served.ask("GET", "/frame")[1]["Revision"] == before
+
+
+@pytest.mark.parametrize(
+    "path", ["/../campaign.toml", "/..%2fcampaign.toml", "//etc/passwd", "/workbench/main.js", "/x"]
+)
+def test_no_path_of_a_request_is_looked_up_on_the_disk(served, path):
+    assert served.ask("GET", path)[0] == 404
+
+
+def test_every_answer_has_the_policy(served):
+    for path in ("/", "/main.js", "/session", "/nowhere"):
+        headers = served.ask("GET", path)[1]
+        assert headers["Content-Security-Policy"].startswith("default-src 'self';")
+        assert "unsafe" not in headers["Content-Security-Policy"]
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Cache-Control"] == "no-store"
+
+
+@pytest.mark.parametrize(
+    ("path", "content", "status", "words"),
+    [
+        ("/act", {"revision": 0}, 400, "open the page again"),
+        ("/act", {"revision": 0, "action": {"do": "delete"}}, 400, "open the page again"),
+        ("/preview", {"values": {"nothing": 1.0}}, 422, "nothing is no parameter"),
+        ("/preview", {"values": {"base_tx.stiffness": 50.0}}, 422, "outside its bounds"),
+        ("/preview", {"values": {"base_tx.stiffness": float("nan")}}, 400, "open the page again"),
+        ("/save", {}, 404, "no such task"),
+        ("/preview", {"values": {"x": "y" * 2**18}}, 413, "too long"),
+    ],
+)
+def test_wrong_requests_get_a_sentence_and_change_nothing(served, path, content, status, words):
+    before = served.ask("GET", "/frame")
+    code, _, text = served.ask("POST", path, content)
+    assert (code, words in json.loads(text)["error"]) == (status, True), text
+    assert served.ask("GET", "/frame")[2] == before[2]
+
+
+def test_actions_have_one_order_and_stale_ones_are_refused(served):
+    revision = int(served.ask("GET", "/frame")[1]["Revision"])
+    action = {"revision": revision, "action": {"do": "move", "values": {"base_tx.stiffness": 0.2}}}
+    status, headers, frame = served.ask("POST", "/act", action)
+    assert (status, int(headers["Revision"])) == (200, revision + 1)
+    assert read(frame)[0]["x"] == {"base_tx.stiffness": 0.2}
+    status, _, text = served.ask("POST", "/act", action)
+    assert (status, "another window" in json.loads(text)["error"]) == (409, True)
+    back = {"revision": revision + 1, "action": {"do": "undo"}}
+    assert read(served.ask("POST", "/act", back)[2])[0]["x"] == {}
+
+
+def test_a_view_of_what_is_not_there_is_refused_and_not_logged(served):
+    before = served.ask("GET", "/frame")[1]["Revision"]
+    look = {"revision": int(before), "action": {"do": "look", "channel": "nowhere:+tx"}}
+    status, _, text = served.ask("POST", "/act", look)
+    assert (status, "nowhere" in json.loads(text)["error"]) == (422, True)
+    assert served.ask("GET", "/frame")[1]["Revision"] == before
+
+
+def test_the_command_serves_until_ctrl_c_and_keeps_its_state(campaign, tmp_path):
+    words = [sys.executable, "-m", "mbw", "open", str(campaign), "--no-browser"]
+    words += ["--json", str(tmp_path / "end.json")]
+    root = Path(__file__).resolve().parents[2]
+    for expected in (0.25, 0.25):
+        with subprocess.Popen(words, stderr=subprocess.PIPE, text=True, cwd=root) as command:
+            line = command.stderr.readline()
+            while "http" not in line:
+                assert line, "no address"
+                line = command.stderr.readline()
+            address = re.search(r"http://\S+", line)[0]
+            where = type("Server", (), {"address": address, "host": address[7:].partition("/")[0]})
+            browser = Browser(where)
+            revision = int(browser.ask("GET", "/frame")[1]["Revision"])
+            move = {"do": "move", "values": {"base_tx.stiffness": expected}}
+            if not revision:
+                assert browser.ask("POST", "/act", {"revision": 0, "action": move})[0] == 200
+            assert read(browser.ask("GET", "/frame")[2])[0]["x"] == move["values"]
+            command.send_signal(signal.SIGINT)
+            said = command.stderr.read()
+            assert (command.wait(20), "is kept" in said) == (0, True), said
+        assert list(json.loads((tmp_path / "end.json").read_text())["parameters"]) == [
+            "base_tx.stiffness"
+        ]
