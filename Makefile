@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test long quick check docs figures bench field same versions sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
+.PHONY: demo test long quick check docs figures pictures bench field same versions sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
@@ -36,6 +36,10 @@ docs: $(VENV)/.installed-docs
 # Writes what is generated in README and docs: figures of the benches, options of the command.
 figures: $(VENV)/.installed-test
 	$(BIN)/python -m tests.docs
+
+# Remakes the picture of the workbench in the docs, by Chromium; it tunes the demo for it.
+pictures: $(VENV)/.installed-test
+	$(BIN)/python -m tests.docs.workbench_picture
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m tests.bench $(ONLY)

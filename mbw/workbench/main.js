@@ -86,7 +86,7 @@ function writeModes(frame) {
   frame.modes.forEach((mode, k) => {
     const shift = mode.drawn ? mode.frequency / mode.drawn - 1 : null;
     const texts = [mode.name || mode.frequency.toFixed(2), shift === null ? "" : (shift < 0 ? "−" : "+") + Math.abs(100 * shift).toFixed(1) + " %",
-      mode.damping === null ? (mode.name ? "at rest" : "overdamped") : (100 * mode.damping).toFixed(2), mode.measured?.toFixed(2) ?? "", mode.measured ? (100 * mode.measured_damping).toFixed(2) : "", mode.mac?.toFixed(3) ?? ""];
+      mode.damping === null ? (mode.name ? "at rest" : "overdamped") : (100 * mode.damping).toFixed(2), mode.mac?.toFixed(3) ?? "", mode.measured?.toFixed(2) ?? "", mode.measured ? (100 * mode.measured_damping).toFixed(2) : ""];
     const row = body.rows[k], isChosen = k + 1 === frame.view.mode;
     for (let c = 1; c < row.cells.length; c++) if (row.cells[c].textContent !== texts[c - 1]) row.cells[c].textContent = texts[c - 1];
     row.classList.toggle("chosen", isChosen);
@@ -130,6 +130,8 @@ byId("as-tuned").hidden = !Object.keys(session.tuned).length;
 byId("save").onclick = () => { say("Saving and reading back …"); run("save"); };
 byId("export").onclick = () => { say("Writing the page …"); run("export"); };
 byId("export").hidden = !session.has_page;
+byId("logarithmic").checked = session.logarithmic;
+plot.setLogarithmic(session.logarithmic);
 byId("logarithmic").onchange = event => plot.setLogarithmic(event.target.checked);
 byId("frames").onchange = event => scene.setFrames(event.target.checked);
 byId("amplitude").oninput = event => scene.setAmplitude(Number(event.target.value));

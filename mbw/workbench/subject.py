@@ -31,7 +31,7 @@ from tuning.files.plant_folder import AUGMENTED, SHOWN, VERDICT, HeldOutResult, 
 from tuning.files.result import TUNED_JSON, TUNED_MJCF
 from tuning.files.schema import InputRow
 
-N_LINES = 801  # of a model without a test: a curve of the width of a screen
+N_LINES = 801  # of a model without a test, evenly spaced on a logarithmic axis
 _RESULT_FILES = {"tuned": TUNED_JSON, "diagnosed": VERDICT, "modes": MODES_JSON}
 
 
@@ -184,7 +184,7 @@ def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -
         model=model,
         parametrisation=parametrise(model, Tolerance()),
         campaign=None,
-        freq_hz=np.linspace(low, high, N_LINES),
+        freq_hz=np.geomspace(low, high, N_LINES),
         quantity="accelerance",
         hashes=("", _hash(hash_files(mjcf_files(path), path.parent))),
         remarks=machine.remarks,

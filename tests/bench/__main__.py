@@ -46,6 +46,7 @@ from tests.bench import (
     truth,
     tune,
     without_hammer,
+    workbench,
     written_models,
 )
 from tests.bench.kept import only_kept
@@ -84,6 +85,7 @@ BENCHES = {
     "truth": truth.run,
     "tune": tune.run,
     "without_hammer": without_hammer.run,
+    "workbench": workbench.run,
     "written_models": written_models.run,
 }
 RESULTS = Path(__file__).parent / "results"

@@ -25,7 +25,7 @@ from tests.helpers.workbench_server import serve
 from tuning import modes_in_band, predict
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo"
-WARM_UP, STROKES = 12, 144
+N_SLIDERS, WARM_UP, STROKES = 72, 12, 144
 SOFTWARE_GL = "--enable-unsafe-swiftshader"  # the machine in 3-D without a graphics card
 MEASURE = """
 window.times = [];
@@ -72,7 +72,7 @@ def measure(tab: Tab, address: str, *, moves: bool) -> np.ndarray:
     tab.show(address, still=not moves)
     tab.wait("document.documentElement?.dataset.ready")
     tab.run(MEASURE)
-    assert tab.run("window.sliders.length") == 72
+    assert tab.run("window.sliders.length") == N_SLIDERS
     times = [tab.run(f"window.stroke({k})") for k in range(WARM_UP + STROKES)]
     assert tab.run("FAULTS") == []
     return np.array(times[WARM_UP:])
@@ -110,6 +110,7 @@ def run() -> list[dict[str, object]]:
             rows.append(
                 {
                     "case": name,
+                    "sliders": N_SLIDERS,
                     "strokes": len(times),
                     "median_ms": round(float(np.median(times)), 1),
                     "p95_ms": round(float(np.percentile(times, 95)), 1),

@@ -18,6 +18,7 @@ from tests.docs import (
     simulation_figures,
     truth_figures,
     tuning_figures,
+    workbench_figures,
 )
 
 FIGURES: Mapping[str, Callable[[], str]] = {
@@ -30,4 +31,5 @@ FIGURES: Mapping[str, Callable[[], str]] = {
     **tuning_figures.FIGURES,
     **truth_figures.FIGURES,
     **simulation_figures.FIGURES,
+    **workbench_figures.FIGURES,
 }

@@ -127,8 +127,10 @@ def test_a_torn_last_line_is_named_and_left_out(tmp_path):
 
 def test_one_state_has_one_server_and_other_content_another_log(tmp_path):
     path = log_path(tmp_path / "model.xml", "work", FIRST)
-    with open_log(path, FIRST), pytest.raises(InputError, match="another mbw open"), open_log(
-        path, FIRST
+    with (
+        open_log(path, FIRST),
+        pytest.raises(InputError, match="another mbw open"),
+        open_log(path, FIRST),
     ):
         pass
     assert path != log_path(tmp_path / "model.xml", "work", replace(FIRST, model="changed"))

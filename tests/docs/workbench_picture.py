@@ -1,0 +1,66 @@
+"""``python -m tests.docs.workbench_picture [FOLDER]``: picture of the workbench for the docs.
+
+It identifies and tunes a copy of ``assets/demo``, moves two stiffnesses of the tuned model and
+writes ``docs/images/workbench.png``. With a folder it writes every look of the page there: wide and
+narrow, light and dark.
+"""
+
+import os
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from unittest import mock
+
+from typer.testing import CliRunner
+
+from mbw.command import app
+from mbw.workbench.state import Look, Move
+from mbw.workbench.subject import open_subject
+from tests.docs.results import ROOT
+from tests.helpers.browser import open_tab
+from tests.helpers.workbench_server import serve
+
+PICTURE = ROOT / "docs" / "images" / "workbench.png"
+SOFTWARE_GL = "--enable-unsafe-swiftshader"
+READY = "document.documentElement?.dataset.ready"
+WIDTHS = {"wide": (1280, 800), "large": (1680, 1050), "narrow": (390, 844)}
+MOVED = {"granite_bottom_rx.stiffness": 0.6, "granite_bottom_ry.stiffness": -0.5}
+
+
+def main(arguments: list[str]) -> int:
+    """Write the picture of the docs, or all looks of the page into a folder."""
+    with (
+        tempfile.TemporaryDirectory() as name,
+        mock.patch.dict(os.environ, {"XDG_STATE_HOME": f"{name}/states"}),
+    ):
+        campaign = Path(shutil.copytree(ROOT / "assets" / "demo", Path(name) / "station"))
+        for verb in ("identify", "tune"):
+            run = CliRunner().invoke(app, [verb, str(campaign), "--quiet", "--no-pictures"])
+            assert run.exit_code in (0, 4), run.output
+        subject = open_subject(campaign.with_name("station-tuned"), None, None)
+        with serve(subject) as server, open_tab(SOFTWARE_GL) as tab:
+            desk = server.workbench.desk
+            x = subject.tuned_x()
+            desk.act(0, Move(values={each: x[each] + step for each, step in MOVED.items()}))
+            desk.act(1, Look(mode=7))
+            looks = [(*WIDTHS["wide"], False, PICTURE)]
+            if arguments:
+                folder = Path(arguments[0])
+                folder.mkdir(parents=True, exist_ok=True)
+                looks = [
+                    (*size, dark, folder / f"{width}-{'dark' if dark else 'light'}.png")
+                    for width, size in WIDTHS.items()
+                    for dark in (False, True)
+                ]
+            for width, height, dark, path in looks:
+                tab.show(server.address, width, height, dark=dark)
+                tab.wait(READY)
+                tab.run("new Promise(requestAnimationFrame).then(() => 0)")
+                tab.picture(path)
+                print(f"{path} written")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
