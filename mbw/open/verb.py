@@ -69,7 +69,11 @@ def run_options(  # noqa: PLR0913  # one for each option
         tasks = {"save": lambda: save_state(subject, desk.state, outputs)}
         if subject.result is not None:
             tasks["export"] = lambda: [_export(subject, out, overwrite=overwrite)]
-        with _start_server(Workbench(desk, tasks), port) as server:
+
+        def announce(address: str) -> None:
+            SCREEN.say(f"address for a further browser: {address}")
+
+        with _start_server(Workbench(desk, tasks, announce), port) as server:
             SCREEN.say(f"workbench of {subject.name}: {server.address}")
             SCREEN.say(f"actions are kept in {log.path}; Ctrl-C ends the workbench")
             if browser:
@@ -99,9 +103,9 @@ def _start_server(workbench: Workbench, port: int) -> PageServer:
 
 def _export(subject: Subject, out: Path | None, *, overwrite: bool) -> str:
     """Write the page of the result as one HTML file; return a sentence on where it is."""
-    assert_result = subject.result or subject.path
     folder = out or default_folder(subject.source, "opened")
-    return f"the page of the result is {write_report(assert_result, folder, overwrite=overwrite)}"
+    page = write_report(subject.path, folder, overwrite=overwrite)
+    return f"the page of the result is {page}"
 
 
 def _summary(subject: Subject, state: SessionState, name: str, log: Path) -> str:

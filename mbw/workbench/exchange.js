@@ -66,7 +66,11 @@ async function refuse(answer) {
   await renew();
 }
 
-async function renew() { await take(await fetch("/frame"), false); }
+async function renew() {
+  const answer = await fetch("/frame");
+  if (answer.ok) await take(answer, false);
+  else say((await answer.json()).error, true);
+}
 
 const post = (path, content) => fetch(path, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(content)});
 

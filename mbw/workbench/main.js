@@ -65,8 +65,8 @@ function writeReadout(frequency, values, coherence) {
 const percent = value => value === null || value === undefined ? "unknown" : (100 * value).toPrecision(3) + " %";
 function writeFigures({gap, drawn_gap: drawn}) {
   if (gap.error === undefined) { byId("figures").hidden = true; return; }
-  const rows = [["error of the FRFs", percent(gap.error), "as drawn " + percent(drawn.error)]];
-  if (gap.excess !== null) rows.push(["over the noise", "× " + gap.excess.toPrecision(3), "as drawn × " + drawn.excess.toPrecision(3)]);
+  const rows = [["error of the FRFs", percent(gap.error), "drawn " + percent(drawn.error)]];
+  if (gap.excess !== null) rows.push(["over the noise", "× " + gap.excess.toPrecision(3), "drawn × " + drawn.excess.toPrecision(3)]);
   byId("figures").replaceChildren(...rows.map(([name, value, note]) => create("div", {}, create("dt", {textContent: name}), create("dd", {}, create("strong", {textContent: value}), " ", create("span", {className: "soft", textContent: note})))));
 }
 
@@ -86,9 +86,13 @@ function writeModes(frame) {
   frame.modes.forEach((mode, k) => {
     const shift = mode.drawn ? mode.frequency / mode.drawn - 1 : null;
     const texts = [mode.name || mode.frequency.toFixed(2), shift === null ? "" : (shift < 0 ? "−" : "+") + Math.abs(100 * shift).toFixed(1) + " %",
-      mode.damping === null ? (mode.name ? "at rest" : "overdamped") : (100 * mode.damping).toFixed(2), mode.mac?.toFixed(3) ?? "", mode.measured?.toFixed(2) ?? "", mode.measured ? (100 * mode.measured_damping).toFixed(2) : ""];
+      mode.damping === null ? (mode.name ? "" : "> 100") : (100 * mode.damping).toFixed(2), mode.mac?.toFixed(3) ?? "", mode.measured?.toFixed(2) ?? "", mode.measured ? (100 * mode.measured_damping).toFixed(2) : ""];
     const row = body.rows[k], isChosen = k + 1 === frame.view.mode;
     for (let c = 1; c < row.cells.length; c++) if (row.cells[c].textContent !== texts[c - 1]) row.cells[c].textContent = texts[c - 1];
+    if (isChosen && !row.classList.contains("chosen")) {  // scrolls the table alone, not the page
+      const box = body.closest(".scroll"), gap = row.getBoundingClientRect().bottom - box.getBoundingClientRect().bottom;
+      if (gap > 0) box.scrollTop += gap + 8;
+    }
     row.classList.toggle("chosen", isChosen);
     row.cells[0].firstChild.setAttribute("aria-pressed", String(isChosen));
     row.cells[0].firstChild.setAttribute("aria-label", `mode ${k + 1}, ${texts[0]} Hz`);

@@ -1,9 +1,10 @@
 """Server of the workbench's page: one machine, one user, nothing from or to a network.
 
-It listens on 127.0.0.1 alone. The address that is printed holds a random token; the first request
-with it gets a strict cookie and is sent on to an address without it. Every request must name this
-server as its host, a request that changes something also as its origin. No path of a request is
-looked up on the disk: the files of the page are a fixed table.
+It listens on 127.0.0.1 alone. The address that is printed holds a random token, which counts once:
+the request with it gets a strict cookie and is sent on to an address without it, and the next
+browser needs a new token. Every request must name this server as its host, a request that changes
+something also as its origin. No path of a request is looked up on the disk: the files of the page
+are a fixed table.
 
 The standard library serves it. Curves go as bytes over one kept connection, and events tell other
 windows of a new state; this needs no package, no build step and no policy beyond ``'self'``.
@@ -70,13 +71,13 @@ class Workbench:
     Args:
         desk: state and frames.
         tasks: what the page's buttons ask for, by name: each returns sentences.
-        token: secret of the address.
-        cookie: secret of the browsers that came with it.
+        announce: told each new address; the first one is not announced.
+        cookie: secret of the browsers that came with a token.
     """
 
     desk: Desk
     tasks: dict[str, Callable[[], list[str]]]
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    announce: Callable[[str], None] = field(default=lambda address: None)
     cookie: str = field(default_factory=lambda: secrets.token_urlsafe(24))
 
 
@@ -95,7 +96,7 @@ class PageServer(ThreadingHTTPServer):
     allow_reuse_address = True
 
     def __init__(self, workbench: Workbench, port: int = 0) -> None:
-        self.workbench = workbench
+        self.workbench, self._token = workbench, secrets.token_urlsafe(24)
         super().__init__((HOST, port), _Handler)
 
     def handle_error(self, request: object, client_address: object) -> None:
@@ -111,7 +112,15 @@ class PageServer(ThreadingHTTPServer):
     @property
     def address(self) -> str:
         """Address with the token, for the first request of a browser."""
-        return f"http://{self.host}/?token={self.workbench.token}"
+        return f"http://{self.host}/?token={self._token}"
+
+    def use_token(self, token: str) -> bool:
+        """Return whether a token is the present one; if so, make and announce the next."""
+        if not _equal(token, self._token):
+            return False
+        self._token = secrets.token_urlsafe(24)
+        self.workbench.announce(self.address)
+        return True
 
     @property
     def cookie_name(self) -> str:
@@ -133,7 +142,7 @@ class _Handler(BaseHTTPRequestHandler):
         if not self._is_for_us():
             return
         token = parse_qs(address.query).get("token", [""])[0]
-        if address.path == "/" and _equal(token, self.server.workbench.token):
+        if address.path == "/" and token and self.server.use_token(token):
             self._admit()
             return
         if not self._is_admitted():

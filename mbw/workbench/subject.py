@@ -228,7 +228,7 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
     for name, read in readers.items():
         if name not in folders:
             continue
-        frfs = _stored(read(), subject)
+        frfs = _read_frfs(read(), subject)
         if frfs is None:
             remarks.append(
                 f"{folders[name]} has other frequency lines, and its curves are not shown"
@@ -252,7 +252,7 @@ def _is_result_of(source: Path, folder: Path, file: str) -> bool:
     return made_from is not None and real_path(made_from) == real_path(source)
 
 
-def _stored(result: HeldOutResult, subject: Subject) -> StoredFrfs | None:
+def _read_frfs(result: HeldOutResult, subject: Subject) -> StoredFrfs | None:
     """Return the FRFs of a result at the sensors; None if its lines are not the campaign's."""
     lines, frfs = result.freq_hz, result.levels["sensors"]
     if lines.shape != subject.freq_hz.shape or not np.allclose(lines, subject.freq_hz, rtol=1e-9):

@@ -25,7 +25,7 @@ PICTURE = ROOT / "docs" / "images" / "workbench.png"
 SOFTWARE_GL = "--enable-unsafe-swiftshader"
 READY = "document.documentElement?.dataset.ready"
 WIDTHS = {"wide": (1280, 800), "large": (1680, 1050), "narrow": (390, 844)}
-MOVED = {"granite_bottom_rx.stiffness": 0.6, "granite_bottom_ry.stiffness": -0.5}
+MOVED = {"granite_bottom_rx.stiffness": 0.3, "granite_bottom_ry.stiffness": -0.2}
 
 
 def main(arguments: list[str]) -> int:

@@ -118,7 +118,7 @@ class Tab:
     def wait(self, condition):
         """Wait until an expression is true, asked at each frame that the browser paints."""
         return self.run(
-            "new Promise((done, fail) => { const end = performance.now() + 20000;"
+            "new Promise((done, fail) => { const end = performance.now() + 60000;"
             f"const look = () => ({condition}) ? done(true) : performance.now() > end ? "
             f"fail(Error({condition!r})) : requestAnimationFrame(look); look(); }})"
         )

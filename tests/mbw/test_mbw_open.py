@@ -204,6 +204,20 @@ def test_a_folder_of_results_begins_as_tuned_with_its_curves_and_modes(results):
     assert len(shown) > 3
 
 
+def test_a_diagnosed_folder_shows_the_model_with_its_causes(campaign, tmp_path):
+    out = tmp_path / "diagnosed"
+    run = CliRunner().invoke(app, ["diagnose", str(campaign), "--out", str(out), "--quiet"])
+    assert run.exit_code in (0, 4), run.output
+    subject = open_subject(out, None, None)
+    _, arrays = read(FrameMaker(subject).make(subject.first_state()))
+    shown = json.loads((out / "diagnosis.json").read_text("utf-8"))
+    with np.load(out / "diagnosis.npz") as stored:
+        values = stored[(shown["plant"] or {}).get("held_out") or "retuned"]
+    label = subject.first_state().view.channel
+    column = [row["output"] for row in shown["channels"]].index(label)
+    np.testing.assert_allclose(complexes(arrays["diagnosed"]), values[:, column], rtol=1e-5)
+
+
 def test_kept_frames_stay_within_their_bytes(campaign):
     subject = open_subject(campaign, None, None)
     one = len(FrameMaker(subject).make(subject.first_state()))
@@ -320,8 +334,9 @@ def test_the_token_gives_a_strict_cookie_and_leaves_the_address(served):
     status, headers, _ = served.ask("GET", path, Cookie=None)
     assert (status, headers["Location"]) == (303, "/")
     assert headers["Set-Cookie"].endswith("; HttpOnly; SameSite=Strict; Path=/")
-    assert served.server.workbench.token not in headers["Set-Cookie"]
-    assert served.ask("GET", "/?token=guess", Cookie=None)[0] == 403
+    assert path.partition("=")[2] not in headers["Set-Cookie"]
+    for used in (path, "/?token=guess", "/?token="):
+        assert served.ask("GET", used, Cookie=None)[0] == 403
 
 
 @pytest.mark.parametrize("path", ["/", "/main.js", "/session", "/scene", "/frame", "/events"])
