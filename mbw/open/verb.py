@@ -18,7 +18,7 @@ from mbw.workbench.saving import save_state
 from mbw.workbench.server import HOST, PageServer, Workbench
 from mbw.workbench.state import SessionState
 from mbw.workbench.state_log import log_path, open_log
-from mbw.workbench.subject import Subject, open_subject
+from mbw.workbench.subject import WorkbenchSubject, open_subject
 
 
 class OpenedState(ResultFile):
@@ -101,14 +101,14 @@ def _start_server(workbench: Workbench, port: int) -> PageServer:
         ) from error
 
 
-def _export(subject: Subject, out: Path | None, *, overwrite: bool) -> str:
+def _export(subject: WorkbenchSubject, out: Path | None, *, overwrite: bool) -> str:
     """Write the page of the result as one HTML file; return a sentence on where it is."""
     folder = out or default_folder(subject.source, "opened")
     page = write_report(subject.path, folder, overwrite=overwrite)
     return f"the page of the result is {page}"
 
 
-def _summary(subject: Subject, state: SessionState, name: str, log: Path) -> str:
+def _summary(subject: WorkbenchSubject, state: SessionState, name: str, log: Path) -> str:
     """Return the parameters at the end, as JSON."""
     varies = subject.parametrisation
     theta = varies.theta(state.x(varies.names))

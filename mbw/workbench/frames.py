@@ -17,7 +17,7 @@ from identification.words import Complex, Real
 from mbmodel import Evaluator, FrfRequest, ModeEvaluator, Modes, parse_input, parse_output
 from mbmodel.ports.port_units import input_unit, output_unit
 from mbw.workbench.state import SessionState
-from mbw.workbench.subject import Subject
+from mbw.workbench.subject import WorkbenchSubject
 from tuning import channel_gaps, predict, summarise_gaps
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost
 
@@ -47,7 +47,7 @@ class FrameMaker:
         max_bytes: bytes of the frames that are kept.
     """
 
-    subject: Subject
+    subject: WorkbenchSubject
     max_bytes: int = MAX_FRAME_BYTES
     _kept: OrderedDict[str, bytes] = field(default_factory=OrderedDict)
     _pairs: dict[tuple[str, str], tuple[Evaluator, Complex]] = field(default_factory=dict)
@@ -216,7 +216,7 @@ def _mass_root(mass: Real) -> Real:
     return root
 
 
-def _find_cell(subject: Subject, reference: str, channel: str) -> tuple[int, int] | None:
+def _find_cell(subject: WorkbenchSubject, reference: str, channel: str) -> tuple[int, int] | None:
     """Return the numbers of the test and of its output that were measured; None if not."""
     if reference not in subject.tests or subject.campaign is None:
         return None

@@ -7,7 +7,7 @@ from mbmodel import WrittenModel, write_model
 from mbw.output_folder import ResultOptions
 from mbw.remarks import describe_not_in_mjcf
 from mbw.workbench.state import SessionState
-from mbw.workbench.subject import Subject
+from mbw.workbench.subject import WorkbenchSubject
 from tuning import open_session, predict
 from tuning.assessment.gap import relative_change
 from tuning.files.result import final_folder
@@ -16,7 +16,7 @@ from tuning.files.states_campaign import CAMPAIGN, write_campaign_with_model
 SAVED_MODEL = "model.xml"
 
 
-def save_state(subject: Subject, state: SessionState, outputs: ResultOptions) -> list[str]:
+def save_state(subject: WorkbenchSubject, state: SessionState, outputs: ResultOptions) -> list[str]:
     """Write a state as MJCF, and as campaign.toml if there are tests, and read both back.
 
     The file is compared with the machine in memory, and its FRFs with those of the state.
@@ -48,7 +48,9 @@ def save_state(subject: Subject, state: SessionState, outputs: ResultOptions) ->
         return _describe(subject, theta, written, output.path)
 
 
-def _describe(subject: Subject, theta: Real, written: WrittenModel, folder: Path) -> list[str]:
+def _describe(
+    subject: WorkbenchSubject, theta: Real, written: WrittenModel, folder: Path
+) -> list[str]:
     """Return sentences on files that were written, which are read back for it."""
     if subject.campaign is None:
         sentences, change = [f"{SAVED_MODEL} is in {folder}"], None

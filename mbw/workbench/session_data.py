@@ -7,10 +7,10 @@ import numpy as np
 from mbmodel import machine_geometry
 from mbw.page.picture import picture_data
 from mbw.workbench.frames import port_of
-from mbw.workbench.subject import Subject, port_labels
+from mbw.workbench.subject import WorkbenchSubject, port_labels
 
 
-def session_data(subject: Subject) -> dict[str, Any]:
+def session_data(subject: WorkbenchSubject) -> dict[str, Any]:
     """Return names, parameters, channels and lines of a subject, as JSON can hold them."""
     machine, campaign = subject.model.machine, subject.campaign
     labels = port_labels(machine.layout)
@@ -48,7 +48,7 @@ def session_data(subject: Subject) -> dict[str, Any]:
     }
 
 
-def _parameter_rows(subject: Subject) -> list[dict[str, Any]]:
+def _parameter_rows(subject: WorkbenchSubject) -> list[dict[str, Any]]:
     """Return a row for each coordinate, in x: value = drawn exp(scale x) or drawn + scale x."""
     varies, model = subject.parametrisation, subject.model
     first = np.array([varies.coordinate_of.tolist().index(k) for k in range(varies.size)], int)
@@ -80,7 +80,7 @@ def _finite_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def scene_data(subject: Subject) -> dict[str, Any]:
+def scene_data(subject: WorkbenchSubject) -> dict[str, Any]:
     """Return the machine at rest in 3-D: surfaces, points and lines."""
     machine = subject.model.machine
     at_rest = np.zeros((0, 6 * len(machine.layout.bodies)), complex)

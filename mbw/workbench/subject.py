@@ -49,7 +49,7 @@ class StoredFrfs:
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class WorkbenchSubject:
     """A model with what can vary, its tests, and results of earlier verbs.
 
     Args:
@@ -139,7 +139,7 @@ def _drive_channel(reference: object, outputs: Iterable[object]) -> object:
     return reference if reference in listed else listed[0]
 
 
-def open_subject(path: Path, band: tuple[float, float] | None, key: str | None) -> Subject:
+def open_subject(path: Path, band: tuple[float, float] | None, key: str | None) -> WorkbenchSubject:
     """Read a campaign, a model, or a folder of results with the campaign that it was made from.
 
     Args:
@@ -169,7 +169,7 @@ def open_subject(path: Path, band: tuple[float, float] | None, key: str | None) 
     return _open_campaign(path, source, band)
 
 
-def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -> Subject:
+def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -> WorkbenchSubject:
     """Open a model alone: everything varies that a campaign could tune of it."""
     machine = load_machine(path, key=key)
     model = machine_model(machine)
@@ -178,7 +178,7 @@ def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -
     if not model.parameters or not moving.size:
         raise InputError(f"{path}: nothing of this machine oscillates: add springs to its joints")
     low, high = band or (0.3 * float(moving.min()), 1.15 * float(moving.max()))
-    return Subject(
+    return WorkbenchSubject(
         path=path,
         source=path,
         model=model,
@@ -191,7 +191,7 @@ def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -
     )
 
 
-def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -> Subject:
+def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -> WorkbenchSubject:
     """Open a campaign with the results that were made from it, here or beside it."""
     folders = {
         suffix: folder
@@ -204,7 +204,7 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
     session = open_session(source, band)
     campaign = session.campaign.leave_out_after()
     rows = input_rows(session)
-    subject = Subject(
+    subject = WorkbenchSubject(
         path=path,
         source=source,
         model=session.model,
@@ -252,7 +252,7 @@ def _is_result_of(source: Path, folder: Path, file: str) -> bool:
     return made_from is not None and real_path(made_from) == real_path(source)
 
 
-def _read_frfs(result: HeldOutResult, subject: Subject) -> StoredFrfs | None:
+def _read_frfs(result: HeldOutResult, subject: WorkbenchSubject) -> StoredFrfs | None:
     """Return the FRFs of a result at the sensors; None if its lines are not the campaign's."""
     lines, frfs = result.freq_hz, result.levels["sensors"]
     if lines.shape != subject.freq_hz.shape or not np.allclose(lines, subject.freq_hz, rtol=1e-9):

@@ -19,7 +19,7 @@ from unittest import mock
 
 import numpy as np
 
-from mbw.workbench.subject import StoredFrfs, Subject, open_subject
+from mbw.workbench.subject import StoredFrfs, WorkbenchSubject, open_subject
 from tests.helpers.browser import Tab, open_tab
 from tests.helpers.workbench_server import serve
 from tuning import modes_in_band, predict
@@ -50,7 +50,7 @@ window.stroke = async k => {
 """
 
 
-def four_curves() -> Subject:
+def four_curves() -> WorkbenchSubject:
     """Return the demo with modes and a third model's curves, of any parameters."""
     subject = open_subject(DEMO, (0.1, 200.0), None)
     campaign, varies = subject.campaign, subject.parametrisation
