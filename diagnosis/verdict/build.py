@@ -12,10 +12,9 @@ from diagnosis.levels.free_levels import LAW_EFFECTS, list_levels
 from diagnosis.next_test.discriminating import propose_experiment
 from diagnosis.settings import DiagnosisSettings
 from diagnosis.verdict.gains import list_channel_gains
-from diagnosis.verdict.gap_rows import build_gap_row, find_closed_part, list_level_rows
+from diagnosis.verdict.gap_rows import find_closed_part, list_level_rows
 from diagnosis.verdict.schema import (
     CauseRow,
-    GapAt,
     GapSteps,
     Interval,
     Probability,
@@ -27,6 +26,7 @@ from diagnosis.verdict.schema import (
 from identification import MIN_REDUNDANT_CHANNELS
 from mbmodel import HammerGainPart, HammerPart, SensorPart
 from tuning import MIN_VISIBLE_EXCESS, channel_gaps, predict, summarise_gaps
+from tuning.files.schema import GapRow
 
 # Effects that only redundant channels of a body show.
 _REDUNDANCY_EFFECTS = ("sensor_swap", BENDS)
@@ -52,9 +52,9 @@ def build_verdict(diagnosis: Diagnosis) -> Verdict:
             none=posterior.none, unexplained=posterior.unexplained, several=posterior.several
         ),
         gap=GapSteps(
-            as_drawn=build_gap_row(diagnosis.as_drawn),
-            retuned=build_gap_row(retuned),
-            after=build_gap_row(after.gap) if after else GapAt(error=None, excess=None),
+            as_drawn=GapRow.model_validate(diagnosis.as_drawn),
+            retuned=GapRow.model_validate(retuned),
+            after=GapRow.model_validate(after.gap) if after else GapRow(error=None, excess=None),
             noise=retuned.noise,
             closed=find_closed_part(retuned, after.gap) if is_visible and after else None,
             interval=_find_interval(diagnosis.retuned, after, visible=is_visible),

@@ -1,13 +1,9 @@
 """Rows of gaps for verdict.json: at each step, and at each level of the hits."""
 
 from diagnosis.estimates.gap_by_level import GapAtLevel, LevelGaps
-from diagnosis.verdict.schema import GapAt, LevelGapRow
+from diagnosis.verdict.schema import LevelGapRow
 from tuning import MIN_VISIBLE_EXCESS, Gap
-
-
-def build_gap_row(gap: Gap) -> GapAt:
-    """Return the row of a gap."""
-    return GapAt(error=gap.error, excess=gap.excess)
+from tuning.files.schema import GapRow
 
 
 def find_closed_part(retuned: Gap, after: Gap) -> float | None:
@@ -31,7 +27,7 @@ def _build_level_row(level: GapAtLevel) -> LevelGapRow:
     return LevelGapRow(
         level=level.level_n,
         unit=level.unit,
-        retuned=build_gap_row(retuned),
-        after=build_gap_row(level.after),
+        retuned=GapRow.model_validate(retuned),
+        after=GapRow.model_validate(level.after),
         closed=find_closed_part(retuned, level.after) if is_visible else None,
     )

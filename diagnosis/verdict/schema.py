@@ -1,18 +1,12 @@
 """Schema of verdict.json, as FORMATS defines it."""
 
-from pydantic import BaseModel, ConfigDict
-
 from diagnosis.decision.established import Spread, Word
 from diagnosis.stated_values import Ends, Value
-from identification.readers.result_files import ResultFile
-from tuning.files.schema import ChannelGainRow
+from identification.readers.result_files import ResultFile, StrictRow
+from tuning.files.schema import ChannelGainRow, GapRow
 
 
-class _Row(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-class Probability(_Row):
+class Probability(StrictRow):
     """Probabilities of the empty set, without and with a rest, and of several causes."""
 
     none: float
@@ -20,40 +14,33 @@ class Probability(_Row):
     several: float
 
 
-class GapAt(_Row):
-    """Error and excess of a gap; null if the number does not exist."""
-
-    error: float | None
-    excess: float | None
-
-
-class Interval(_Row):
+class Interval(StrictRow):
     """Intervals of the gap with the causes."""
 
     closed: tuple[float, float] | None = None
     after: tuple[float, float] | None = None
 
 
-class LevelGapRow(_Row):
+class LevelGapRow(StrictRow):
     """Gap of the tests of one level; ``unit`` is that of the level."""
 
     level: float
     unit: str = "N"
-    retuned: GapAt
-    after: GapAt
+    retuned: GapRow
+    after: GapRow
     closed: float | None
 
 
-class GapSteps(_Row):
+class GapSteps(StrictRow):
     """Gap of the nominal model on all lines, and of both fits on held-out lines.
 
     ``levels`` has the gap at each level. ``foretold`` is that at the middle level of fits to all
     other levels.
     """
 
-    as_drawn: GapAt
-    retuned: GapAt
-    after: GapAt
+    as_drawn: GapRow
+    retuned: GapRow
+    after: GapRow
     noise: float | None
     closed: float | None
     interval: Interval
@@ -61,14 +48,14 @@ class GapSteps(_Row):
     foretold: LevelGapRow | None = None
 
 
-class Where(_Row):
+class Where(StrictRow):
     """Place of the cause, with its probability, normalised over places."""
 
     location: str
     share: float | None
 
 
-class CauseRow(_Row):
+class CauseRow(StrictRow):
     """Cause: an effect at a place.
 
     ``places`` lists all places that the test cannot tell apart, the likeliest first. ``laws`` lists
@@ -86,7 +73,7 @@ class CauseRow(_Row):
     laws: list[str] = []
 
 
-class RestRow(_Row):
+class RestRow(StrictRow):
     """Rest: the gap that remains with the established causes."""
 
     excess: float | None
@@ -96,7 +83,7 @@ class RestRow(_Row):
     where: list[Where]
 
 
-class RemarkRow(_Row):
+class RemarkRow(StrictRow):
     """Proven fault that is not established, with the part of the gap that it closes alone."""
 
     effect: str
@@ -105,7 +92,7 @@ class RemarkRow(_Row):
     closed: float | None
 
 
-class Verdict(ResultFile, _Row):
+class Verdict(ResultFile, StrictRow):
     """Content of verdict.json."""
 
     verdict: Word

@@ -20,7 +20,6 @@ from identification.roving_hammer import is_roving_hammer
 from identification.words import (
     Campaign,
     Complex,
-    Input,
     InputError,
     Integers,
     Output,
@@ -39,13 +38,14 @@ class CellDifference:
     """Difference of one FRF between two tests.
 
     Args:
-        output, input: channel and reference.
-        over_noise: root of the squared difference over the sum of both variances; 1 is noise.
+        output, input: labels of channel and reference.
+        over_noise: root of the squared difference over the sum of both variances, over all lines;
+            1 is noise alone.
         relative: norm of the difference over that of the first FRF.
     """
 
-    output: Output
-    input: Input
+    output: str
+    input: str
     over_noise: float
     relative: float
 
@@ -306,7 +306,8 @@ def compare_frfs(comparison: TestComparison) -> tuple[CellDifference, ...]:
             if not (total > 0 and size > 0):
                 continue
             over = square / total
-            rows.append(CellDifference(output, source, over**0.5, (square / size) ** 0.5))
+            row = CellDifference(str(output), str(source), over**0.5, (square / size) ** 0.5)
+            rows.append(row)
     return tuple(sorted(rows, key=lambda row: -row.over_noise))
 
 

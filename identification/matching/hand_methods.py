@@ -26,7 +26,7 @@ from identification.modal import (
     peak_amplitude,
     unit_response,
 )
-from identification.words import Dof, InputError
+from identification.words import InputError
 
 _MIN_PEAK_LINES = 3  # lines between the half-power points, for a least-squares amplitude
 _MIN_IMAGINARY_SHARE = 0.5  # of the value at the peak: within 60 degrees of the axis
@@ -38,20 +38,19 @@ class HandEstimate:
     """One channel's row of tables 2 and 3.
 
     Args:
-        dof: degree of freedom of the channel.
-        impact: number of the impact.
-        lower, upper: frequencies at which the peak has fallen by 3 dB [Hz].
-        peak: frequency line of the peak [Hz].
+        channel: label of the channel, such as ``acc1:+tx``.
+        impact: file of the impact.
+        lower, peak, upper: frequency line of the peak, and where it has fallen by 3 dB [Hz].
         damping: zeta, eq. 16.
         least_squares: C by eq. 18 [m/s2 s].
         maximum: C by the peak [m/s2 s].
     """
 
-    dof: Dof
-    impact: int
+    channel: str
+    impact: str
     lower: float
-    upper: float
     peak: float
+    upper: float
     damping: float
     least_squares: float
     maximum: float
@@ -73,7 +72,7 @@ def estimate_by_hand(
         mode: number of the mode.
         max_rows: number of channels, at most.
     """
-    freq, impact = spectra.freq_hz, strongest_impact(modes, mode)
+    freq = spectra.freq_hz
     natural, damping = float(modes.frequencies[mode]), float(modes.dampings[mode])
     values = rotate_to_imaginary(spectra, modes, mode)
     reach = max(damping * natural, 2 * float(freq[1] - freq[0]))
@@ -97,12 +96,12 @@ def estimate_by_hand(
         response = unit_response(freq[lines], float(freq[peak]), zeta) - 1
         rows.append(
             HandEstimate(
-                spectra.dofs[channel],
-                impact,
-                lower,
-                upper,
+                str(spectra.dofs[channel]),
+                spectra.sources[strongest_impact(modes, mode)],
+                float(lower),
                 float(freq[peak]),
-                zeta,
+                float(upper),
+                float(zeta),
                 float(least_squares_amplitude(values[lines, channel], response)),
                 float(peak_amplitude(values[peak, channel], zeta)),
             )

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from identification.words import InputError
 from identification.words.file_access import check_file, read_bytes
@@ -21,7 +21,19 @@ FORMAT = 1  # of files that are written, and the newest that is read
 ResultModel = TypeVar("ResultModel", bound=BaseModel)
 
 
-class ResultFile(BaseModel):
+class ResultRow(BaseModel):
+    """Part of a result: JSON without NaN, made from keywords or from a record's attributes."""
+
+    model_config = ConfigDict(allow_inf_nan=False, from_attributes=True)
+
+
+class StrictRow(ResultRow):
+    """Part of a result that refuses unknown keys and does not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ResultFile(ResultRow):
     """Top level of a JSON file, with its format first."""
 
     format: int = FORMAT

@@ -27,7 +27,6 @@ from identification.words.csv_cells import write_csv
 from identification.words.file_access import read_bytes
 from mbw.compare.schema import (
     CampaignRow,
-    CellRow,
     ComparedFile,
     ComparedModeRow,
     Kind,
@@ -72,7 +71,6 @@ def collect_result(
         for row, shift in zip(rows, shifts, strict=True):
             if shift is not None:
                 row.frequency_shift, row.damping_shift = map(_shift_row, shift)
-    frfs = () if kind == "fleet" else compare_frfs(comparison)
     return ComparedFile(
         kind=kind,
         campaigns=[
@@ -84,15 +82,7 @@ def collect_result(
         band=comparison.band,
         channels=[str(dof) for dof in comparison.outputs],
         modes=rows,
-        frfs=[
-            CellRow(
-                output=str(cell.output),
-                input=str(cell.input),
-                over_noise=cell.over_noise,
-                relative=cell.relative,
-            )
-            for cell in frfs
-        ],
+        frfs=[] if kind == "fleet" else list(compare_frfs(comparison)),
     )
 
 

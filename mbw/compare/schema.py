@@ -1,17 +1,15 @@
 """Content of ``compared.json``, which ``mbw compare`` writes."""
 
-from typing import Annotated, Literal
-
-from pydantic import BaseModel, Field
+from typing import Literal
 
 from diagnosis import Verdict
-from identification.readers.result_files import ResultFile
+from identification.comparison import CellDifference
+from identification.readers.result_files import ResultFile, ResultRow
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Kind = Literal["visits", "machines", "fleet"]
 
 
-class CampaignRow(BaseModel):
+class CampaignRow(ResultRow):
     """A compared campaign.
 
     Args:
@@ -23,7 +21,7 @@ class CampaignRow(BaseModel):
     source: str
 
 
-class ShiftRow(BaseModel):
+class ShiftRow(ResultRow):
     """Difference of a number of a mode, the second test less the first.
 
     Args:
@@ -32,13 +30,13 @@ class ShiftRow(BaseModel):
         changed: whether neither noise nor the drift between two visits explains it.
     """
 
-    value: Finite
-    sd: Finite
-    significance: Finite | None
+    value: float
+    sd: float
+    significance: float | None
     changed: bool
 
 
-class ScatterRow(BaseModel):
+class ScatterRow(ResultRow):
     """Scatter of a number of a mode over the machines of a fleet.
 
     Args:
@@ -48,13 +46,13 @@ class ScatterRow(BaseModel):
         stands_out: names of the campaigns that lie apart from the others.
     """
 
-    mean: Finite
-    spread: Finite | None
-    within: Finite
+    mean: float
+    spread: float | None
+    within: float
     stands_out: list[str]
 
 
-class ComparedModeRow(BaseModel):
+class ComparedModeRow(ResultRow):
     """A mode; its lists have an entry for each campaign, null where the mode was not found.
 
     Args:
@@ -67,31 +65,16 @@ class ComparedModeRow(BaseModel):
         frequency_scatter, damping_scatter: scatter over a fleet; null for two campaigns.
     """
 
-    frequency: list[Finite | None]
-    frequency_sd: list[Finite | None]
-    damping: list[Finite | None]
-    damping_sd: list[Finite | None]
-    mac: list[Finite | None]
-    probability: list[Finite | None]
+    frequency: list[float | None]
+    frequency_sd: list[float | None]
+    damping: list[float | None]
+    damping_sd: list[float | None]
+    mac: list[float | None]
+    probability: list[float | None]
     frequency_shift: ShiftRow | None = None
     damping_shift: ShiftRow | None = None
     frequency_scatter: ScatterRow | None = None
     damping_scatter: ScatterRow | None = None
-
-
-class CellRow(BaseModel):
-    """Difference of one FRF between two campaigns.
-
-    Args:
-        output, input: labels.
-        over_noise: difference over the noise of both tests, over all lines; 1 is noise alone.
-        relative: norm of the difference over that of the first FRF.
-    """
-
-    output: str
-    input: str
-    over_noise: Finite
-    relative: Finite
 
 
 class ComparedFile(ResultFile):
@@ -117,8 +100,8 @@ class ComparedFile(ResultFile):
     change: str | None = None
     without_diagnosis: str | None = None
     remarks: list[str]
-    band: tuple[Finite, Finite]
+    band: tuple[float, float]
     channels: list[str]
     modes: list[ComparedModeRow]
-    frfs: list[CellRow]
+    frfs: list[CellDifference]
     verdict: Verdict | None = None

@@ -29,7 +29,7 @@ from mbw.results.diagnosed_schema import (
     ShownFile,
     StepsRow,
 )
-from mbw.results.fault_rows import fault_row
+from mbw.results.fault_rows import FaultRow
 from mbw.results.machine_rows import machine_rows, place_row
 from tuning import gap_at_bodies, predict
 from tuning.files.input_files import input_rows
@@ -90,7 +90,7 @@ def collect_result(
         established=list_established(diagnosis, verdict),
         solid=[check.sentence for check in diagnosis.checks.bodies],
         taken_out=[
-            fault_row(fault)
+            FaultRow.model_validate(fault)
             for fault in diagnosis.checks.faults
             if "sensor:" in fault.location and fault not in diagnosis.checks.small
         ],

@@ -1,65 +1,51 @@
 """Content of excitation.json."""
 
-from typing import Annotated
-
-from pydantic import BaseModel, Field
-
-from identification.readers.result_files import ResultFile
+from identification.readers.result_files import ResultFile, ResultRow
+from tuning.excitation.prediction import SlidingRow
 
 EXCITATION_JSON = "excitation.json"
-Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class DriveRow(BaseModel):
+class DriveRow(ResultRow):
     """A drive; ``force`` is that of one unit of its signal, in ``force_unit``."""
 
     drive: str
     unit: str
-    force: Number
+    force: float
     force_unit: str
-    rms: Number
+    rms: float
 
 
-class LimitRow(BaseModel):
+class LimitRow(ResultRow):
     """A limit, and the largest value that is reached, both in ``unit``."""
 
     drive: str
     what: str
-    reached: Number
-    limit: Number
+    reached: float
+    limit: float
     unit: str
 
 
-class CoherenceSummary(BaseModel):
+class CoherenceSummary(ResultRow):
     """Coherence that an output will have with a drive: median and lowest over the lines."""
 
     drive: str
     output: str
-    median: Number
-    lowest: Number
+    median: float
+    lowest: float
 
 
-class ParameterForecast(BaseModel):
+class ParameterForecast(ResultRow):
     """A stiffness or damping with its expected 95 % interval [SI]."""
 
     parameter: str
-    nominal: Number
+    nominal: float
     unit: str
-    interval: tuple[Number, Number]
+    interval: tuple[float, float]
     determined: bool
 
 
-class SlidingSummary(BaseModel):
-    """A joint with friction: part of the time in which it slides, or force over its limit."""
-
-    joint: str
-    limit: Number
-    sliding: Number | None
-    force_ratio: Number | None
-    slides: bool
-
-
-class CriterionRow(BaseModel):
+class CriterionRow(ResultRow):
     """D-optimality: ``value`` is -ln det of the covariance of the coordinates ``of`` [nats].
 
     ``flat`` is that of the flat spectrum under the same limits, and ``gap`` the upper bound of what
@@ -69,9 +55,9 @@ class CriterionRow(BaseModel):
     name: str
     of: list[str]
     causes: list[str] = []
-    value: Number
-    flat: Number
-    gap: Number
+    value: float
+    flat: float
+    gap: float
 
 
 class ExcitationFile(ResultFile):
@@ -97,20 +83,20 @@ class ExcitationFile(ResultFile):
 
     model: str
     kind: str
-    band: tuple[Number, Number]
-    rate: Number
-    period: Number
+    band: tuple[float, float]
+    rate: float
+    period: float
     periods: int
     realisations: int
     averages: int
-    seconds: Number
+    seconds: float
     lines: int
     drives: list[DriveRow]
     limits: list[LimitRow]
-    noise: dict[str, Number]
+    noise: dict[str, float]
     coherence: list[CoherenceSummary]
     criterion: CriterionRow
     parameters: list[ParameterForecast]
     undetermined: list[str]
-    sliding: list[SlidingSummary]
+    sliding: list[SlidingRow]
     remarks: list[str]

@@ -13,7 +13,6 @@ from mbw.excite.schema import (
     ExcitationFile,
     LimitRow,
     ParameterForecast,
-    SlidingSummary,
 )
 from tuning.assessment.parameter_confidence import ParameterConfidence
 from tuning.excitation.design import Excitation
@@ -21,6 +20,7 @@ from tuning.excitation.limits import force_per_unit
 from tuning.excitation.prediction import (
     MIN_FORCE_OVER_FRICTION,
     MIN_SLIDING_SHARE,
+    SlidingRow,
     forecast_rows,
     predict_coherence,
     predict_confidence,
@@ -42,7 +42,8 @@ def summarise(
     """
     plan, request, machine = excitation.plan, excitation.request, excitation.model.machine
     confidence = predict_confidence(excitation)
-    design, sliding = excitation.design, _list_sliding(excitation)
+    design, laws = excitation.design, read_nonlinear_joints(machine.source)
+    sliding = predict_sliding(excitation, laws)
     return ExcitationFile(
         model=str(machine.source),
         kind=request.kind,
@@ -137,15 +138,7 @@ def _list_parameters(confidence: ParameterConfidence) -> list[ParameterForecast]
     ]
 
 
-def _list_sliding(excitation: Excitation) -> list[SlidingSummary]:
-    """Return the joints with friction."""
-    laws = read_nonlinear_joints(excitation.model.machine.source)
-    return [
-        SlidingSummary(**vars(row), slides=row.slides) for row in predict_sliding(excitation, laws)
-    ]
-
-
-def _remark_on_strokes(sliding: Sequence[SlidingSummary]) -> list[str]:
+def _remark_on_strokes(sliding: Sequence[SlidingRow]) -> list[str]:
     """Return a remark if joints slide whose friction the linear model has as a spring."""
     joints = ", ".join(row.joint for row in sliding if row.sliding)
     if not joints:
@@ -210,7 +203,7 @@ def _relative_width(row: ParameterForecast) -> float:
     return (high - low) / abs(row.nominal) if row.nominal else 0.0
 
 
-def describe_sliding(row: SlidingSummary) -> str:
+def describe_sliding(row: SlidingRow) -> str:
     """Return the sentence on a joint with friction."""
     if row.sliding is not None:
         seen = f"slides {100 * row.sliding:.0f} % of the time"

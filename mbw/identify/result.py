@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import BodyCheck, check_reciprocity, reduce_to_bodies
+from identification.checks.reciprocity_findings import ChannelRatio
 from identification.checks.setups import SetupCheck
 from identification.level_check import LevelCheck
 from identification.modal import (
@@ -33,7 +34,6 @@ from mbw.results.identified_files import IdentificationResult
 from mbw.results.identified_schema import (
     IdentifiedModeRow,
     IdentifiedModesFile,
-    ReciprocityRow,
     SingleModeRow,
 )
 
@@ -139,11 +139,11 @@ def _input_units(campaign: Campaign, inputs: Sequence[Port]) -> list[str]:
     return [units.get(dof, "") for dof in inputs]
 
 
-def _reciprocity_rows(campaign: Campaign) -> list[ReciprocityRow]:
+def _reciprocity_rows(campaign: Campaign) -> list[ChannelRatio]:
     """Return what reciprocity says of channels and hits whose gains are known."""
     comparable = leave_out_unknown_gains(campaign)
     reciprocity = None if comparable is None else check_reciprocity(comparable)
-    return [ReciprocityRow(**vars(row)) for row in reciprocity.rows] if reciprocity else []
+    return list(reciprocity.rows) if reciprocity else []
 
 
 def _body_frf_file(parts: ResultParts) -> str | None:
@@ -157,18 +157,6 @@ def _rms(error: SynthesisError, values: Real) -> float | None:
     """Return the root mean square over the channels that are not mostly noise; None without any."""
     quiet = error.known & (error.noise <= MAX_NOISE_RATIO)
     return float(np.sqrt((values[quiet] ** 2).mean())) if quiet.any() else None
-
-
-def _single_mode_row(check: SingleModeCheck) -> SingleModeRow:
-    return SingleModeRow(
-        half_power_damping=check.half_power_damping,
-        half_power_channels=check.half_power_channels,
-        circle_frequency=check.circle_freq_hz,
-        circle_damping=check.circle_damping,
-        circle_channels=check.circle_channels,
-        amplitude_difference=check.amplitude_difference,
-        reason=check.reason,
-    )
 
 
 def _row(parts: ResultParts, mode: int, check: SingleModeCheck) -> IdentifiedModeRow:
@@ -196,7 +184,7 @@ def _row(parts: ResultParts, mode: int, check: SingleModeCheck) -> IdentifiedMod
         real_shape=parts.real_shapes[:, mode].tolist(),
         body_shape_real=body.real.tolist(),
         body_shape_imaginary=body.imag.tolist(),
-        by_hand=_single_mode_row(check),
+        by_hand=SingleModeRow.model_validate(check),
         scale_sd=float(scaled.scale_sd[mode]) if len(scaled.scale_sd) else None,
         doubtful=list(parts.doubts[mode]),
     )

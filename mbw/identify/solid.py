@@ -5,7 +5,7 @@ import numpy as np
 from identification import BodyCheck
 from identification.words import Real
 from mbw.page.html import pack_real
-from mbw.results.fault_rows import FaultRow, fault_row
+from mbw.results.fault_rows import FaultRow
 from mbw.results.identified_schema import SolidRow
 
 _FAULT_NAMES = {
@@ -42,7 +42,7 @@ def solid_row(check: BodyCheck) -> SolidRow:
         words=check.sentence,
         frequency=check.freq_hz[kept].tolist(),
         deviation=check.deviation[kept].tolist(),
-        faults=[fault_row(fault) for fault in check.faults],
+        faults=[FaultRow.model_validate(fault) for fault in check.faults],
         more=check.has_unexplained,
         twins=list(check.confounded),
         unseen=list(check.unidentifiable),

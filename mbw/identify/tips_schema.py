@@ -1,15 +1,9 @@
 """Content of ``tips.json``: hammer tips side by side, for other programs."""
 
-from typing import Annotated
-
-from pydantic import BaseModel, Field
-
-from identification.readers.result_files import ResultFile
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
+from identification.readers.result_files import ResultFile, ResultRow
 
 
-class TipRow(BaseModel):
+class TipRow(ResultRow):
     """Force and coherence of one hammer tip.
 
     Args:
@@ -27,15 +21,15 @@ class TipRow(BaseModel):
 
     tip: str
     hits: int
-    peak: Number | None
-    force_limit: Number | None
-    band: tuple[Number, Number] | None
-    frequency: list[Number]
-    energy: list[Number] | None
-    coherence: list[Number] | None
+    peak: float | None
+    force_limit: float | None
+    band: tuple[float, float] | None
+    frequency: list[float]
+    energy: list[float] | None
+    coherence: list[float] | None
 
 
-class StrongestRow(BaseModel):
+class StrongestRow(ResultRow):
     """Band in which one tip puts in more energy than every other.
 
     Args:
@@ -45,8 +39,8 @@ class StrongestRow(BaseModel):
     """
 
     tip: str
-    band: tuple[Number, Number]
-    gain_db: Number
+    band: tuple[float, float]
+    gain_db: float
 
 
 class TipsFile(ResultFile):

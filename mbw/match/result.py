@@ -8,7 +8,6 @@ import numpy as np
 
 from identification.impacts import ImpactCampaign, ImpactSpectra
 from identification.matching import (
-    HandEstimate,
     ModeCircles,
     ModeMatch,
     RatioReference,
@@ -26,7 +25,7 @@ from identification.readers.result_files import (
 from identification.shapes import MassCheck, RigidModes, Shapes, distinguish_modes
 from identification.words import Integers
 from mbw.match.circles import circle_arrays, circle_row
-from mbw.match.schema import HandRow, MassRow, MatchFile, MatchRow
+from mbw.match.schema import MassRow, MatchFile, MatchRow
 
 MATCH_JSON, MATCH_NPZ, PAGE = "match.json", "match.npz", "match.html"
 NAMES = MATCH_JSON, MATCH_NPZ, PAGE
@@ -167,7 +166,6 @@ def _row(
     names = [str(dof) for dof in spectra.dofs]
     pair = match.pairs.get(mode)
     no_match = 1 - float(match.probability[mode].sum())
-    estimates = estimate_by_hand(spectra, match.measured, mode)
     return MatchRow(
         frequency=float(match.measured.frequencies[mode]),
         frequency_sd=float(match.measured.frequency_sd[mode]),
@@ -179,7 +177,7 @@ def _row(
         mac=None if pair is None else float(match.mac[mode, pair]),
         telling=[names[channel] for channel in match.telling_channels(mode)],
         shape=match.measured.shapes[mode].tolist(),
-        by_hand=[_hand_row(estimate, spectra) for estimate in estimates],
+        by_hand=list(estimate_by_hand(spectra, match.measured, mode)),
         circles=[
             circle_row(channel, spectra.sources[circles.impact]) for channel in circles.channels
         ],
@@ -192,19 +190,6 @@ def _mass_row(mass: MassCheck, source: str) -> MassRow:
         tolerance=mass.tolerance,
         agrees=mass.agrees,
         remark=mass.remark(Path(source).name),
-    )
-
-
-def _hand_row(estimate: HandEstimate, spectra: ImpactSpectra) -> HandRow:
-    return HandRow(
-        channel=str(estimate.dof),
-        impact=spectra.sources[estimate.impact],
-        lower=estimate.lower,
-        peak=estimate.peak,
-        upper=estimate.upper,
-        damping=estimate.damping,
-        least_squares=estimate.least_squares,
-        maximum=estimate.maximum,
     )
 
 

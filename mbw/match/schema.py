@@ -1,37 +1,10 @@
 """Content of ``match.json``, which ``mbw match`` writes."""
 
-from typing import Annotated
-
-from pydantic import BaseModel, Field
-
-from identification.readers.result_files import ResultFile
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+from identification.matching import HandEstimate
+from identification.readers.result_files import ResultFile, ResultRow
 
 
-class HandRow(BaseModel):
-    """Damping and amplitude of one channel by hand, as in tables 2 and 3 of the gondola's paper.
-
-    Args:
-        channel: label of the channel, such as ``acc1:+tx``.
-        impact: file of the impact.
-        lower, peak, upper: frequency of the peak, and of the half-power (3 dB) points [Hz].
-        damping: damping ratio by the half-power width.
-        least_squares, maximum: amplitude C by least squares over the lines of that width, and by
-            the value at the peak [m/s2 s].
-    """
-
-    channel: str
-    impact: str
-    lower: Finite
-    peak: Finite
-    upper: Finite
-    damping: Finite
-    least_squares: Finite
-    maximum: Finite
-
-
-class CircleRow(BaseModel):
+class CircleRow(ResultRow):
     """Circle of one mode at one channel in the Nyquist plane, as in fig. 7 of the gondola's paper.
 
     Args:
@@ -46,14 +19,14 @@ class CircleRow(BaseModel):
 
     channel: str
     impact: str
-    frequency: Finite | None
-    damping: Finite | None
-    amplitude: Finite | None
-    scatter: Finite | None
+    frequency: float | None
+    damping: float | None
+    amplitude: float | None
+    scatter: float | None
     reason: str
 
 
-class MatchRow(BaseModel):
+class MatchRow(ResultRow):
     """Measured mode and the simulated mode that matches it.
 
     Args:
@@ -69,21 +42,21 @@ class MatchRow(BaseModel):
         circles: circle of every channel, in the impact that excites the mode most.
     """
 
-    frequency: Finite
-    frequency_sd: Finite
-    damping: Finite
-    damping_sd: Finite
+    frequency: float
+    frequency_sd: float
+    damping: float
+    damping_sd: float
     simulated: int | None
-    simulated_frequency: Finite | None
-    probability: Finite
-    mac: Finite | None
+    simulated_frequency: float | None
+    probability: float
+    mac: float | None
     telling: list[str]
-    shape: list[Finite]
-    by_hand: list[HandRow]
+    shape: list[float]
+    by_hand: list[HandEstimate]
     circles: list[CircleRow]
 
 
-class MassRow(BaseModel):
+class MassRow(ResultRow):
     """Mass of the simulated structure beside the mass that the user states.
 
     Args:
@@ -92,8 +65,8 @@ class MassRow(BaseModel):
         remark: the comparison in one sentence.
     """
 
-    stated: Finite
-    tolerance: Finite
+    stated: float
+    tolerance: float
     agrees: bool | None
     remark: str
 
@@ -120,9 +93,9 @@ class MatchFile(ResultFile):
 
     shapes: str
     campaign: str
-    band: list[Finite]
+    band: list[float]
     lines: int
-    mass: Finite | None
+    mass: float | None
     mass_check: MassRow | None = None
     channels: list[str]
     impacts: list[str]

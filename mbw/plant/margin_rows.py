@@ -12,7 +12,6 @@ from mbw.plant.margin_schema import (
     LoopMarginsRow,
     MarginRow,
     MarginsRow,
-    RobustTestRow,
     StepRow,
     VariantLoopRow,
     VariantRow,
@@ -20,8 +19,6 @@ from mbw.plant.margin_schema import (
 from tuning import NORMAL_QUANTILE_95
 from tuning.plant.control_loops.margin_values import AllMargins, Margin
 from tuning.plant.error_budget.loop_margins import PlantMargins
-from tuning.plant.error_budget.reference_step import ReferenceStep
-from tuning.plant.error_budget.robust_stability import RobustTest
 from tuning.plant.error_budget.variant_margins import VariantMargins
 
 _ENDS = (0.025, 0.975)
@@ -51,7 +48,7 @@ def margins_row(
 
 def _loop_row(margins: PlantMargins, number: int, before: AllMargins | None) -> LoopMarginsRow:
     """Return the row of one loop."""
-    loop = margins.nominal.loops[number]
+    loop, step = margins.nominal.loops[number], margins.steps[number]
     samples = [each.loops[number] for each in margins.samples]
 
     def row(name: MarginName) -> MarginRow:
@@ -78,20 +75,8 @@ def _loop_row(margins: PlantMargins, number: int, before: AllMargins | None) -> 
         gain_crossovers=_crossover_rows(loop.gain_crossovers),
         phase_crossovers=_crossover_rows(loop.phase_crossovers),
         worst_machine=margins.worst_sample(number) if samples else None,
-        robust=_robust_rows(margins.robust[number]),
-        step=_step_row(margins.steps[number]),
-    )
-
-
-def _step_row(step: ReferenceStep | None) -> StepRow | None:
-    """Return the row of a step of the reference."""
-    if step is None:
-        return None
-    return StepRow(
-        final=step.final,
-        overshoot=step.overshoot,
-        rise_time=step.rise_time_s,
-        settling_time=step.settling_time_s,
+        robust=list(margins.robust[number]),
+        step=None if step is None else StepRow.model_validate(step),
     )
 
 
@@ -105,7 +90,7 @@ def _all_loops_row(margins: PlantMargins, before: AllMargins | None) -> AllLoops
     return AllLoopsRow(
         modulus=row(lambda each: each.modulus),
         singular=row(lambda each: each.singular),
-        robust=_robust_rows(margins.robust_at_once),
+        robust=list(margins.robust_at_once),
     )
 
 
@@ -204,20 +189,3 @@ def _variant_row(names: tuple[str, ...], variant: VariantMargins) -> VariantRow:
 def _crossover_rows(crossovers: Real) -> list[CrossoverRow]:
     """Return crossovers with their margins."""
     return [CrossoverRow(frequency=float(f), margin=float(m)) for f, m in crossovers]
-
-
-def _robust_rows(tests: Sequence[RobustTest]) -> list[RobustTestRow]:
-    """Return robust tests."""
-    return [
-        RobustTestRow(
-            weight=test.weight,
-            peak=test.peak,
-            frequency=test.freq_hz,
-            band=test.band,
-            holds=test.peak < 1,
-            outside=list(test.outside),
-            robustly_stable=test.robustly_stable,
-            wanted_band=test.wanted_band,
-        )
-        for test in tests
-    ]

@@ -1,13 +1,12 @@
 """Rows of stability margins in the JSON file of ``mbw predict``."""
 
-from typing import Annotated
+from pydantic import Field
 
-from pydantic import BaseModel, Field
+from identification.readers.result_files import ResultRow
+from tuning.plant.error_budget.robust_stability import RobustTest
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
 
-
-class MarginRow(BaseModel):
+class MarginRow(ResultRow):
     """A margin; null where no change of this kind is critical.
 
     Args:
@@ -20,48 +19,23 @@ class MarginRow(BaseModel):
         before: value of the other machine of the budget; null without one.
     """
 
-    value: Number | None
-    frequency: Number | None
-    low: Number | None
-    high: Number | None
-    worst: Number | None
-    before: Number | None = None
-    floor: Number | None = None
+    value: float | None
+    frequency: float | None
+    low: float | None
+    high: float | None
+    worst: float | None
+    before: float | None = None
+    floor: float | None = None
 
 
-class RobustTestRow(BaseModel):
-    """Robust stability by |W T| < 1.
-
-    Args:
-        weight: what W is.
-        peak: largest |W T|.
-        frequency: of the peak [Hz].
-        band: in which W is known [Hz].
-        holds: whether the peak is below 1.
-        outside: frequencies outside the band with |L| = 1 or at a peak of |T| [Hz].
-        robustly_stable: whether the loops are stable for all plants within W; null where the peak
-            is below 1 but W is not known at all frequencies that matter.
-        wanted_band: that a test has to cover, so that W is known there [Hz].
-    """
-
-    weight: str
-    peak: Number
-    frequency: Number
-    band: tuple[Number, Number]
-    holds: bool
-    outside: list[Number]
-    robustly_stable: bool | None
-    wanted_band: tuple[Number, Number]
-
-
-class CrossoverRow(BaseModel):
+class CrossoverRow(ResultRow):
     """A crossover: its frequency [Hz] and the margin there [deg, or factor]."""
 
-    frequency: Number
-    margin: Number
+    frequency: float
+    margin: float
 
 
-class StepRow(BaseModel):
+class StepRow(ResultRow):
     """Response to a unit step of the reference.
 
     Args:
@@ -71,13 +45,13 @@ class StepRow(BaseModel):
         settling_time: until it stays within 2 % [s]; null likewise.
     """
 
-    final: Number
-    overshoot: Number
-    rise_time: Number | None
-    settling_time: Number | None
+    final: float
+    overshoot: float
+    rise_time: float | None = Field(validation_alias="rise_time_s")
+    settling_time: float | None = Field(validation_alias="settling_time_s")
 
 
-class LoopMarginsRow(BaseModel):
+class LoopMarginsRow(ResultRow):
     """Margins of a loop, all others closed.
 
     Args:
@@ -100,7 +74,7 @@ class LoopMarginsRow(BaseModel):
     """
 
     loop: str
-    period: Number | None
+    period: float | None
     crossover: MarginRow
     bandwidth: MarginRow
     gain: MarginRow
@@ -108,15 +82,15 @@ class LoopMarginsRow(BaseModel):
     phase: MarginRow
     delay: MarginRow
     modulus: MarginRow
-    sensitivity_peak: Number
+    sensitivity_peak: float
     gain_crossovers: list[CrossoverRow]
     phase_crossovers: list[CrossoverRow]
     worst_machine: int | None
-    robust: list[RobustTestRow]
+    robust: list[RobustTest]
     step: StepRow | None
 
 
-class AllLoopsRow(BaseModel):
+class AllLoopsRow(ResultRow):
     """Margins of all loops at once.
 
     Args:
@@ -127,20 +101,20 @@ class AllLoopsRow(BaseModel):
 
     modulus: MarginRow
     singular: MarginRow
-    robust: list[RobustTestRow]
+    robust: list[RobustTest]
 
 
-class VariantLoopRow(BaseModel):
+class VariantLoopRow(ResultRow):
     """Margins of a loop in a variant: factor, degrees, seconds and distance; null for no limit."""
 
     loop: str
-    gain: Number | None
-    phase: Number | None
-    delay: Number | None
-    modulus: Number | None
+    gain: float | None
+    phase: float | None
+    delay: float | None
+    modulus: float | None
 
 
-class VariantRow(BaseModel):
+class VariantRow(ResultRow):
     """Stability in a test's own model or pose.
 
     Args:
@@ -153,12 +127,12 @@ class VariantRow(BaseModel):
 
     variant: str
     is_stable: bool
-    growing_pole: Number | None
+    growing_pole: float | None
     unstable_machines: int
     loops: list[VariantLoopRow]
 
 
-class MarginsRow(BaseModel):
+class MarginsRow(ResultRow):
     """Stability margins.
 
     Args:

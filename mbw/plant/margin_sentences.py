@@ -12,10 +12,10 @@ from mbw.plant.margin_schema import (
     LoopMarginsRow,
     MarginRow,
     MarginsRow,
-    RobustTestRow,
     StepRow,
     VariantRow,
 )
+from tuning.plant.error_budget.robust_stability import RobustTest
 
 ALL_LOOPS = "all loops at once"
 
@@ -137,7 +137,7 @@ def step_sentence(step: StepRow) -> str:
     )
 
 
-def robust_sentence(test: RobustTestRow) -> str:
+def robust_sentence(test: RobustTest) -> str:
     """Return whether a loop is stable for all plants within a weight, as far as it is known."""
     low, high = test.band
     if test.robustly_stable is None:
@@ -155,7 +155,7 @@ def robust_sentence(test: RobustTestRow) -> str:
     )
 
 
-def _outside(test: RobustTestRow) -> str:
+def _outside(test: RobustTest) -> str:
     """Return the critical frequencies at which the weight is not known."""
     return f"{', '.join(f'{each:.4g}' for each in test.outside)} Hz"
 
@@ -188,7 +188,7 @@ def _cells(loop: LoopMarginsRow) -> list[str]:
     ]
 
 
-def _robust_cell(tests: Sequence[RobustTestRow]) -> str:
+def _robust_cell(tests: Sequence[RobustTest]) -> str:
     """Return HTML of the largest |W T| of each weight; a dash without any."""
     texts = (
         f"{badge(f'{test.peak:.3g}', good=test.robustly_stable)}"

@@ -1,40 +1,35 @@
 """Rows of an error budget in the JSON file of ``mbw predict``."""
 
-from typing import Annotated
-
-from pydantic import BaseModel, Field
-
+from identification.readers.result_files import ResultRow
 from mbw.plant.margin_schema import MarginsRow
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
 
-
-class ShareOfErrorRow(BaseModel):
+class ShareOfErrorRow(ResultRow):
     """Share of a source, joint or pair of sources in the mean square of an error."""
 
     name: str
-    share: Number
+    share: float
 
 
-class ShareOfPoleRow(BaseModel):
+class ShareOfPoleRow(ResultRow):
     """Share of a mode: its natural frequency [Hz], damping ratio and share.
 
     A real pole has the frequency ``|s| / (2 pi)`` and the damping ratio 1.
     """
 
-    frequency: Number
-    damping: Number
-    share: Number
+    frequency: float
+    damping: float
+    share: float
 
 
-class TouchRow(BaseModel):
+class TouchRow(ResultRow):
     """Change of the rms [m or rad] for 10 % more of a stiffness or damping."""
 
     parameter: str
-    change: Number
+    change: float
 
 
-class ErrorRow(BaseModel):
+class ErrorRow(ResultRow):
     """Budget of one error.
 
     Args:
@@ -56,34 +51,34 @@ class ErrorRow(BaseModel):
     name: str
     signal: str
     unit: str
-    rms: Number
-    low: Number | None
-    high: Number | None
-    deviation: Number | None
-    before: Number | None
+    rms: float
+    low: float | None
+    high: float | None
+    deviation: float | None
+    before: float | None
     sources: list[ShareOfErrorRow]
     cross_terms: list[ShareOfErrorRow]
     modes: list[ShareOfPoleRow]
-    modes_rest: Number
+    modes_rest: float
     joints: list[ShareOfErrorRow]
     touches: list[TouchRow]
-    freq_hz: list[Number]
-    cumulative: list[Number]
+    freq_hz: list[float]
+    cumulative: list[float]
 
 
-class PoleRow(BaseModel):
+class PoleRow(ResultRow):
     """Pole with all loops closed: natural frequency [Hz], damping ratio, pole [rad/s].
 
     A real pole has the frequency ``|s| / (2 pi)`` and the damping ratio 1, or -1 if it grows.
     """
 
-    frequency: Number
-    damping: Number
-    real: Number
-    imaginary: Number
+    frequency: float
+    damping: float
+    real: float
+    imaginary: float
 
 
-class FeedbackRow(BaseModel):
+class FeedbackRow(ResultRow):
     """Integral force feedback of a set of struts at its best gain.
 
     Args:
@@ -95,13 +90,13 @@ class FeedbackRow(BaseModel):
     """
 
     struts: list[str]
-    gain: Number
-    damping: Number
-    frequency: Number
-    static_stiffness: Number
+    gain: float
+    damping: float
+    frequency: float
+    static_stiffness: float
 
 
-class FramesRow(BaseModel):
+class FramesRow(ResultRow):
     """Frames of the platform on six struts.
 
     Args:
@@ -112,15 +107,15 @@ class FramesRow(BaseModel):
     """
 
     body: str
-    centre_of_mass: list[Number]
-    centre_of_stiffness: list[Number]
-    jacobian_mass: list[list[Number]]
-    jacobian_stiffness: list[list[Number]]
-    coupling_low: dict[str, Number]
-    coupling_high: dict[str, Number]
+    centre_of_mass: list[float]
+    centre_of_stiffness: list[float]
+    jacobian_mass: list[list[float]]
+    jacobian_stiffness: list[list[float]]
+    coupling_low: dict[str, float]
+    coupling_high: dict[str, float]
 
 
-class StrutsRow(BaseModel):
+class StrutsRow(ResultRow):
     """Damping and decoupling by struts.
 
     Args:
@@ -133,17 +128,17 @@ class StrutsRow(BaseModel):
         no_frames: why there are none; empty with frames.
     """
 
-    target_hz: Number
-    target_damping: Number
-    share: Number
-    leak_hz: Number
+    target_hz: float
+    target_damping: float
+    share: float
+    leak_hz: float
     sets: list[FeedbackRow]
-    interval: tuple[Number, Number] | None
+    interval: tuple[float, float] | None
     frames: FramesRow | None
     no_frames: str
 
 
-class BudgetRow(BaseModel):
+class BudgetRow(ResultRow):
     """Error budget.
 
     Args:
@@ -160,7 +155,7 @@ class BudgetRow(BaseModel):
 
     file: str
     before: str | None
-    band: tuple[Number, Number]
+    band: tuple[float, float]
     loops: list[str]
     lines: int
     remarks: list[str]

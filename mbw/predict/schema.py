@@ -1,18 +1,13 @@
 """Rows of the JSON file of ``mbw predict``."""
 
-from typing import Annotated
-
-from pydantic import BaseModel, Field
-
-from identification.readers.result_files import ResultFile
+from identification.readers.result_files import ResultFile, ResultRow
 from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.schema import BudgetRow, StrutsRow
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Shares = dict[str, Finite]
+Shares = dict[str, float]
 
 
-class PredictedModeRow(BaseModel):
+class PredictedModeRow(ResultRow):
     """One real pole or pair of complex poles; shares below 0.001 are left out.
 
     Args:
@@ -28,10 +23,10 @@ class PredictedModeRow(BaseModel):
         shape_real, shape_imaginary: motion at the file's ``shape_labels`` for a modal mass of 1 kg.
     """
 
-    frequency: Finite
-    damping: Finite | None
-    real: Finite
-    imaginary: Finite
+    frequency: float
+    damping: float | None
+    real: float
+    imaginary: float
     name: str | None
     strain: Shares
     strain_by_stage: Shares
@@ -39,29 +34,29 @@ class PredictedModeRow(BaseModel):
     dissipation_by_stage: Shares
     kinetic: Shares
     kinetic_by_body: Shares
-    shape_real: list[Finite]
-    shape_imaginary: list[Finite]
+    shape_real: list[float]
+    shape_imaginary: list[float]
 
 
-class AddedMassRow(BaseModel):
+class AddedMassRow(ResultRow):
     """A point mass: [kg], and its offset from the body's centre of mass in world axes [m]."""
 
     body: str
-    mass: Finite
-    offset: list[Finite]
+    mass: float
+    offset: list[float]
 
 
-class ModeBeforeRow(BaseModel):
+class ModeBeforeRow(ResultRow):
     """A mode of the machine alone: frequency [Hz], damping ratio, pole [rad/s] and name."""
 
-    frequency: Finite
-    damping: Finite | None
-    real: Finite
-    imaginary: Finite
+    frequency: float
+    damping: float | None
+    real: float
+    imaginary: float
     name: str | None
 
 
-class BeforeAfterRow(BaseModel):
+class BeforeAfterRow(ResultRow):
     """A mode before and after.
 
     Args:
@@ -73,13 +68,13 @@ class BeforeAfterRow(BaseModel):
 
     before: int
     after: int
-    mac: Finite
-    frequency_change: Finite | None
-    damping_before: Finite | None
-    damping_after: Finite | None
+    mac: float
+    frequency_change: float | None
+    damping_before: float | None
+    damping_after: float | None
 
 
-class FrfPeakRow(BaseModel):
+class FrfPeakRow(ResultRow):
     """Largest magnitude of an FRF on the page before and after, with its frequencies [Hz].
 
     An FRF at a label that the machine alone does not have has null before.
@@ -87,13 +82,13 @@ class FrfPeakRow(BaseModel):
 
     label: str
     unit: str
-    peak_before: Finite | None
-    peak_before_hz: Finite | None
-    peak_after: Finite | None
-    peak_after_hz: Finite | None
+    peak_before: float | None
+    peak_before_hz: float | None
+    peak_after: float | None
+    peak_after_hz: float | None
 
 
-class PutOnTopRow(BaseModel):
+class PutOnTopRow(ResultRow):
     """The mounted stage and added masses, and the modes before and after.
 
     Args:
@@ -120,7 +115,7 @@ class PutOnTopRow(BaseModel):
     frfs: list[FrfPeakRow]
 
 
-class LawRow(BaseModel):
+class LawRow(ResultRow):
     """A law of springs that is no polynomial in s, and its approximation in the state space.
 
     Args:
@@ -141,14 +136,14 @@ class LawRow(BaseModel):
     kind: str
     order: int
     states: int
-    max_error: Finite
-    rms_error: Finite
-    weighted_error: Finite
-    max_error_of_stiffness: Finite | None
+    max_error: float
+    rms_error: float
+    weighted_error: float
+    max_error_of_stiffness: float | None
     is_passive: bool | None
 
 
-class StateSpaceCheckRow(BaseModel):
+class StateSpaceCheckRow(ResultRow):
     """Difference of the FRFs of the state space from those of the equation of motion.
 
     Args:
@@ -167,19 +162,19 @@ class StateSpaceCheckRow(BaseModel):
     outputs: list[str]
     inputs: list[str]
     quantity: str
-    band: tuple[Finite, Finite]
+    band: tuple[float, float]
     lines: int
     states: int
-    max_difference: Finite
-    rms_difference: Finite
+    max_difference: float
+    rms_difference: float
     worst_output: str
     worst_input: str
-    worst_hz: Finite
+    worst_hz: float
     is_stable: bool
     laws: list[LawRow]
 
 
-class BandsRow(BaseModel):
+class BandsRow(ResultRow):
     """Bands of the requested FRFs.
 
     Args:
@@ -191,15 +186,15 @@ class BandsRow(BaseModel):
         remark: on a band beyond that of the test; empty within it.
     """
 
-    median: Finite
-    most: Finite
-    error_floor: Finite
-    discrepancy: Finite
+    median: float
+    most: float
+    error_floor: float
+    discrepancy: float
     coordinates: int
     remark: str = ""
 
 
-class UncertainPlantRow(BaseModel):
+class UncertainPlantRow(ResultRow):
     """Uncertain plant F_u(M, Delta).
 
     Args:
@@ -215,11 +210,11 @@ class UncertainPlantRow(BaseModel):
     exact_blocks: int
     width: int
     states: int
-    max_error: Finite
+    max_error: float
     samples: int
 
 
-class WeightRow(BaseModel):
+class WeightRow(ResultRow):
     """Weight that bounds the held-out error at the inputs.
 
     Args:
@@ -231,14 +226,14 @@ class WeightRow(BaseModel):
     """
 
     order: int
-    ratio: Finite
-    median: Finite
-    largest: Finite
-    quantile: Finite
+    ratio: float
+    median: float
+    largest: float
+    quantile: float
     has_one_unit: bool
 
 
-class ReductionRow(BaseModel):
+class ReductionRow(ResultRow):
     """Reduction of the state space.
 
     Args:
@@ -253,8 +248,8 @@ class ReductionRow(BaseModel):
     states: int
     whole_states: int
     kept_states: int
-    bound: Finite
-    max_error: Finite
+    bound: float
+    max_error: float
 
 
 PlantRow = (
@@ -274,7 +269,7 @@ class PredictedModesFile(ResultFile):
         margins: of closed loops, only without a budget, which has its own.
     """
 
-    doubts: list[str] = Field(default_factory=list)
+    doubts: list[str] = []
     model: str
     remarks: list[str]
     bodies: list[str]

@@ -1,8 +1,6 @@
 """Content of ``diagnosis.json``: names and labels of the page, in addition to the verdict."""
 
-from pydantic import BaseModel, ConfigDict
-
-from identification.readers.result_files import ResultFile
+from identification.readers.result_files import ResultFile, StrictRow
 from identification.words import Quantity, VarianceSource
 from mbw.results.fault_rows import FaultRow
 from tuning.files.plant_folder import PlantRow
@@ -11,11 +9,7 @@ from tuning.files.schema import InputRow
 Point = tuple[float, float, float]
 
 
-class _Row(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class DiagnosedTestRow(_Row):
+class DiagnosedTestRow(StrictRow):
     """One test: a reference in a file.
 
     Args:
@@ -33,7 +27,7 @@ class DiagnosedTestRow(_Row):
     variance_from: VarianceSource
 
 
-class ChannelRow(_Row):
+class ChannelRow(StrictRow):
     """One output of one test.
 
     Args:
@@ -47,7 +41,7 @@ class ChannelRow(_Row):
     test: int
 
 
-class MeshRow(_Row):
+class MeshRow(StrictRow):
     """Surface of a body, with the numbers of its vertices, triangles and edges in the arrays."""
 
     stage: str | None
@@ -57,7 +51,7 @@ class MeshRow(_Row):
     edges: int
 
 
-class LineRow(_Row):
+class LineRow(StrictRow):
     """Piece of a tendon, with the stage of each of its points."""
 
     name: str
@@ -65,7 +59,7 @@ class LineRow(_Row):
     colour: tuple[float, float, float, float] | None
 
 
-class MachineRow(_Row):
+class MachineRow(StrictRow):
     """Bodies, points and geometry of a machine; ``body_of`` is the body's index of each point."""
 
     bodies: list[str]
@@ -76,7 +70,7 @@ class MachineRow(_Row):
     boxed: list[str]
 
 
-class PlaceRow(_Row):
+class PlaceRow(StrictRow):
     """Bodies of a location of the verdict, with its points.
 
     Args:
@@ -93,7 +87,7 @@ class PlaceRow(_Row):
     axis: Point | None = None
 
 
-class CentresRow(_Row):
+class CentresRow(StrictRow):
     """Gap at the centres of mass in one step of the diagnosis; a channel is a body's direction.
 
     Args:
@@ -108,7 +102,7 @@ class CentresRow(_Row):
     channels: int
 
 
-class StepsRow(_Row):
+class StepsRow(StrictRow):
     """95 % intervals of the gap in each step; null if no frequency lines could be held out.
 
     Args:
@@ -122,7 +116,7 @@ class StepsRow(_Row):
     noise: tuple[float, float] | None = None
 
 
-class EstablishedRow(_Row):
+class EstablishedRow(StrictRow):
     """Established cause.
 
     Args:
@@ -134,7 +128,7 @@ class EstablishedRow(_Row):
     closed: float | None
 
 
-class ShownFile(ResultFile, _Row):
+class ShownFile(ResultFile, StrictRow):
     """Content of ``diagnosis.json``.
 
     Args:

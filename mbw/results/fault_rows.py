@@ -1,15 +1,9 @@
 """Rows of faults of sensors, in modes.json and diagnosis.json."""
 
-from typing import Annotated
-
-from pydantic import BaseModel, Field
-
-from identification import Fault
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+from identification.readers.result_files import ResultRow
 
 
-class FaultRow(BaseModel):
+class FaultRow(ResultRow):
     """Fault of one sensor or of two sensors, or a body that does not move as a solid.
 
     Args:
@@ -25,22 +19,6 @@ class FaultRow(BaseModel):
     effect: str
     location: str
     dof: str | None
-    probability: Finite
-    parameters: dict[str, Finite | list[Finite]]
-    excess_after: Finite
-
-
-def fault_row(fault: Fault) -> FaultRow:
-    """Return a fault's row of ``modes.json``."""
-    parameters = {
-        name: list(value) if isinstance(value, tuple) else float(value)
-        for name, value in fault.parameters.items()
-    }
-    return FaultRow(
-        effect=fault.effect,
-        location=fault.location,
-        dof=fault.dof,
-        probability=fault.probability,
-        parameters=parameters,
-        excess_after=fault.excess_after,
-    )
+    probability: float
+    parameters: dict[str, float | list[float]]
+    excess_after: float

@@ -1,12 +1,13 @@
 """Content of ``modes.json``: the measured modes for other programs."""
 
-from pydantic import BaseModel, Field
+from pydantic import AliasChoices, Field
 
-from identification.readers.result_files import ResultFile
-from mbw.results.fault_rows import FaultRow, Finite
+from identification.checks.reciprocity_findings import ChannelRatio
+from identification.readers.result_files import ResultFile, ResultRow
+from mbw.results.fault_rows import FaultRow
 
 
-class SingleModeRow(BaseModel):
+class SingleModeRow(ResultRow):
     """Estimates of a mode by classical single-mode methods; null where a method does not apply.
 
     Args:
@@ -19,16 +20,18 @@ class SingleModeRow(BaseModel):
         reason: why an estimate is missing.
     """
 
-    half_power_damping: Finite | None
+    half_power_damping: float | None
     half_power_channels: int
-    circle_frequency: Finite | None
-    circle_damping: Finite | None
+    circle_frequency: float | None = Field(
+        validation_alias=AliasChoices("circle_frequency", "circle_freq_hz")
+    )
+    circle_damping: float | None
     circle_channels: int
-    amplitude_difference: Finite | None
+    amplitude_difference: float | None
     reason: str
 
 
-class IdentifiedModeRow(BaseModel):
+class IdentifiedModeRow(ResultRow):
     """One identified mode, with standard deviations.
 
     Args:
@@ -51,31 +54,31 @@ class IdentifiedModeRow(BaseModel):
         doubtful: reasons to doubt that this is a mode of the machine; empty for most.
     """
 
-    frequency: Finite
-    frequency_sd: Finite
-    damping: Finite
-    damping_sd: Finite
-    real: Finite
-    imaginary: Finite
-    modal_a_real: Finite | None
-    modal_a_imaginary: Finite | None
-    phase_collinearity: Finite
-    phase_deviation: Finite
-    reciprocity: Finite | None
+    frequency: float
+    frequency_sd: float
+    damping: float
+    damping_sd: float
+    real: float
+    imaginary: float
+    modal_a_real: float | None
+    modal_a_imaginary: float | None
+    phase_collinearity: float
+    phase_deviation: float
+    reciprocity: float | None
     orders: int | None
-    other: Finite | None
-    other_mac: Finite | None
-    shape_real: list[Finite]
-    shape_imaginary: list[Finite]
-    real_shape: list[Finite]
-    body_shape_real: list[Finite]
-    body_shape_imaginary: list[Finite]
+    other: float | None
+    other_mac: float | None
+    shape_real: list[float]
+    shape_imaginary: list[float]
+    real_shape: list[float]
+    body_shape_real: list[float]
+    body_shape_imaginary: list[float]
     by_hand: SingleModeRow
-    scale_sd: Finite | None = None
-    doubtful: list[str] = Field(default_factory=list)
+    scale_sd: float | None = None
+    doubtful: list[str] = []
 
 
-class SolidRow(BaseModel):
+class SolidRow(ResultRow):
     """Check, by redundant channels, whether a body moves as a solid.
 
     Args:
@@ -95,17 +98,17 @@ class SolidRow(BaseModel):
     body: str
     channels: int
     spare: int
-    solid_to: Finite | None
+    solid_to: float | None
     words: str
-    frequency: list[Finite]
-    deviation: list[Finite]
-    faults: list[FaultRow] = Field(default_factory=list)
+    frequency: list[float]
+    deviation: list[float]
+    faults: list[FaultRow] = []
     more: bool = False
     twins: list[tuple[str, str]] = []
-    unseen: list[str] = Field(default_factory=list)
+    unseen: list[str] = []
 
 
-class KeptHit(BaseModel):
+class KeptHit(ResultRow):
     """Hit that the averages include.
 
     Args:
@@ -117,11 +120,11 @@ class KeptHit(BaseModel):
 
     record: int
     hit: int
-    time: Finite
-    peak: Finite
+    time: float
+    peak: float
 
 
-class RejectedHit(BaseModel):
+class RejectedHit(ResultRow):
     """Hit that the averages leave out.
 
     Args:
@@ -133,11 +136,11 @@ class RejectedHit(BaseModel):
 
     record: int
     hit: int
-    time: Finite
+    time: float
     reason: str
 
 
-class HitsRow(BaseModel):
+class HitsRow(ResultRow):
     """Estimation of the FRFs of one reference from time records.
 
     Args:
@@ -165,17 +168,17 @@ class HitsRow(BaseModel):
     outputs: list[str]
     kept: list[KeptHit]
     rejected: list[RejectedHit]
-    rate: Finite
-    block: Finite
-    pretrigger: Finite
-    force_window: Finite
-    exponential_tau: Finite
-    added_damping: list[Finite]
-    left: Finite
+    rate: float
+    block: float
+    pretrigger: float
+    force_window: float
+    exponential_tau: float
+    added_damping: list[float]
+    left: float
     estimator: str
 
 
-class LevelTrendRow(BaseModel):
+class LevelTrendRow(ResultRow):
     """One mode at each level.
 
     Args:
@@ -184,15 +187,15 @@ class LevelTrendRow(BaseModel):
         frequency_changes, damping_changes: whether the quantity changes beyond chance.
     """
 
-    frequency: list[Finite]
-    frequency_sd: list[Finite]
-    damping: list[Finite]
-    damping_sd: list[Finite]
+    frequency: list[float]
+    frequency_sd: list[float]
+    damping: list[float]
+    damping_sd: list[float]
     frequency_changes: bool
     damping_changes: bool
 
 
-class LevelCheckRow(BaseModel):
+class LevelCheckRow(ResultRow):
     """Modes against the level of the hits.
 
     Args:
@@ -207,31 +210,13 @@ class LevelCheckRow(BaseModel):
         modes: modes that could be followed through all levels.
     """
 
-    level: list[Finite]
+    level: list[float]
     unit: str = "N"
     effects: list[str] | None
     words: str
     returns: bool
     within_tests: bool = False
     modes: list[LevelTrendRow]
-
-
-class ReciprocityRow(BaseModel):
-    """Factor of one reference over the median of all, or over the first of two.
-
-    Args:
-        reference: where the force acts.
-        channel: what reads the motion along it: a channel, or the sensors of a body.
-        gain, gain_sd: of the channel over that of the hits there, with its standard deviation.
-        delay, delay_sd: of the channel after the force [s].
-    """
-
-    reference: str
-    channel: str
-    gain: Finite
-    gain_sd: Finite
-    delay: Finite
-    delay_sd: Finite
 
 
 class IdentifiedModesFile(ResultFile):
@@ -271,27 +256,27 @@ class IdentifiedModesFile(ResultFile):
     campaign: str
     model: str
     keyframe: str | None = None
-    band: tuple[Finite, Finite]
+    band: tuple[float, float]
     lines: int
     quantity: str
     outputs: list[str]
     inputs: list[str]
-    input_units: list[str] = Field(default_factory=list)
+    input_units: list[str] = []
     roved: bool
     body_directions: list[str]
     undetermined_bodies: list[str]
     body_frfs: str | None = None
     normalisation: str
-    misfit: Finite
-    error: Finite | None
-    noise: Finite | None
-    reciprocal_error: Finite | None
+    misfit: float
+    error: float | None
+    noise: float | None
+    reciprocal_error: float | None
     beside_band: int
     compared_with: str
     modes: list[IdentifiedModeRow]
-    solid: list[SolidRow] = Field(default_factory=list)
-    hits: list[HitsRow] = Field(default_factory=list)
-    setups: list[str] = Field(default_factory=list)
+    solid: list[SolidRow] = []
+    hits: list[HitsRow] = []
+    setups: list[str] = []
     levels: LevelCheckRow | None = None
-    reciprocity: list[ReciprocityRow] = Field(default_factory=list)
-    remarks: list[str] = Field(default_factory=list)
+    reciprocity: list[ChannelRatio] = []
+    remarks: list[str] = []

@@ -1,12 +1,6 @@
 """Summary of a simulation for ``--json`` and the terminal."""
 
-from typing import Annotated
-
-from pydantic import Field
-
 from identification.readers.result_files import ResultFile
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class SimulationSummary(ResultFile):
@@ -29,14 +23,14 @@ class SimulationSummary(ResultFile):
     model: str
     kind: str
     integrator: str
-    step: Number
-    error: Number | None
-    span: Number
+    step: float
+    error: float | None
+    span: float
     files: list[str]
     hits: int | None
-    rate: Number
-    duration: Number
-    seconds: Number
+    rate: float
+    duration: float
+    seconds: float
 
 
 def count_noun(count: int, noun: str) -> str:

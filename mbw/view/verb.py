@@ -1,10 +1,8 @@
 """``mbw view``: a machine at rest or in a mode, in MuJoCo's viewer or in a picture."""
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from identification.readers.result_files import ResultFile
 from identification.words import InputError, UsageError
@@ -31,8 +29,8 @@ class ViewedState(ResultFile):
 
     model: str
     mode: int | None
-    frequency: Annotated[float, Field(allow_inf_nan=False)] | None
-    damping: Annotated[float, Field(allow_inf_nan=False)] | None
+    frequency: float | None
+    damping: float | None
     picture: str | None
 
 

@@ -318,11 +318,12 @@ def test_damping_and_amplitude_by_hand_are_those_of_a_single_mode(late):
         hz * one, zeta * one, 0.1 * one, 0.1 * one, unit, 0 * unit, np.ones((1, 1)), one
     )
     rows = estimate_by_hand(spectra, modes, 0)
-    assert [row.dof for row in rows] == [DOFS[2], DOFS[0], DOFS[1]]
-    signs = {np.sign(row.least_squares / amplitude[DOFS.index(row.dof)]) for row in rows}
+    assert [row.channel for row in rows] == [str(DOFS[k]) for k in (2, 0, 1)]
+    size_of = dict(zip(map(str, DOFS), amplitude, strict=False))
+    signs = {np.sign(row.least_squares / size_of[row.channel]) for row in rows}
     assert len(signs) == 1  # the channel that moves against the others has the other sign
     for row in rows:
-        size = abs(amplitude[DOFS.index(row.dof)])
+        size = abs(size_of[row.channel])
         assert row.damping == pytest.approx(zeta, rel=2e-3)
         assert row.peak == pytest.approx(hz, abs=0.03)
         assert abs(row.least_squares) == pytest.approx(size, rel=5e-3)

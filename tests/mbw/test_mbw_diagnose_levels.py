@@ -2,12 +2,13 @@
 
 from types import SimpleNamespace
 
-from diagnosis.verdict.schema import CauseRow, GapAt, LevelGapRow
+from diagnosis.verdict.schema import CauseRow, LevelGapRow
 from mbw.diagnose.level_sentences import level_sentences
+from tuning.files.schema import GapRow
 
 
 def row(level, before, after):
-    gaps = (GapAt(error=None, excess=excess) for excess in (before, after))
+    gaps = (GapRow(error=None, excess=excess) for excess in (before, after))
     retuned, last = gaps
     return LevelGapRow(level=level, retuned=retuned, after=last, closed=None)
 

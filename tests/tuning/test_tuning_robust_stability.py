@@ -53,7 +53,7 @@ def test_the_floor_is_the_error_of_the_plant_that_its_bands_have(folder, model):
     gain = loop_gain_by_hand(freq)[:, 0, 0]
     change = error / np.abs(bands.values[:, 0, 0]) * np.abs(gain / (1 + gain))
     assert test.peak == pytest.approx(change.max(), rel=1e-6)
-    assert test.freq_hz == pytest.approx(freq[change.argmax()])
+    assert test.frequency == pytest.approx(freq[change.argmax()])
     again = plant.margins.robust_at_once[0]
     assert again.peak == pytest.approx(test.peak, rel=1e-6)
 
@@ -90,7 +90,7 @@ def test_a_plant_that_errs_by_the_weight_is_critical_where_it_reaches_one(folder
     assert test.band == (LINES[0], LINES[-1])
     assert test.peak == pytest.approx(0.2 * np.abs(closed).max(), rel=1e-3)
     # a plant off by 0.2 / peak, in the worst phase, has the critical point on its loop gain
-    gain = loop_gain_by_hand([test.freq_hz])[0, 0, 0]
+    gain = loop_gain_by_hand([test.frequency])[0, 0, 0]
     turned = -(1 + gain) / gain
     assert abs(turned) == pytest.approx(0.2 / test.peak, rel=1e-6)
     assert abs(1 + gain * (1 + turned)) < 1e-9
@@ -153,7 +153,7 @@ def test_the_floor_of_two_loops_is_that_of_machines_that_are_changed_at_random(f
     squares, shapes = eigh(stiffness, mass)
     for number, (test,) in enumerate(margins.robust):
         assert test.weight == FLOOR_WEIGHT
-        s = 2j * np.pi * test.freq_hz
+        s = 2j * np.pi * test.frequency
         dynamic = s**2 * mass + s * damping + stiffness
         root = np.sqrt(squares + abs(s) ** 2)
         drawn = rng.standard_normal((2, count, 2, 2)) / np.sqrt(2)

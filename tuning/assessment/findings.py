@@ -1,16 +1,9 @@
 """Findings on parameters and on further tests, which tuned.json holds as they are."""
 
-from pydantic import BaseModel, ConfigDict
-
-# Of records that are validated when they are made and when they are read.
-ROW_CONFIG = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+from identification.readers.result_files import StrictRow
 
 
-class _Row(BaseModel):
-    model_config = ROW_CONFIG
-
-
-class CorrelationRow(_Row):
+class CorrelationRow(StrictRow):
     """Two parameters that the data hardly distinguish."""
 
     first: str
@@ -18,7 +11,7 @@ class CorrelationRow(_Row):
     correlation: float
 
 
-class UnseenRow(_Row):
+class UnseenRow(StrictRow):
     """A direction that the data do not determine."""
 
     parameters: list[str]
@@ -26,7 +19,7 @@ class UnseenRow(_Row):
     sentence: str
 
 
-class GainRow(_Row):
+class GainRow(StrictRow):
     """Effect of one further measurement on the most uncertain parameter.
 
     ``what`` is a hammer point at a site, or a sensor beside it. ``before`` and ``after`` are

@@ -105,19 +105,14 @@ class SlidingRow:
             dry friction.
         force_ratio: largest force that acts on the joint over the limit; None for friction that
             sticks as a spring.
+        slides: whether the joint slides all the time, but for a moment at reversals.
     """
 
     joint: str
     limit: float
-    sliding: float | None = None
-    force_ratio: float | None = None
-
-    @property
-    def slides(self) -> bool:
-        """Whether the joint slides all the time, but for a moment at reversals."""
-        if self.sliding is not None:
-            return self.sliding >= MIN_SLIDING_SHARE
-        return self.force_ratio is not None and self.force_ratio >= MIN_FORCE_OVER_FRICTION
+    sliding: float | None
+    force_ratio: float | None
+    slides: bool
 
 
 def predict_sliding(excitation: Excitation, laws: Sequence[NonlinearJoint]) -> list[SlidingRow]:
@@ -137,12 +132,12 @@ def predict_sliding(excitation: Excitation, laws: Sequence[NonlinearJoint]) -> l
         moved, response = _joint_motion(excitation, law.joint)
         if isinstance(law, JenkinsElement):
             sliding = max(sliding_share(path, law.k, law.limit) for path in moved)
-            rows.append(SlidingRow(law.joint, law.limit, sliding=sliding))
+            slides = sliding >= MIN_SLIDING_SHARE
+            rows.append(SlidingRow(law.joint, law.limit, sliding, None, slides))
             continue
         forces = excitation.waveforms(_applied_force(excitation, law.joint, response))
-        rows.append(
-            SlidingRow(law.joint, law.limit, force_ratio=float(np.abs(forces).max()) / law.limit)
-        )
+        ratio = float(np.abs(forces).max()) / law.limit
+        rows.append(SlidingRow(law.joint, law.limit, None, ratio, ratio >= MIN_FORCE_OVER_FRICTION))
     return rows
 
 

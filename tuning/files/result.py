@@ -17,7 +17,7 @@ from identification.readers.result_files import (
 )
 from identification.words import Campaign, Complex, InputError, Real
 from mbmodel import NOT_WRITTEN, Model, WrittenModel, held_parameters, model_modes, write_model
-from tuning.assessment.gap import Gap, block_error_shares, relative_change
+from tuning.assessment.gap import block_error_shares, relative_change
 from tuning.campaign_tuning import CampaignTuning, Comparison
 from tuning.control_loops.loops_file import LOOPS_JSON, write_loops
 from tuning.files.input_files import input_rows
@@ -183,9 +183,9 @@ def _level_gap(comparison: Comparison) -> LevelGap:
     drawn, tuned = comparison.gap(comparison.as_drawn), comparison.gap(comparison.bounded)
     held_out = comparison.held_out
     return LevelGap(
-        as_drawn=_gap_row(drawn),
-        tuned=_gap_row(tuned),
-        held_out=None if held_out is None else _gap_row(comparison.gap(held_out)),
+        as_drawn=GapRow.model_validate(drawn),
+        tuned=GapRow.model_validate(tuned),
+        held_out=None if held_out is None else GapRow.model_validate(comparison.gap(held_out)),
         noise=drawn.noise,
         channels=drawn.channels,
         quiet_channels=drawn.quiet,
@@ -208,11 +208,6 @@ def _block_rows(tuned: CampaignTuning) -> list[BlockRow]:
         )
         for start, stop, share in zip(starts, [*starts[1:], len(freq)], shares, strict=True)
     ]
-
-
-def _gap_row(gap: Gap) -> GapRow:
-    """Return the row of a gap."""
-    return GapRow(error=gap.error, excess=gap.excess)
 
 
 def _mode_rows(tuned: CampaignTuning, theta: Real) -> list[ModelModeRow]:

@@ -1,25 +1,19 @@
 """Schema of tuned.json: its rows, validated on writing and on reading."""
 
-from pydantic import BaseModel
-
-from identification.readers.result_files import ResultFile
+from identification.readers.result_files import ResultFile, StrictRow
 from identification.words import Quantity
-from tuning.assessment.findings import ROW_CONFIG, CorrelationRow, GainRow, UnseenRow
+from tuning.assessment.findings import CorrelationRow, GainRow, UnseenRow
 from tuning.campaign_tuning import FrfPlace, ResidualKind
 
 
-class _Row(BaseModel):
-    model_config = ROW_CONFIG
-
-
-class GapRow(_Row):
+class GapRow(StrictRow):
     """Error and excess of one prediction."""
 
     error: float | None
     excess: float | None
 
 
-class LevelGap(_Row):
+class LevelGap(StrictRow):
     """Gap at the sensors or at the bodies.
 
     ``tuned`` is the gap of the fit to all lines, on those lines. ``held_out`` predicts each line
@@ -34,14 +28,14 @@ class LevelGap(_Row):
     quiet_channels: int
 
 
-class GapTable(_Row):
+class GapTable(StrictRow):
     """Gaps at both levels."""
 
     sensors: LevelGap
     bodies: LevelGap
 
 
-class ParameterRow(_Row):
+class ParameterRow(StrictRow):
     """One parameter that was tuned.
 
     ``low`` and ``high`` are the ends of its 95 % interval, ``deviation`` is one standard deviation
@@ -67,7 +61,7 @@ class ParameterRow(_Row):
     ratio: float | None = None
 
 
-class ChannelGainRow(_Row):
+class ChannelGainRow(StrictRow):
     """Gain that a campaign called unknown: measured value per SI unit, H_measured = gain H.
 
     ``location`` is ``sensor:<site>`` or ``hammer:<name>``, ``dof`` the direction of a channel.
@@ -84,7 +78,7 @@ class ChannelGainRow(_Row):
     delay: float | None = None
 
 
-class StartRow(_Row):
+class StartRow(StrictRow):
     """End of one start, after the last stage that all starts went through.
 
     ``farthest`` names the parameters that lie farthest from those of the best start, with the
@@ -96,14 +90,14 @@ class StartRow(_Row):
     farthest: dict[str, float]
 
 
-class InputRow(_Row):
+class InputRow(StrictRow):
     """A file that was read, and its SHA-256."""
 
     file: str
     sha256: str
 
 
-class FitRow(_Row):
+class FitRow(StrictRow):
     """How the search ended, and whether there are doubts about its result: two questions.
 
     ``chi_square`` is the mean squared misfit in units of the noise's variance, or of the standard
@@ -124,7 +118,7 @@ class FitRow(_Row):
     ends: list[StartRow] = []
 
 
-class TunedTestRow(_Row):
+class TunedTestRow(StrictRow):
     """One test of the campaign; ``variant`` names its own model or pose, if it has one.
 
     ``drive_unit`` is the unit of what drove the machine, and of the level.
@@ -142,14 +136,14 @@ class TunedTestRow(_Row):
     drive_unit: str = "N"
 
 
-class ModelModeRow(_Row):
+class ModelModeRow(StrictRow):
     """One mode of the model in the band."""
 
     frequency: float
     damping: float
 
 
-class ModePartnerRow(_Row):
+class ModePartnerRow(StrictRow):
     """Mode of the model that is paired with a measured one.
 
     ``mode`` is its position in ``modes`` of the file, counted from 1, or None outside the band; of
@@ -169,7 +163,7 @@ class ModePartnerRow(_Row):
     moves_most: bool | None = None
 
 
-class ModePairRow(_Row):
+class ModePairRow(StrictRow):
     """One measured mode and its partners; None if the model has none.
 
     In a table of modes, ``line`` is its line in the file, ``motion`` what it names as its largest
@@ -186,7 +180,7 @@ class ModePairRow(_Row):
     tuned: ModePartnerRow | None
 
 
-class BlockRow(_Row):
+class BlockRow(StrictRow):
     """One held-out block of lines, and its share of the squared held-out error."""
 
     low: float
@@ -194,7 +188,7 @@ class BlockRow(_Row):
     share: float
 
 
-class ShareRow(_Row):
+class ShareRow(StrictRow):
     """Share of one body in the residual gap."""
 
     body: str
@@ -202,7 +196,7 @@ class ShareRow(_Row):
     excess: float
 
 
-class TunedFile(ResultFile, _Row):
+class TunedFile(ResultFile, StrictRow):
     """Content of tuned.json.
 
     ``residuals`` are the residuals that were minimised, in order, with FRFs ``at`` sensors or
@@ -247,7 +241,7 @@ class TunedFile(ResultFile, _Row):
         )
 
 
-class ModeTableFile(ResultFile, _Row):
+class ModeTableFile(ResultFile, StrictRow):
     """Content of mode_table.json, the result of a tuning to a table of modes.
 
     ``determined`` names the parameters whose ``ratio`` is below 0.5. ``modes_without_row`` are

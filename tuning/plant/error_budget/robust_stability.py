@@ -19,7 +19,7 @@ model lacks. Where |L| = 1 or |T| peaks outside that band, a small |W T| shows n
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -43,32 +43,24 @@ class RobustTest:
 
     Args:
         weight: what W is: the held-out error or the model-error floor.
-        peak: of |W T|.
-        freq_hz: of the peak [Hz].
-        band: in which W is known [Hz].
+        peak: largest |W T|.
+        frequency: frequency of the peak [Hz].
+        band: band in which W is known [Hz].
+        holds: whether the peak is below 1.
         outside: frequencies outside the band with |L| = 1 or at a peak of |T| [Hz].
+        robustly_stable: whether the loops are stable for all plants within W; None where the peak
+            is below 1 but W is not known at all frequencies that matter.
+        wanted_band: band that a test has to cover, an octave beyond what is critical [Hz].
     """
 
     weight: str
     peak: float
-    freq_hz: float
+    frequency: float
     band: tuple[float, float]
-    outside: tuple[float, ...] = ()
-
-    @property
-    def robustly_stable(self) -> bool | None:
-        """Whether the loops are stable for all plants within W; None if W is not known enough."""
-        if self.peak >= 1:
-            return False
-        return None if self.outside else True
-
-    @property
-    def wanted_band(self) -> tuple[float, float]:
-        """Band that a test has to cover, an octave beyond what is critical [Hz]."""
-        low, high = self.band
-        below = [freq / 2 for freq in self.outside if freq < low]
-        above = [freq * 2 for freq in self.outside if freq > high]
-        return min([low, *below]), max([high, *above])
+    holds: bool
+    outside: tuple[float, ...]
+    robustly_stable: bool | None
+    wanted_band: tuple[float, float]
 
 
 def held_out_tests(
@@ -89,13 +81,12 @@ def held_out_tests(
     weighted = np.zeros_like(closed)
     for k, error in known_errors.items():
         weighted[:, k] = np.interp(freq, lines, error.quantile)[:, None] * closed[:, k]
-        test = _peak(HELD_OUT, freq, np.abs(weighted[:, k, k]))
-        robust[k].append(_with_outside(test, nominal, [k]))
+        robust[k].append(_robust_test(HELD_OUT, freq, np.abs(weighted[:, k, k]), nominal, [k]))
     is_whole = len(known_errors) == len(errors)
     if not is_whole:
         return robust, []
-    together = _peak(HELD_OUT, freq, scaled_singular_values(weighted))
-    return robust, [_with_outside(together, nominal, range(len(errors)))]
+    together = scaled_singular_values(weighted)
+    return robust, [_robust_test(HELD_OUT, freq, together, nominal, range(len(errors)))]
 
 
 def floor_tests(
@@ -125,33 +116,45 @@ def floor_tests(
     single = deviation / np.abs(np.einsum("fll->fl", closed))
     together = scaled_singular_values(discrepancy_motion(lines, reading, drive).astype(complex))
     sizes = discrepancy * _CIRCLE_95 * np.column_stack([single, together])
-    tests = [_peak(FLOOR, freq, column) for column in sizes.T]
-    if tested is not None:
-        tests = [replace(test, band=tested) for test in tests]
     count = sizes.shape[1] - 1
     loops = [*([k] for k in range(count)), range(count)]
-    return [_with_outside(test, nominal, which) for test, which in zip(tests, loops, strict=True)]
+    return [
+        _robust_test(FLOOR, freq, column, nominal, which, tested)
+        for column, which in zip(sizes.T, loops, strict=True)
+    ]
 
 
-def _with_outside(test: RobustTest, nominal: AllMargins, loops: Iterable[int]) -> RobustTest:
-    """Return a test with the frequencies outside its band at which a loop is critical."""
-    low, high = test.band
-    freq = nominal.freq_hz
+def _robust_test(
+    weight: str,
+    freq: Real,
+    sizes: Real,
+    nominal: AllMargins,
+    loops: Iterable[int],
+    band: tuple[float, float] | None = None,
+) -> RobustTest:
+    """Return the largest |W T| over lines, and where a loop is critical outside the band of W."""
+    best = int(np.argmax(sizes))
+    peak = float(sizes[best])
+    low, high = band or (float(freq[0]), float(freq[-1]))
     gains = single_loop_gains(nominal.gains)
     critical: list[float] = []
     for k in loops:
         critical += nominal.loops[k].gain_crossovers[:, 0].tolist()
-        size = np.abs(gains[:, k] / (1 + gains[:, k]))
-        best = int(np.argmax(size))
-        if size[best] > _MIN_CRITICAL_SIZE:
-            critical.append(float(freq[best]))
-    outside = sorted({each for each in critical if not low <= each <= high})
-    return replace(test, outside=tuple(outside))
-
-
-def _peak(weight: str, freq: Real, sizes: Real) -> RobustTest:
-    """Return the largest value over lines."""
-    best = int(np.argmax(sizes))
+        closed = np.abs(gains[:, k] / (1 + gains[:, k]))
+        highest = int(np.argmax(closed))
+        if closed[highest] > _MIN_CRITICAL_SIZE:
+            critical.append(float(nominal.freq_hz[highest]))
+    outside = tuple(sorted({each for each in critical if not low <= each <= high}))
     return RobustTest(
-        weight, float(sizes[best]), float(freq[best]), (float(freq[0]), float(freq[-1]))
+        weight,
+        peak,
+        float(freq[best]),
+        (low, high),
+        holds=peak < 1,
+        outside=outside,
+        robustly_stable=False if peak >= 1 else None if outside else True,
+        wanted_band=(
+            min([low, *(each / 2 for each in outside if each < low)]),
+            max([high, *(each * 2 for each in outside if each > high)]),
+        ),
     )
