@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from importlib import import_module
+from typing import get_origin
 
 import typer
 
@@ -31,7 +32,7 @@ def run_verb(module: str, *arguments: object, quiet: bool, **options: object) ->
         module: dotted name of the verb's module.
         arguments: positional arguments of ``run_options``.
         quiet: whether only errors are printed.
-        options: values of the verb's options.
+        options: values of the verb's options; None becomes [] where ``run_options`` takes a list.
 
     Raises:
         typer.Exit: the verb failed, was interrupted or did not converge.
@@ -45,6 +46,9 @@ def run_verb(module: str, *arguments: object, quiet: bool, **options: object) ->
     def run() -> None:
         code = import_module(module)
         raise_on_interrupt()
-        code.run_options(*arguments, **options)
+        kinds = code.run_options.__annotations__
+        lists = {name for name in options if get_origin(kinds[name]) is list}
+        empty = {name: [] for name in lists if options[name] is None}
+        code.run_options(*arguments, **options | empty)
 
     messages.handle_errors(run)()

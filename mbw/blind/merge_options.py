@@ -23,4 +23,4 @@ def merge(
     overwrite: Overwrite = False,
 ) -> None:
     """Join the shards of a blind test into the result of the whole test."""
-    run_verb("mbw.blind.merge", folders, out=out, json=json, overwrite=overwrite, quiet=quiet)
+    run_verb("mbw.blind.merge", **locals())

@@ -75,26 +75,4 @@ def blind(  # noqa: PLR0913  # one for each option
     overwrite: Overwrite = False,
 ) -> None:
     """Score the diagnosis on withheld truth; an interrupted call continues when repeated."""
-    run_verb(
-        "mbw.blind.verb",
-        model,
-        cases=cases,
-        out=out,
-        seed=seed,
-        jobs=jobs,
-        cluster=cluster,
-        executor=executor,
-        shard=shard,
-        band=band,
-        effect=effect,
-        place=place,
-        ratio=ratio,
-        size=size,
-        dirt=dirt,
-        smallest=smallest,
-        further=further,
-        confirm=confirm,
-        json=json,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+    run_verb("mbw.blind.verb", **locals())

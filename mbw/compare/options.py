@@ -50,17 +50,4 @@ def compare(  # noqa: PLR0913  # one for each option
     The first campaign is before the change, the second after it. Three campaigns or more are a
     fleet: what varies from machine to machine, without a diagnosis.
     """
-    run_verb(
-        "mbw.compare.verb",
-        campaigns,
-        out=out,
-        json=json,
-        band=band,
-        two_machines=two_machines,
-        diagnosis=diagnosis,
-        jobs=jobs,
-        resume=resume,
-        pictures=pictures,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+    run_verb("mbw.compare.verb", **locals())

@@ -35,15 +35,4 @@ def diagnose(  # noqa: PLR0913  # one for each option
     draws no random numbers: every --seed gives the same verdict.
     """
     del seed
-    run_verb(
-        "mbw.diagnose.verb",
-        campaign,
-        out=out,
-        json=json,
-        band=band,
-        jobs=jobs,
-        explain=explain,
-        resume=resume,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+    run_verb("mbw.diagnose.verb", **locals())

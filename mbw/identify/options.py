@@ -109,27 +109,4 @@ def identify(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Identify the measured modal model: poles, damping, shapes, with standard deviations."""
     del jobs
-    run_verb(
-        "mbw.identify.verb",
-        campaign,
-        out=out,
-        json=json,
-        band=band,
-        frequency_tolerance=frequency_tolerance,
-        damping_tolerance=damping_tolerance,
-        mac_tolerance=mac_tolerance,
-        persistence=persistence,
-        highest_damping=highest_damping,
-        collinearity=collinearity,
-        phase_deviation=phase_deviation,
-        add=add or [],
-        drop=drop or [],
-        force=force or [],
-        against=against,
-        full=full,
-        compare=compare or [],
-        animate=animate or [],
-        pictures=pictures,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+    run_verb("mbw.identify.verb", **locals())

@@ -42,17 +42,4 @@ def match(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Match measured modes to finite-element modes (few sensors, force not measured)."""
     del jobs
-    run_verb(
-        "mbw.match.verb",
-        shapes,
-        campaign,
-        out=out,
-        frequencies=frequencies,
-        mass=mass,
-        nearest=nearest,
-        width=width,
-        band=band,
-        json=json,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+    run_verb("mbw.match.verb", **locals())

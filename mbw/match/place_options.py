@@ -49,16 +49,4 @@ def place(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Propose places for a few sensors, and name the finite-element modes that they confuse."""
     del jobs
-    run_verb(
-        "mbw.match.place",
-        shapes,
-        frequencies=frequencies,
-        channels=channels,
-        apart=apart,
-        check=check,
-        out=out,
-        json=json,
-        band=band,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+    run_verb("mbw.match.place", **locals())

@@ -30,4 +30,4 @@ def report(
 ) -> None:
     """Write the page of a result as one self-contained HTML file."""
     del jobs
-    run_verb("mbw.report.verb", result, out=out, json=json, overwrite=overwrite, quiet=quiet)
+    run_verb("mbw.report.verb", **locals())

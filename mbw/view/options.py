@@ -36,13 +36,4 @@ def view(
 ) -> None:
     """Show a machine in MuJoCo's viewer, at rest or moving in a mode; or write a picture."""
     del jobs
-    run_verb(
-        "mbw.view.verb",
-        model,
-        mode=mode,
-        key=key,
-        out=out,
-        json=json,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+    run_verb("mbw.view.verb", **locals())
