@@ -124,8 +124,8 @@ def compare_tests(campaigns: Sequence[Campaign], names: Sequence[str]) -> TestCo
     tested: list[TestedModes] = [
         select_modes(model, identified, outputs) for model, identified, _ in identifications
     ]
-    low, high = (np.array([c.freq_hz[end] for c in chosen]) for end in (0, -1))
-    band = (float(low.max()), float(high.min()))
+    low = max(float(c.freq_hz[c.freq_hz > 0][0]) for c in chosen)
+    band = (low, min(float(c.freq_hz[-1]) for c in chosen))
     remarks += _describe_unshared(chosen, names, outputs)
     return TestComparison(
         tuple(names),

@@ -244,6 +244,14 @@ def test_without_a_common_axis_modes_are_compared_and_frfs_are_not():
     assert compare_frfs(comparison) == ()
 
 
+def test_lines_from_0_hz_pair_the_modes_that_lines_above_it_pair():
+    axis = np.arange(0.0, 60.0, 0.125)
+    comparison = compare_tests([on_lines(axis), on_lines(axis, seed=1)], ["a", "b"])
+    above = compare_tests([on_lines(axis[1:]), on_lines(axis[1:], seed=1)], ["a", "b"])
+    assert comparison.band == above.band == (0.125, 59.875)
+    assert [mode.is_complete for mode in comparison.modes] == [True] * 3
+
+
 def test_tests_whose_bands_hardly_meet_are_refused_in_one_sentence():
     other = on_lines(np.linspace(59.51, 90.0, 400))
     with pytest.raises(InputError, match="share too few frequency lines"):
