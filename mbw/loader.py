@@ -48,7 +48,7 @@ def run_verb(module: str, *arguments: object, quiet: bool, **options: object) ->
         raise_on_interrupt()
         kinds = code.run_options.__annotations__
         lists = {name for name in options if get_origin(kinds[name]) is list}
-        empty = {name: [] for name in lists if options[name] is None}
+        empty: dict[str, object] = {name: [] for name in lists if options[name] is None}
         code.run_options(*arguments, **options | empty)
 
     messages.handle_errors(run)()

@@ -7,10 +7,10 @@ calibrated on stored evidence, and a new calibration needs no fit.
 from collections.abc import Iterable
 from math import log
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import ConfigDict
 
 from diagnosis.inference.calibration import Calibration
-from identification.readers.result_files import ResultFile
+from identification.readers.result_files import ResultFile, StrictRow
 from identification.words import VarianceSource
 from tuning import is_gap_visible
 
@@ -24,11 +24,13 @@ def read_site(key: Key) -> Site:
     return key[0], key[1]
 
 
-class _Row(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+class _Row(StrictRow):
+    model_config = ConfigDict(allow_inf_nan=True)
 
 
-class _Named(_Row):
+class NamedRow(StrictRow):
+    """Row of a cause: an effect at a place, in a direction or in all."""
+
     effect: str
     location: str
     dof: str | None
@@ -39,7 +41,7 @@ class _Named(_Row):
         return self.effect, self.location, self.dof
 
 
-class Scored(_Named):
+class Scored(NamedRow):
     """Score of the best hypothesis of an effect and place.
 
     Args:

@@ -1,6 +1,7 @@
 """Schema of verdict.json, as FORMATS defines it."""
 
 from diagnosis.decision.established import Spread, Word
+from diagnosis.inference.evidence import NamedRow
 from diagnosis.stated_values import Ends, Value
 from identification.readers.result_files import ResultFile, StrictRow
 from tuning.files.schema import ChannelGainRow, GapRow
@@ -55,16 +56,13 @@ class Where(StrictRow):
     share: float | None
 
 
-class CauseRow(StrictRow):
+class CauseRow(NamedRow):
     """Cause: an effect at a place.
 
     ``places`` lists all places that the test cannot tell apart, the likeliest first. ``laws`` lists
     the laws that the effect stands for, where the data do not tell them apart.
     """
 
-    effect: str
-    location: str
-    dof: str | None
     probability: float
     parameters: dict[str, Value]
     interval: dict[str, Ends]
@@ -83,12 +81,9 @@ class RestRow(StrictRow):
     where: list[Where]
 
 
-class RemarkRow(StrictRow):
+class RemarkRow(NamedRow):
     """Proven fault that is not established, with the part of the gap that it closes alone."""
 
-    effect: str
-    location: str
-    dof: str | None
     closed: float | None
 
 

@@ -10,7 +10,6 @@ _MOTION_UNITS: dict[Quantity, tuple[str, str]] = {  # along and about an axis
     "mobility": ("m/s", "rad/s"),
     "accelerance": ("m/s²", "rad/s²"),
 }
-_QUANTITY_OF_ORDER: tuple[Quantity, ...] = ("receptance", "mobility", "accelerance")
 
 
 def output_unit(machine: Machine, port: Output, quantity: Quantity) -> str:
@@ -44,21 +43,3 @@ def input_unit(machine: Machine, port: Input) -> str:
     if isinstance(port, Signal) and not (port.is_joint or port.is_directed):
         return CONTROL
     return "N m" if turns(machine, port) else "N"
-
-
-def output_quantity(machine: Machine, port: Output, quantity: Quantity) -> Quantity | None:
-    """Return what an output reads: receptance, mobility or accelerance; None for other readings.
-
-    Args:
-        machine: with the sensor.
-        port: the output.
-        quantity: of the request.
-
-    Raises:
-        UsageError: a sensor that the machine does not have.
-    """
-    if isinstance(port, Signal) and not (port.is_joint or port.is_directed):
-        reading = find_sensor(machine, port)
-        is_motion = reading.body.any() or reading.joint.any()
-        return _QUANTITY_OF_ORDER[reading.order] if is_motion else None
-    return quantity

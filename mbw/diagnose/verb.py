@@ -184,7 +184,7 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
     closed = {key[:2]: share for key, share in present.closes.items()}
     sized = {key[:2] for key in present.intervals}  # their sizes decided, all else being enough
     for number, row in enumerate(verdict.causes[:_MAX_LISTED_CAUSES]):
-        name, sizes = key_words((row.effect, row.location, row.dof)), cause_parameters(row)
+        name, sizes = key_words(row.key), cause_parameters(row)
         name += "".join(f" or {place}" for place in other_places(row))
         sizes = f": {sizes}" if sizes else ""
         share = closed.get((row.effect, row.location))

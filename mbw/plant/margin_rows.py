@@ -57,7 +57,7 @@ def _loop_row(margins: PlantMargins, number: int, before: AllMargins | None) -> 
             getattr(loop, name), [getattr(sample, name) for sample in samples], sign
         )
         if margins.by_floor:
-            deviation = getattr(margins.by_floor[number], name)
+            deviation = margins.by_floor[number].get(name, 0.0)
             margin = _widen(margin, deviation, is_logarithm=name != "phase")
         return _beside(margin, None if before is None else getattr(before.loops[number], name))
 

@@ -6,11 +6,12 @@ from identification.words import Complex, Real
 from mbmodel import COMBINED_NAME
 from mbw.predict.before_after import BeforeAfter, frequency_change
 from mbw.predict.curves import Curves
+from mbw.predict.mode_rows import pole_fields
 from mbw.predict.schema import (
     AddedMassRow,
     BeforeAfterRow,
     FrfPeakRow,
-    ModeBeforeRow,
+    ModeRow,
     PutOnTopRow,
 )
 from mbw.prediction import Prediction
@@ -35,27 +36,15 @@ def put_on_top_row(comparison: BeforeAfter, curves: Curves) -> PutOnTopRow:
             AddedMassRow(body=mass.body, mass=mass.mass_kg, offset=list(mass.offset_m))
             for mass in additions.masses
         ],
-        before=_modes_before(comparison.before),
+        before=[
+            ModeRow(**pole_fields(comparison.before, number))
+            for number in range(len(comparison.before.modes.poles))
+        ],
         pairs=[_pair(comparison, *pair) for pair in comparison.pairs],
         new=comparison.new,
         gone=comparison.gone,
         frfs=_peaks(curves),
     )
-
-
-def _modes_before(prediction: Prediction) -> list[ModeBeforeRow]:
-    """Return the modes of the machine alone."""
-    modes = prediction.modes
-    return [
-        ModeBeforeRow(
-            frequency=float(modes.freq_hz[number]),
-            damping=_damping(prediction, number),
-            real=float(pole.real),
-            imaginary=float(pole.imag),
-            name=modes.names[number] or None,
-        )
-        for number, pole in enumerate(modes.poles)
-    ]
 
 
 def _damping(prediction: Prediction, number: int) -> float | None:

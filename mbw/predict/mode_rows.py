@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,15 +28,9 @@ def modes_file(prediction: Prediction) -> PredictedModesFile:
 
 
 def _row(prediction: Prediction, number: int) -> PredictedModeRow:
-    modes, shares = prediction.modes, prediction.energy
-    pole, shape = complex(modes.poles[number]), prediction.shapes[:, number]
-    is_zero = prediction.is_at_rest(number)
+    shares, shape = prediction.energy, prediction.shapes[:, number]
     return PredictedModeRow(
-        frequency=float(modes.freq_hz[number]),
-        damping=None if is_zero else float(modes.damping[number]),
-        real=pole.real,
-        imaginary=pole.imag,
-        name=modes.names[number] or None,
+        **pole_fields(prediction, number),
         strain=_shares(shares.springs, shares.strain[:, number]),
         strain_by_stage=_by_owner(shares.by_stage(shares.strain), number),
         dissipation=_shares(shares.springs, shares.dissipation[:, number]),
@@ -45,6 +40,18 @@ def _row(prediction: Prediction, number: int) -> PredictedModeRow:
         shape_real=shape.real.tolist(),
         shape_imaginary=shape.imag.tolist(),
     )
+
+
+def pole_fields(prediction: Prediction, number: int) -> dict[str, Any]:
+    """Return the fields of ``ModeRow``."""
+    modes, pole = prediction.modes, complex(prediction.modes.poles[number])
+    return {
+        "frequency": float(modes.freq_hz[number]),
+        "damping": None if prediction.is_at_rest(number) else float(modes.damping[number]),
+        "real": pole.real,
+        "imaginary": pole.imag,
+        "name": modes.names[number] or None,
+    }
 
 
 def _shares(names: Sequence[str], values: Real) -> Shares:

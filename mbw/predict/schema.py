@@ -7,14 +7,27 @@ from mbw.plant.schema import BudgetRow, StrutsRow
 Shares = dict[str, float]
 
 
-class PredictedModeRow(ResultRow):
-    """One real pole or pair of complex poles; shares below 0.001 are left out.
+class ModeRow(ResultRow):
+    """A mode of a machine: one real pole or pair of complex poles.
 
     Args:
         frequency: ``|s| / (2 pi)`` [Hz].
         damping: damping ratio; null for a mode of zero frequency.
         real, imaginary: real and imaginary part of the pole ``s`` [rad/s].
         name: name of a mode of zero frequency, such as ``rigid tx``; else null.
+    """
+
+    frequency: float
+    damping: float | None
+    real: float
+    imaginary: float
+    name: str | None
+
+
+class PredictedModeRow(ModeRow):
+    """A mode with its energy; shares below 0.001 are left out.
+
+    Args:
         strain, dissipation: share of each joint coordinate or tendon in strain energy and
             dissipation.
         strain_by_stage, dissipation_by_stage: sums of these shares for each stage.
@@ -23,11 +36,6 @@ class PredictedModeRow(ResultRow):
         shape_real, shape_imaginary: motion at the file's ``shape_labels`` for a modal mass of 1 kg.
     """
 
-    frequency: float
-    damping: float | None
-    real: float
-    imaginary: float
-    name: str | None
     strain: Shares
     strain_by_stage: Shares
     dissipation: Shares
@@ -44,16 +52,6 @@ class AddedMassRow(ResultRow):
     body: str
     mass: float
     offset: list[float]
-
-
-class ModeBeforeRow(ResultRow):
-    """A mode of the machine alone: frequency [Hz], damping ratio, pole [rad/s] and name."""
-
-    frequency: float
-    damping: float | None
-    real: float
-    imaginary: float
-    name: str | None
 
 
 class BeforeAfterRow(ResultRow):
@@ -108,7 +106,7 @@ class PutOnTopRow(ResultRow):
     at: str | None
     prefix: str
     added_masses: list[AddedMassRow]
-    before: list[ModeBeforeRow]
+    before: list[ModeRow]
     pairs: list[BeforeAfterRow]
     new: list[int]
     gone: list[int]

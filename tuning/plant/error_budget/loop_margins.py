@@ -12,7 +12,7 @@ from tuning.files.plant_folder import HeldOutResult
 from tuning.plant.control_loops.margin_values import AllMargins
 from tuning.plant.error_budget.definition import sampling_period
 from tuning.plant.error_budget.loop_plant import LoopPlant
-from tuning.plant.error_budget.margin_floor import MarginDeviations, floor_deviations
+from tuning.plant.error_budget.margin_floor import floor_deviations
 from tuning.plant.error_budget.reference_step import ReferenceStep, reference_steps
 from tuning.plant.error_budget.robust_stability import RobustTest, floor_tests, held_out_tests
 from tuning.plant.uncertainty.multiplicative_error import MultiplicativeError, held_out_loop_error
@@ -42,7 +42,7 @@ class PlantMargins:
     held_out: tuple[MultiplicativeError | None, ...]
     steps: tuple[ReferenceStep | None, ...]
     period_s: float
-    by_floor: tuple[MarginDeviations, ...] = ()
+    by_floor: tuple[dict[str, float], ...] = ()
 
     def __repr__(self) -> str:
         """Return the margins of each loop in a line."""
@@ -92,7 +92,7 @@ def plant_margins(
         None if tuning is None else held_out_loop_error(tuning, loop) for loop in loops
     )
     robust, at_once = held_out_tests(plant, theta, nominal, held_out)
-    by_floor: tuple[MarginDeviations, ...] = ()
+    by_floor: tuple[dict[str, float], ...] = ()
     if posterior is not None and (discrepancy := posterior.posterior.discrepancy):
         by_floor = floor_deviations(plant, theta, nominal, discrepancy)
         lines = None if tuning is None else tuning.freq_hz[tuning.freq_hz > 0]

@@ -13,43 +13,22 @@ a + i b = d ln L / d ln w the slopes there, to first order:
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from identification.words import Real
 from tuning.assessment.model_discrepancy import discrepancy_motion
 from tuning.plant.control_loops.loop_gain_lines import LoopGainOf, sensitivity, single_loop_gains
-from tuning.plant.control_loops.margin_values import AllMargins, LoopMargins
+from tuning.plant.control_loops.margin_values import AllMargins, LoopMargins, Margin
 from tuning.plant.error_budget.loop_algebra import controller_response, measured_rows
 from tuning.plant.error_budget.loop_plant import LoopPlant
 
 _STEP = 1e-5  # relative, of the frequency of a slope
 
 
-@dataclass(frozen=True)
-class MarginDeviations:
-    """Standard deviations of the margins of one loop by the model-error floor.
-
-    Those of the phase margin are in degrees, all others of the logarithm. A margin that no change
-    reaches has the deviation 0.
-
-    Args:
-        crossover, bandwidth, gain, reduction, phase, delay, modulus: of each margin.
-    """
-
-    crossover: float = 0.0
-    bandwidth: float = 0.0
-    gain: float = 0.0
-    reduction: float = 0.0
-    phase: float = 0.0
-    delay: float = 0.0
-    modulus: float = 0.0
-
-
 def floor_deviations(
     plant: LoopPlant, theta: Real, nominal: AllMargins, discrepancy: float
-) -> tuple[MarginDeviations, ...]:
+) -> tuple[dict[str, float], ...]:
     """Return the deviations of the margins of each loop by a relative error of all forces.
 
     Args:
@@ -82,8 +61,11 @@ def margin_deviations(
     deviation_of: Callable[[Real], Real],
     number: int,
     margins: LoopMargins,
-) -> MarginDeviations:
-    """Return the deviations of the margins of one loop, all others closed.
+) -> dict[str, float]:
+    """Return the deviations of the margins of one loop by their names, all others closed.
+
+    That of the phase margin is in degrees, all others of the logarithm. A margin that no change
+    reaches has none.
 
     Args:
         gain_of: GK at any lines [Hz].
@@ -93,11 +75,11 @@ def margin_deviations(
     """
     named = {
         name: margin.freq_hz
-        for name in MarginDeviations.__dataclass_fields__
-        if (margin := getattr(margins, name)).is_finite and margin.freq_hz > 0
+        for name, margin in vars(margins).items()
+        if isinstance(margin, Margin) and margin.is_finite and margin.freq_hz > 0
     }
     if not named:
-        return MarginDeviations()
+        return {}
     freq = np.array(list(named.values()))
     lines = np.concatenate([freq, freq * (1 + _STEP)])
     pairs = single_loop_gains(gain_of(lines))[:, number].reshape(2, -1)
@@ -111,7 +93,7 @@ def margin_deviations(
         phase = 2 * np.pi * float(freq[k]) * margins.delay.value
         factor = abs(_factor(name, gain, slope, phase))
         deviation_by_name[name] = factor * float(deviations[k]) / abs(gain)
-    return MarginDeviations(**deviation_by_name)
+    return deviation_by_name
 
 
 def _factor(name: str, gain: complex, slope: complex, phase: float) -> float:
