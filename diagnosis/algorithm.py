@@ -18,8 +18,7 @@ from diagnosis.refit_record import RefitRecord
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.search.collect import collect_evidence
-from diagnosis.search.confounded import find_confounded
-from diagnosis.search.fitted_sets import Search
+from diagnosis.search.fitted_sets import Search, find_confounded
 from diagnosis.search.selection import admit_outliers_beside_causes, refit_null_model, select_causes
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from diagnosis.states import check_data_after, search_before

@@ -3,9 +3,13 @@
 Units and scans of the effects stand with them, in ``effects/``.
 ``make bench ONLY=ablation`` turns each off in turn; ``docs/benchmarks.md`` has the table.
 Constants that virtual campaigns calibrate stand in ``inference/calibration.json``.
+
+Shares of a whole that count as nothing.
 """
 
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from tuning import FloorSchedule
 
@@ -94,3 +98,8 @@ class DiagnosisSettings:
 
 
 SETTINGS = DiagnosisSettings()
+
+
+# Rounding errors of a calculation, and what keeps a factor positive: half of the digits.
+HALF_PRECISION = float(np.sqrt(np.finfo(float).eps))
+NEGLIGIBLE_SHARE = 1e-6  # a curvature, slope, mass or probability that is none

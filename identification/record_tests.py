@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.continuous import ContinuousEstimate, estimate_continuous_frf, remove_hold
-from identification.hits.detection import find_blows
-from identification.hits.excitation import is_continuous, refuse_exchanged_force
+from identification.hits.detection import find_blows, is_continuous, refuse_exchanged_force
 from identification.hits.hit_frfs import estimate_hit_frfs
 from identification.hits.remarks import window_remarks
 from identification.hits.settings import HitSettings

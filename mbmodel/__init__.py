@@ -20,10 +20,9 @@ from mbmodel.compliance.released_directions import RigidDirection, release_rigid
 from mbmodel.control_loops.loop_part import with_loops
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.comparison import StateSpaceComparison, compare_state_space
-from mbmodel.export.discrete import discretise
+from mbmodel.export.discrete import SystemMatrices, discretise
 from mbmodel.export.linear_response import respond_linearly
 from mbmodel.export.state_space import export_state_space, state_space
-from mbmodel.export.system_matrices import SystemMatrices
 from mbmodel.frf.forward_sensitivities import ForceEntries, ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
 from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
@@ -43,8 +42,7 @@ from mbmodel.model import Model, as_drawn, machine_model
 from mbmodel.modes.closed_loop_modes import closed_loop_dynamics
 from mbmodel.modes.energy_shares import EnergyShares, energy_shares
 from mbmodel.modes.matrix_modes import Modes, modes_of_matrices
-from mbmodel.modes.model_modes import model_modes, shapes_at, weighted_motions
-from mbmodel.modes.modes_with_laws import modes_with_laws
+from mbmodel.modes.model_modes import model_modes, modes_with_laws, shapes_at, weighted_motions
 from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
 from mbmodel.mounting.combine import Combined, MountedStage, combine
 from mbmodel.mounting.combined_file import COMBINED_NAME, STAGE_COPY_NAME
@@ -75,8 +73,14 @@ from mbmodel.parts import (
     sensor_parts,
     spring_parts,
 )
-from mbmodel.parts.drawn_laws import StatedLaws, with_spring_laws
-from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, spring_law_part
+from mbmodel.parts.spring_laws import (
+    ConstantLoss,
+    LateForce,
+    Relaxation,
+    StatedLaws,
+    spring_law_part,
+    with_spring_laws,
+)
 from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
 from mbmodel.ports.ports import find_ports, parse_input, parse_output
 from mbmodel.ports.request import FrfRequest

@@ -9,11 +9,10 @@ import numpy as np
 from identification.words import InputError, Real
 from mbmodel.linear_model_check import check_linear_model
 from mbmodel.linearisation.drawing import read_drawing
-from mbmodel.linearisation.equilibrium import find_equilibrium
+from mbmodel.linearisation.equilibrium import equilibrium_remarks, find_equilibrium
 from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping
 from mbmodel.linearisation.motors import actuator_gains
 from mbmodel.linearisation.points import machine_layout
-from mbmodel.linearisation.remarks import equilibrium_remarks
 from mbmodel.linearisation.sensor_rows import RestPose
 from mbmodel.linearisation.sensors import read_sensors
 from mbmodel.linearisation.spin import spin_remarks, spin_velocity
@@ -27,8 +26,8 @@ from mbmodel.mjcf.names import body_name, coordinate_names, joint_name
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.mjcf.stages import stage_bodies, stage_members, stage_of
 from mbmodel.moving_equilibrium.relevance import with_statics
-from mbmodel.nonlinear_joints.remarks import nonlinear_remarks
-from mbmodel.parts.drawn_laws import read_law_texts
+from mbmodel.nonlinear_joints.files import nonlinear_remarks
+from mbmodel.parts.spring_laws import read_law_texts
 from mbmodel.spatial import spatial_inertia
 
 

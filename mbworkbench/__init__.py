@@ -41,10 +41,9 @@ from mbworkbench.diagnosis import DiagnosisResult, diagnose
 from mbworkbench.excitation import ExcitationResult, excite
 from mbworkbench.identified import IdentifiedModel, identify
 from mbworkbench.model import MachineModel, ModelModes, read_model
-from mbworkbench.parameters import ParameterTable
 from mbworkbench.plant import TunedPlant, read_plant
 from mbworkbench.plots import plot
-from mbworkbench.tuning import TunedModel, tune
+from mbworkbench.tuning import ParameterTable, TunedModel, tune
 
 __version__ = version("mbworkbench")
 

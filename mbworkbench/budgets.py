@@ -12,12 +12,11 @@ from tuning.control_loops.loops_file import choose_loops, known_loops
 from tuning.files.plant_folder import held_out_beside, plant_doubts, plant_file
 from tuning.files.result import TUNED_JSON
 from tuning.plant.error_budget.budget_remarks import budget_sentences
-from tuning.plant.error_budget.loop_margins import PlantMargins
+from tuning.plant.error_budget.loop_margins import PlantMargins, VariantMargins
 from tuning.plant.error_budget.machine_files import model_with_posterior
 from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.sampling_images import image_sentences
-from tuning.plant.error_budget.variant_margins import VariantMargins
 from tuning.plant.variant_model import read_variant_model
 
 

@@ -24,10 +24,9 @@ from identification.comparison import (
     name_campaigns,
 )
 from identification.words import InputError, UsageError
-from mbworkbench.campaign import MeasuredCampaign, read_campaign
+from mbworkbench.campaign import MeasuredCampaign, read_campaign, select_band
 from mbworkbench.diagnosis import DiagnosisResult, diagnose
 from mbworkbench.labels import AnyPath, check_count
-from mbworkbench.sessions import select_band
 from mbworkbench.tables import Shown, Table
 from tuning.files.states_campaign import find_differences, write_states_campaign
 

@@ -9,10 +9,9 @@ from diagnosis import diagnose as diagnose_session
 from diagnosis.settings import DiagnosisSettings
 from diagnosis.verdict.sentences import verdict_sentence
 from identification.words import UsageError
-from mbworkbench.campaign import MeasuredCampaign
+from mbworkbench.campaign import MeasuredCampaign, open_checkpoint, open_together, takes_a_campaign
 from mbworkbench.labels import AnyPath, as_path, check_count
 from mbworkbench.model import MachineModel
-from mbworkbench.sessions import open_checkpoint, open_together, takes_a_campaign
 from mbworkbench.tables import Shown, Table, cell_text
 from mbworkbench.tuning import TunedModel
 

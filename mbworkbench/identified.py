@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 from identification.modal import identify as identify_campaign
 from identification.modal import modal_state_space
 from identification.words import ModalModel, Real, UsageError, shorten_names
-from mbworkbench.campaign import MeasuredCampaign, read_campaign
+from mbworkbench.campaign import MeasuredCampaign, read_campaign, select_band
 from mbworkbench.labels import AnyPath
-from mbworkbench.sessions import select_band
 from mbworkbench.tables import Shown, Table
 
 if TYPE_CHECKING:

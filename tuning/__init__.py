@@ -1,6 +1,7 @@
 """Tuning of a model to a campaign: parametrisation, misfit, fits, gaps and held-out predictions."""
 
 from identification.words import TOLERANCE_BOUND_SIGMA
+from tuning.assessment.further_tests import mean_channel_variance, predict_tests
 from tuning.assessment.gap import (
     MIN_VISIBLE_EXCESS,
     ChannelGaps,
@@ -17,7 +18,6 @@ from tuning.assessment.parameter_confidence import (
     estimate_confidence,
 )
 from tuning.assessment.parameter_posterior import ParameterPosterior, PosteriorOfModel
-from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
 from tuning.campaign_tuning import (
     CampaignTuning,
     FrfPlace,
@@ -44,8 +44,11 @@ from tuning.fitting.stages import STAGES, Stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.modal_misfit import modes_in_band, select_modes
-from tuning.misfit.model_error import estimate_model_error
-from tuning.misfit.residual_statistics import ResidualStatistics, residual_statistics
+from tuning.misfit.residual_statistics import (
+    ResidualStatistics,
+    estimate_model_error,
+    residual_statistics,
+)
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
 from tuning.session import Session, open_campaign, open_session

@@ -1,14 +1,16 @@
-"""Data checks before any fit: changing tests, sensors and bodies by redundant channels."""
+"""Data checks before any fit: changing tests, sensors and bodies by redundant channels.
+
+Session whose rigid directions are released.
+"""
 
 from dataclasses import dataclass, replace
 
 from diagnosis.data_checks.sensors import SensorChecks, check_sensors
-from diagnosis.released_session import release_session
 from diagnosis.settings import DiagnosisSettings
 from identification import find_overstated_noise, remove_overstated_noise
 from identification.words import Campaign, UsageError
-from mbmodel import RigidDirection
-from tuning import Session
+from mbmodel import RigidDirection, release_rigid_directions
+from tuning import Session, build_toleranced_model, parametrise
 from tuning.assessment.held_out_blocks import MIN_BLOCK_LINES
 
 
@@ -67,3 +69,16 @@ def check_tests(
     campaign = remove_overstated_noise(session.campaign, changing)
     doubt = "a control loop is closed" if session.model.machine.loops else ""
     return check_sensors(campaign, settings, doubt, before), len(changing)
+
+
+def release_session(session: Session) -> tuple[Session, tuple[RigidDirection, ...]]:
+    """Return the session with a coordinate for each rigid direction, and these directions.
+
+    The point of a joint that only slides has no effect. If the joint may turn, its point has one,
+    and varies within its tolerance.
+    """
+    campaign = session.campaign
+    machine, rigid = release_rigid_directions(session.model.machine, float(campaign.freq_hz.max()))
+    model = build_toleranced_model(machine, campaign)
+    varies = session.parametrisation.extend(parametrise(model, campaign.tolerance))
+    return replace(session, model=model, parametrisation=varies), rigid

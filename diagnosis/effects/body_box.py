@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.hypothesis import Scene
-from diagnosis.rounding import HALF_PRECISION
+from diagnosis.settings import HALF_PRECISION
 from identification.words import Mask, Real
 from mbmodel import Machine, transport
 

@@ -20,8 +20,8 @@ from diagnosis.effects.body_box import hold_at_zero, select_names
 from diagnosis.effects.link_place import LinkPlace
 from diagnosis.effects.passive_matrix import build_columns, build_passive, slope_passive
 from diagnosis.effects.scales import ARM_UNIT_M, MASS_SHARE_UNIT
-from diagnosis.rounding import HALF_PRECISION
 from diagnosis.scene_points import find_own_springs, name_vector
+from diagnosis.settings import HALF_PRECISION
 from diagnosis.stated_values import Value, state_shown
 from identification.words import Real
 from mbmodel import (

@@ -12,7 +12,7 @@ import numpy as np
 
 from diagnosis.effects.body_box import bound_place, find_box, find_moved
 from diagnosis.effects.scales import ARM_UNIT_M
-from diagnosis.rounding import HALF_PRECISION
+from diagnosis.settings import HALF_PRECISION
 from identification.words import Mask, Real
 from mbmodel import Machine, transport
 

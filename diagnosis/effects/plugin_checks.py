@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.rounding import HALF_PRECISION
+from diagnosis.settings import HALF_PRECISION
 from diagnosis.stated_values import Value
 from identification.words import Complex
 from mbmodel import Change, Machine, Part, PartContext

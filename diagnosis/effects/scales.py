@@ -6,7 +6,7 @@ is therefore a small change of any machine, whatever its size.
 
 import numpy as np
 
-from diagnosis.rounding import NEGLIGIBLE_SHARE
+from diagnosis.settings import NEGLIGIBLE_SHARE
 
 MASS_SHARE_UNIT = 0.01  # of the body's mass
 ARM_UNIT_M = 0.1  # m, of a place, a point or an offset

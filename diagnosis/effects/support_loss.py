@@ -30,8 +30,8 @@ from itertools import combinations, product
 import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
-from diagnosis.rounding import HALF_PRECISION, NEGLIGIBLE_SHARE
 from diagnosis.scene_points import find_own_springs, find_sprung_stages
+from diagnosis.settings import HALF_PRECISION, NEGLIGIBLE_SHARE
 from diagnosis.stated_values import Value
 from identification.words import TOLERANCE_BOUND_SIGMA, Complex, Mask, Real
 from mbmodel import AddedPart, Change, Machine, Parameter, joint_coupling_writer

@@ -7,8 +7,7 @@ import numpy as np
 
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.refits.refit import Refit, map_values
-from diagnosis.rounding import NEGLIGIBLE_SHARE
-from diagnosis.settings import SETTINGS, DiagnosisSettings
+from diagnosis.settings import NEGLIGIBLE_SHARE, SETTINGS, DiagnosisSettings
 from diagnosis.stated_values import (
     Ends,
     Value,
@@ -193,7 +192,7 @@ def fit_parameters(
     """Return the parameters of a refit with their confidence.
 
     If little but noise remains, the final fit counts all lines, in as many steps as all turns of a
-    refit together. Outlying tolerances were admitted before (``refits.outlying_tolerances``): those
+    refit together. Outlying tolerances were admitted before (``refits.refitting``): those
     held at their bounds would shift the parameters. If more than noise remains, the covariance is
     that of the number of independent values, or of bands of lines.
 

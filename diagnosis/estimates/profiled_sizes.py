@@ -24,7 +24,7 @@ from scipy.stats import chi2
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.calibration import load_calibration
-from diagnosis.levels.law_part import LawPart
+from diagnosis.levels.law_hypothesis import LawPart
 from diagnosis.refits.extended_parametrisation import hold_parameters
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.refits.refitting import RefitTask, run_refits

@@ -20,8 +20,7 @@ from scipy.special import softmax
 
 from diagnosis.inference.calibration import Calibration, load_calibration
 from diagnosis.inference.evidence import Evidence, ForceGain, Key, Site, read_site
-from diagnosis.rounding import NEGLIGIBLE_SHARE
-from diagnosis.settings import DiagnosisSettings
+from diagnosis.settings import NEGLIGIBLE_SHARE, DiagnosisSettings
 
 Keys = tuple[Key, ...]
 Shares = tuple[tuple[Key, float], ...]

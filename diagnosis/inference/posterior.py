@@ -50,8 +50,7 @@ from diagnosis.inference.places import (
     sum_presence,
     weigh_places,
 )
-from diagnosis.rounding import NEGLIGIBLE_SHARE
-from diagnosis.settings import SETTINGS, DiagnosisSettings
+from diagnosis.settings import NEGLIGIBLE_SHARE, SETTINGS, DiagnosisSettings
 
 
 @dataclass(frozen=True)

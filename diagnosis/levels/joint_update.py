@@ -21,7 +21,7 @@ from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.levels.tested_joint import TestedJoint
 from identification.words import Campaign, Complex, Integers, Real
 from tuning import predict
-from tuning.misfit.model_error import ModelError, find_counted_values, profile_floor
+from tuning.misfit.residual_statistics import ModelError, find_counted_values, profile_floor
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.levels.tested_joint import TestedJoint
 from identification.words import Complex, Real
 from tuning import thin_lines
-from tuning.misfit.model_error import ModelError
+from tuning.misfit.residual_statistics import ModelError
 
 
 @dataclass(frozen=True, eq=False)

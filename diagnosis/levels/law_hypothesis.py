@@ -4,23 +4,29 @@ A refit moves the machine about which the law was simulated, so that the Parts a
 each refit until nothing changes (``refit_laws``). Peak, duration and scatter of the hits are
 estimates (``hammer_pulse``): the peak of each kind of hit, and the duration and
 variance of all, are tolerances that are fitted with the law.
+
+Part of a restoring law in the tests with equal hits.
+
+The law acts on the lines of a test as the complex stiffness that it shows under a hit of that
+test's level (``joint_transient``). It is simulated about one linear machine. All set-ups of one
+level and hammer point have equal hits, and one Part, so that one evaluation answers them all.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.levels.law_family import LawFamily
-from diagnosis.levels.law_part import LawPart
 from diagnosis.levels.law_simulation import compute_peak_stretch
 from diagnosis.levels.law_table import LawTable
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.levels.tested_joint import TestedJoint
 from diagnosis.stated_values import Value
-from identification.words import TOLERANCE_BOUND_SIGMA
-from mbmodel import Parameter
+from identification.words import TOLERANCE_BOUND_SIGMA, Complex, Condition, Real
+from mbmodel import Addition, Change, Edit, Parameter, PartContext
 
 
 def build_law_hypothesis(
@@ -125,3 +131,74 @@ def _bound_tolerances(believed: Mapping[str, float]) -> dict[str, tuple[float, f
         name: (-TOLERANCE_BOUND_SIGMA * sigma, TOLERANCE_BOUND_SIGMA * sigma)
         for name, sigma in believed.items()
     }
+
+
+@dataclass(frozen=True, eq=False)
+class LawPart:
+    """A law in tests with equal hits, as a complex stiffness of the joint direction.
+
+    Args:
+        location: joint.
+        parameters: of the law, in the order of the family; relative duration, variance and peak of
+            the hits.
+        table: of all tests.
+        number: of the first of these tests.
+        conditions: of the tests.
+        spring: joint of the direction.
+    """
+
+    location: str
+    parameters: tuple[Parameter, ...]
+    table: LawTable
+    number: int
+    conditions: frozenset[Condition]
+    spring: str
+
+    def acts(self, condition: Condition | None) -> float:
+        """Return whether a test is one of the Part's own."""
+        return float(condition in self.conditions)
+
+    def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the stiffness at theta."""
+        if not self.acts(context.condition):
+            return ()
+        middle, slopes = self.table.at(theta[:-1])
+        values = middle[self.number] + np.log(theta[-1]) * slopes[-1, self.number]
+        return (self._change(values, np.eye(3)[0, :, None, None]),)
+
+    def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the derivatives of the stiffness by each parameter."""
+        if not self.acts(context.condition):
+            return ()
+        derivatives = self.table.at(theta[:-1])[1][:, self.number].copy()
+        derivatives[-1] /= theta[-1]
+        cores = np.zeros((len(theta), len(theta), 3, 1, 1))
+        cores[np.arange(len(theta)), np.arange(len(theta)), 0] = 1.0
+        return tuple(self._change(row, core) for row, core in zip(derivatives, cores, strict=True))
+
+    def write(self, theta: Real) -> tuple[Edit | Addition, ...]:
+        """Return the law as elements of an MJCF; the Part of the first test writes it for all."""
+        if self.number:
+            return ()
+        count = len(self.table.family.parameters)
+        return self.table.family.write(self.spring, theta[:count])
+
+    def select_held(self, theta: Real) -> Real:
+        """Return theta: the MJCF holds the law."""
+        return theta
+
+    def _change(self, values: Complex, core: Real) -> Change:
+        column = self.table.joint.direction[:, None]
+        shape = partial(_look_up, self.table.joint.freq_hz, values)
+        return Change("joint", column, column, core, shape=shape)
+
+
+def _look_up(freq_hz: Real, values: Complex, laplace: Complex) -> Complex:
+    """Return a table's values at the nearest lines; conjugate below the real axis."""
+    wanted = np.abs(laplace.imag) / (2 * np.pi)
+    after = np.clip(np.searchsorted(freq_hz, wanted), 1, max(len(freq_hz) - 1, 1))
+    before = np.maximum(after - 1, 0)
+    after = np.minimum(after, len(freq_hz) - 1)
+    is_after = np.abs(freq_hz[after] - wanted) < np.abs(freq_hz[before] - wanted)
+    nearest = values[np.where(is_after, after, before)]
+    return np.where(laplace.imag < 0, nearest.conj(), nearest)

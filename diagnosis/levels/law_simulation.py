@@ -11,7 +11,7 @@ from diagnosis.levels.hammer_pulse import compute_pulse_spectrum
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.restoring_laws import RestoringLaw, stack_laws
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from diagnosis.rounding import NEGLIGIBLE_SHARE
+from diagnosis.settings import NEGLIGIBLE_SHARE
 from identification.words import Complex, Real
 
 

@@ -12,7 +12,7 @@ if l pushes every held coordinate outwards, and no other one crosses a bound.
 
 import numpy as np
 
-from diagnosis.rounding import NEGLIGIBLE_SHARE
+from diagnosis.settings import NEGLIGIBLE_SHARE
 from identification.words import Real
 
 

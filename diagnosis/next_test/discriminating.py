@@ -34,8 +34,8 @@ from diagnosis.next_test.experiments import (
     RivalModel,
     add_experiment,
     list_experiments,
+    propose_return,
 )
-from diagnosis.next_test.level_return import propose_return
 from diagnosis.next_test.unexplained import list_first_mended, propose_unexplained_test
 from diagnosis.refits.refit import Refit
 from diagnosis.settings import DiagnosisSettings

@@ -9,7 +9,7 @@ moves. The null model follows the effect by x, and what it leaves grows the cost
 A fit with the coordinates h of a hypothesis lowers it by the score test's gain (``score_test``),
 with S = Q_hh and the slope -Q_h d. A released tolerance is a coordinate of x whose column occurs
 in both. Coordinates that would cross their bounds are held there (``clipped_coordinates``);
-outliers by chance are admitted as in any fit (``outlying_tolerances``).
+outliers by chance are admitted as in any fit (``refitting``).
 """
 
 from collections.abc import Sequence
@@ -22,8 +22,8 @@ from scipy.stats import norm
 
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.next_test.clipped_coordinates import clip_to_bounds
-from diagnosis.rounding import HALF_PRECISION, NEGLIGIBLE_SHARE
 from diagnosis.search.linearised_fit import find_signed
+from diagnosis.settings import HALF_PRECISION, NEGLIGIBLE_SHARE
 from identification.words import Integers, Real
 from mbmodel import Model
 from tuning import Misfit, Parametrisation, parametrise, thin_lines

@@ -25,12 +25,12 @@ from typing import TypeVar
 import numpy as np
 from scipy.stats import norm
 
+from diagnosis.data_checks.check_data import release_session
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.evidence import Key
 from diagnosis.next_test.drawn_effects import DrawnEffects, SizedEffect, propose_linear
 from diagnosis.next_test.linear_search import LinearSearch
 from diagnosis.next_test.predicted_verdict import PredictedVerdict
-from diagnosis.released_session import release_session
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from identification import lines_are_independent
 from tuning import Session

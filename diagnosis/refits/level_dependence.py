@@ -15,7 +15,7 @@ import numpy as np
 
 from identification import smooth_variance
 from identification.words import Campaign, Complex, Test
-from tuning.misfit.model_error import find_counted_values
+from tuning.misfit.residual_statistics import find_counted_values
 
 
 def measure_level_dependence(predicted: Sequence[Complex], campaign: Campaign) -> float | None:

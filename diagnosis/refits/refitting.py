@@ -3,6 +3,10 @@
 With the weights of the noise alone, a fit minimises errors that every real model has. Each refit
 therefore tolerates the model error that its residual shows (``tuning.fit_at_error_floor``). The
 value of a cause is the decrease of that floor.
+
+Refits with wider bounds on tolerances that lie beyond their bounds by chance.
+
+See ``tuning.fitting.outlying_tolerances``, by which the null model admits them.
 """
 
 from collections.abc import Sequence
@@ -17,6 +21,7 @@ from diagnosis.inference.calibration import find_variance_source, load_calibrati
 from diagnosis.refit_record import RefitRecord, restore_fit
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
 from diagnosis.refits.refit import Refit, describe_fit
+from diagnosis.settings import DiagnosisSettings
 from identification.words import Real
 from mbmodel import Model
 from tuning import (
@@ -31,6 +36,7 @@ from tuning import (
     rebuild_for_machine,
     thin_lines,
 )
+from tuning.fitting.outlying_tolerances import are_by_chance, widen_outliers
 from tuning.workers.independent_calls import Call, run_in_parallel
 
 
@@ -192,3 +198,29 @@ def _refit(task: RefitTask, schedule: FloorSchedule, threads: int, lags: Sequenc
         jobs=threads,
     )
     return describe_fit(session, result.fit, schedule.stride, lags)
+
+
+def admit_outliers(
+    scene: Scene, refits: Sequence[Refit], settings: DiagnosisSettings
+) -> list[Refit]:
+    """Return refits with wider bounds on outlying tolerances, if these lower the objective.
+
+    Args:
+        scene: campaign and nominal model.
+        refits: the null model, or sets of causes.
+        settings: schedule, and the largest outlier.
+    """
+    sigma, tasks, chosen = settings.outlier_sigma, [], []
+    for number, refit in enumerate(refits):
+        wide = widen_outliers(refit.session.parametrisation, refit.fit.x, sigma)
+        if wide is not None:
+            session = replace(refit.session, parametrisation=wide)
+            tasks.append(RefitTask(refit.hypothesis, session, refit.fit.theta, refit.floor))
+            chosen.append(number)
+    admitted = list(refits)
+    for number, wider in zip(chosen, run_refits(scene, tasks, settings.schedule), strict=True):
+        refit = refits[number]
+        coordinates = refit.session.parametrisation, wider.session.parametrisation
+        if wider.objective < refit.objective and are_by_chance(*coordinates, wider.fit.x, sigma):
+            admitted[number] = wider
+    return admitted

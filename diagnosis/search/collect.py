@@ -4,8 +4,7 @@ from diagnosis.inference.calibration import find_variance_source
 from diagnosis.inference.evidence import Evidence, ForceGain, Scored
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit, summarise_refit
-from diagnosis.search.confounded import find_interchangeable
-from diagnosis.search.fitted_sets import Search
+from diagnosis.search.fitted_sets import Search, find_interchangeable
 from diagnosis.search.refit_round import push_about
 from diagnosis.settings import DiagnosisSettings
 from tuning import is_gap_visible

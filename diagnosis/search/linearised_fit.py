@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg
 
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.rounding import HALF_PRECISION, NEGLIGIBLE_SHARE
+from diagnosis.settings import HALF_PRECISION, NEGLIGIBLE_SHARE
 from identification.words import Integers, Mask, Real
 from tuning import Parametrisation
 from tuning.misfit.probing import ProbedEquations

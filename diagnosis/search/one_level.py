@@ -17,7 +17,7 @@ from diagnosis.inference.calibration import find_variance_source, load_calibrati
 from diagnosis.inference.evidence import Evidence, Key
 from diagnosis.inference.posterior import compute_log_odds
 from diagnosis.levels.free_levels import list_levels
-from diagnosis.levels.law_part import LawPart
+from diagnosis.levels.law_hypothesis import LawPart
 from diagnosis.refits.extended_parametrisation import hold_parameters
 from diagnosis.refits.refit import Refit, summarise_refit
 from diagnosis.refits.refitting import (

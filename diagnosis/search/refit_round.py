@@ -8,7 +8,7 @@ from diagnosis.data_checks.candidates import build_candidates
 from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.evidence import ForceGain
-from diagnosis.levels.law_part import LawPart
+from diagnosis.levels.law_hypothesis import LawPart
 from diagnosis.levels.refit_laws import refit_laws
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit

@@ -24,8 +24,8 @@ from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Key
 from diagnosis.null_model import Baseline, refit_from
-from diagnosis.refits.outlying_tolerances import admit_outliers
 from diagnosis.refits.refit import Refit
+from diagnosis.refits.refitting import admit_outliers
 from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import (
     Search,

@@ -1,17 +1,18 @@
-"""Content of verdict.json from a diagnosis."""
+"""Content of verdict.json from a diagnosis.
+
+Gains that the campaign declares unknown, as the verdict states them.
+"""
 
 from collections.abc import Sequence
 
 from diagnosis.algorithm import Diagnosis
 from diagnosis.data_checks.bending_bodies import RELEASED
 from diagnosis.effects import load_catalogue
-from diagnosis.estimates.held_out_gap import HeldOutGap
-from diagnosis.estimates.jackknife import estimate_jackknife, estimate_size_jackknife
+from diagnosis.estimates.held_out_gap import HeldOutGap, estimate_jackknife, estimate_size_jackknife
 from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.levels.free_levels import LAW_EFFECTS, list_levels
 from diagnosis.next_test.discriminating import propose_experiment
 from diagnosis.settings import DiagnosisSettings
-from diagnosis.verdict.gains import list_channel_gains
 from diagnosis.verdict.gap_rows import find_closed_part, list_level_rows
 from diagnosis.verdict.schema import (
     CauseRow,
@@ -25,8 +26,9 @@ from diagnosis.verdict.schema import (
 )
 from identification import MIN_REDUNDANT_CHANNELS
 from mbmodel import HammerGainPart, HammerPart, SensorPart
-from tuning import MIN_VISIBLE_EXCESS, channel_gaps, predict, summarise_gaps
-from tuning.files.schema import GapRow
+from tuning import MIN_VISIBLE_EXCESS, channel_gaps, estimate_confidence, predict, summarise_gaps
+from tuning.files.parameter_rows import channel_gain_rows
+from tuning.files.schema import ChannelGainRow, GapRow
 
 # Effects that only redundant channels of a body show.
 _REDUNDANCY_EFFECTS = ("sensor_swap", BENDS)
@@ -232,3 +234,17 @@ def _has_bare_body(diagnosis: Diagnosis) -> bool:
     return set(diagnosis.session.campaign.layout.bodies) > {
         check.body for check in diagnosis.checks.bodies
     }
+
+
+def list_channel_gains(diagnosis: Diagnosis) -> list[ChannelGainRow]:
+    """Return the gains of the fit with the causes, or of the null model without causes."""
+    nominal = diagnosis.session.campaign.unknown_gains.nominal
+    if not nominal:
+        return []
+    if diagnosis.parameters is not None:
+        theta, confidence = diagnosis.parameters.theta, diagnosis.parameters.confidence
+    else:
+        refit = diagnosis.null
+        theta = refit.fit.theta
+        confidence = estimate_confidence(refit.session.model, refit.session.campaign, refit.fit)
+    return channel_gain_rows(nominal, confidence.parametrisation, theta, confidence.interval())

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.fft
 
-from identification.hits.block_plan import BlockPlan, common_setting, plan_blocks
-from identification.hits.blocks import Blocks, cut_blocks
+from identification.hits.blocks import BlockPlan, Blocks, common_setting, cut_blocks, plan_blocks
 from identification.hits.densities import hit_densities, noise_densities, noise_powers
 from identification.hits.detection import Blow, find_blows
 from identification.hits.estimators import AveragedSpectra, average_spectra, estimate_frf
@@ -19,13 +18,14 @@ from identification.hits.hit_signals import (
     leave_out_dying_channels,
 )
 from identification.hits.peak_slope import estimate_peak_slope
-from identification.hits.recorded_window import combine_windows, detect_recorded_window
 from identification.hits.rejection import reject_hits
 from identification.hits.remarks import hit_remarks, window_remarks
 from identification.hits.settings import HitSettings
 from identification.hits.traces import record_traces
 from identification.hits.windows import (
     choose_tau,
+    combine_windows,
+    detect_recorded_window,
     exponential_windows,
     force_windows,
     residual_response,

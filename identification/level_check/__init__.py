@@ -1,8 +1,7 @@
 """Check of the modes against the level of the hits: what is linear does not change with it."""
 
 from identification.level_check.check import LevelCheck, check_hits, check_levels
-from identification.level_check.decay_check import DecayCheck, check_decay
-from identification.level_check.free_decay import DecayTrack, track_decay
+from identification.level_check.decay_check import DecayCheck, DecayTrack, check_decay, track_decay
 from identification.level_check.visits import group_visits
 
 __all__ = [

@@ -1,14 +1,15 @@
 """Matching of measured modes to simulated ones: by likelihood, and by the ratios of the paper."""
 
-from identification.matching.assignment import best_matching, pair_probabilities
 from identification.matching.hand_methods import HandEstimate, estimate_by_hand
 from identification.matching.likelihood import MatchingPriors, pairing_odds
 from identification.matching.measured_modes import ImpactModes, impact_modes, rotate_to_real
 from identification.matching.mode_circles import ChannelCircle, ModeCircles, fit_mode_circles
 from identification.matching.mode_matching import (
     ModeMatch,
+    best_matching,
     channel_geometry,
     match_modes,
+    pair_probabilities,
     shapes_at_channels,
 )
 from identification.matching.ratio_method import (

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.impacts import ImpactSpectra
-from identification.matching.measured_modes import ImpactModes
-from identification.matching.resonance_phase import (
+from identification.matching.measured_modes import (
+    ImpactModes,
     nearest_mode,
     rotate_to_imaginary,
     strongest_impact,

@@ -1,12 +1,15 @@
-"""Variables of MATLAB, numpy and text files, whatever bytes the files hold."""
+"""Variables of MATLAB, numpy and text files, whatever bytes the files hold.
+
+MATLAB files of version 7.3, which are HDF5 files.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from identification.readers.child_process import read_in_child
 from identification.readers.matlab5 import read_matlab5
-from identification.readers.matlab73 import read_matlab73
 from identification.readers.numpy_archive import read_archive
 from identification.readers.result_files import check_format
 from identification.readers.text_arrays import read_text_arrays
@@ -72,3 +75,15 @@ def _is_version_73(path: Path) -> bool:
     """Return whether a file has the header of MATLAB 7.3."""
     with path.open("rb") as file:
         return file.read(_VERSION_PLACE.stop)[_VERSION_PLACE] in _HEADERS_OF_VERSION_73
+
+
+_SCRIPT = Path(__file__).with_name("matlab73_child.py")
+
+
+def read_matlab73(path: Path) -> dict[str, np.ndarray]:
+    """Read the numeric variables by name, in a process of its own.
+
+    Raises:
+        ValueError: the file is damaged, or refers to other files.
+    """
+    return read_in_child(_SCRIPT, path)

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from identification.readers.uff_binary import read_points
-from identification.readers.uff_blocks import Block
-from identification.readers.uff_fields import (
+from identification.readers.uff_blocks import (
+    Block,
     FieldError,
     parse_columns,
     parse_integer,
     parse_number,
+    read_points,
     split_fields,
 )
 from identification.words import Real

@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.readers.uff_blocks import Block
-from identification.readers.uff_fields import parse_number, split_fields
+from identification.readers.uff_blocks import Block, parse_number, split_fields
 from identification.words import Integers, Real
 
 _NORMAL_MODE, _COMPLEX_MODES = 2, (3, 7)  # analysis types

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.readers.uff_blocks import Block
-from identification.readers.uff_fields import parse_number, parse_numbers
+from identification.readers.uff_blocks import Block, parse_number, parse_numbers
 from identification.words import MAX_INPUT_MAGNITUDE, Real
 
 CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2

@@ -2,8 +2,7 @@
 
 from identification.shapes.fe_file import read_shapes
 from identification.shapes.fe_shapes import Shapes
-from identification.shapes.mass_check import MassCheck, compare_mass
-from identification.shapes.rigid_mass import RigidModes, rigid_modes
+from identification.shapes.rigid_mass import MassCheck, RigidModes, compare_mass, rigid_modes
 from identification.shapes.sensor_placement import (
     ModeDistinction,
     antinodes,

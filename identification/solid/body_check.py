@@ -11,6 +11,7 @@ import numpy as np
 from identification.solid.body_channels import (
     ChannelTable,
     body_data,
+    drop_still_channels,
     join_tests,
     list_dead_channels,
 )
@@ -25,7 +26,6 @@ from identification.solid.fault_size import is_within_tolerance
 from identification.solid.frequency_limit import ResidualSpectrum, highest_solid_hz
 from identification.solid.sensor_faults import FaultHypothesis
 from identification.solid.sentences import body_sentence, confounded_phrase, fault_phrase
-from identification.solid.silent_channels import drop_still_channels
 from identification.solid.swapped_bodies import (
     BodySwap,
     MovedSensor,

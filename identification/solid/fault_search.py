@@ -8,7 +8,6 @@ from scipy.stats import gamma
 
 from identification.solid.body_channels import BodyData
 from identification.solid.moments import Moments
-from identification.solid.projection import project
 from identification.solid.ranking import RankedFault, Ranking, rank_faults
 from identification.solid.rigid_fit import fit_errors
 from identification.solid.sensor_faults import (
@@ -18,6 +17,7 @@ from identification.solid.sensor_faults import (
     leave_out_channel,
     list_hypotheses,
 )
+from identification.solid.slope_products import project
 from identification.words import TOLERANCE_BOUND_SIGMA, Real, Tolerance
 
 # Posterior probability of "no further fault" below which a fault is accepted.

@@ -16,9 +16,9 @@ import numpy as np
 from scipy.special import gammainccinv
 
 from identification.solid.body_channels import BodyData
-from identification.solid.projection import project
 from identification.solid.rigid_fit import RigidFitModel
 from identification.solid.sensor_faults import BelievedBody
+from identification.solid.slope_products import project
 from identification.words import Complex, Integers, Mask, Real
 
 # Share of the motion that may be flexible in a body called solid. The tolerances of gain (1 %)

@@ -17,9 +17,8 @@ import numpy as np
 
 from identification.solid.body_channels import BodyData
 from identification.solid.moments import Moments
-from identification.solid.projection import Projection, project
 from identification.solid.rigid_fit import RigidFitModel
-from identification.solid.slope_products import SlopeProducts, solve_definite
+from identification.solid.slope_products import Projection, SlopeProducts, project, solve_definite
 from identification.words import Complex, Real
 
 _MAX_PRODUCTS = 200_000  # products of slopes in memory at once

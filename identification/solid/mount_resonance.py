@@ -10,9 +10,9 @@ in the band; this estimate does not.
 
 import numpy as np
 
-from identification.solid.projection import project
 from identification.solid.sensor_faults import BelievedBody
 from identification.solid.shared_shape import FreeShape
+from identification.solid.slope_products import project
 
 _MOUNT_DAMPING_LIMITS = (2e-3, 1.0)  # smallest and largest damping ratio of a mount
 

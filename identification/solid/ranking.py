@@ -10,12 +10,11 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import softmax
 
-from identification.solid.free_shapes import FreeShapes
 from identification.solid.moments import Moments
 from identification.solid.rigid_fit import FittedErrors, fit_errors
 from identification.solid.screening import BodyFit, screen_faults
 from identification.solid.sensor_faults import BelievedBody, FaultHypothesis, Key, min_parameters
-from identification.solid.shared_shape import folds
+from identification.solid.shared_shape import FreeShapes, folds
 from identification.words import Real, Tolerance
 
 _MAX_SHAPE_STEPS = 8  # Gauss-Newton steps of a fit with a free shape

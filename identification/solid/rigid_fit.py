@@ -16,9 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.solid.moments import FitSums, Moments
-from identification.solid.projection import Projection, project
 from identification.solid.sensor_errors import Sensors
-from identification.solid.slope_products import SlopeProducts, solve_definite
+from identification.solid.slope_products import Projection, SlopeProducts, project, solve_definite
 from identification.words import Real
 
 _MAX_FIT_STEPS = 8  # Gauss-Newton steps

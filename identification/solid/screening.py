@@ -5,11 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.solid.free_shapes import FreeShapes
 from identification.solid.linearised_scan import LinearisedFit, LineSums, subtract_noise
 from identification.solid.moments import Moments
 from identification.solid.mount_resonance import estimate_mount
-from identification.solid.projection import project
 from identification.solid.rigid_fit import FittedErrors, fit_errors
 from identification.solid.sensor_faults import (
     READING_RESPONSES,
@@ -19,7 +17,13 @@ from identification.solid.sensor_faults import (
     list_hypotheses,
     min_parameters,
 )
-from identification.solid.shared_shape import FreeShape, amplitude_gain, estimate_noise_scale
+from identification.solid.shared_shape import (
+    FreeShape,
+    FreeShapes,
+    amplitude_gain,
+    estimate_noise_scale,
+)
+from identification.solid.slope_products import project
 from identification.words import Real, Tolerance
 
 # Variance of the noise over the stated one, at most. Variances that other software states from few

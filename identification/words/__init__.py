@@ -12,12 +12,14 @@ from identification.words._arrays import (
 )
 from identification.words.campaign import (
     DEFAULT_HAMMER,
+    MAX_SHOWN_VALUES,
     TOLERANCE_BOUND_SIGMA,
     Campaign,
     Condition,
     State,
     Test,
     Tolerance,
+    thinning_step,
 )
 from identification.words.control_loop import (
     Controller,
@@ -40,11 +42,9 @@ from identification.words.hits import (
     SignalTraces,
     SpectralDensities,
 )
-from identification.words.large_tests import MAX_SHOWN_VALUES, thinning_step
 from identification.words.layout import Layout, is_hammer_point, node_number
-from identification.words.modal import ModalModel, drive_point_scale, modal_sum
+from identification.words.modal import HasPoles, ModalModel, drive_point_scale, modal_sum
 from identification.words.names import percent_text, shorten_names
-from identification.words.poles import HasPoles
 from identification.words.records import Records
 from identification.words.signal import (
     JOINT_PREFIX,

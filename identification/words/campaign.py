@@ -1,4 +1,7 @@
-"""Campaign: the tests of one machine, their conditions, and the tolerances of the drawings."""
+"""Campaign: the tests of one machine, their conditions, and the tolerances of the drawings.
+
+Large tests: a part of their lines or channels stands for all where a check needs no more.
+"""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal, Self
@@ -10,7 +13,6 @@ from identification.words.dof import Dof, distinct_dofs
 from identification.words.frf import FrfEstimate
 from identification.words.gains import UnknownGains
 from identification.words.hits import HitEstimate
-from identification.words.large_tests import thinning_step
 from identification.words.layout import Layout
 from identification.words.names import shorten_names
 from identification.words.signal import FLOOR, Input, Output, Signal
@@ -270,3 +272,19 @@ class Campaign:
         """Return every n-th line of a large campaign, enough for a check; else all of it."""
         step = thinning_step(sum(test.estimate.frf.values.size for test in self.tests))
         return self if step == 1 else self.select_lines(slice(None, None, step))
+
+
+# Values of FRFs that a check takes: three times the usual 69 x 3 x 801, some seconds and 200 MB.
+MAX_CHECKED_VALUES = 500_000
+# Values whose curves a page and files hold: a page of 60 MB, which browsers still open.
+MAX_SHOWN_VALUES = 2_000_000
+
+
+def thinning_step(n_values: int, limit: int = MAX_CHECKED_VALUES) -> int:
+    """Return n such that every n-th of these values is few enough; 1 for all of them.
+
+    Args:
+        n_values: number of values of all FRFs: lines times channels times references.
+        limit: number of values that is few enough.
+    """
+    return max(1, -(-n_values // limit))

@@ -17,17 +17,18 @@ stable poles (``vector_fitting``) that do not grow outside the band, or by such 
 
 The controller of a control loop is rational: its states hold it exactly, beside the fraction of its
 delay. A sampled one is the continuous one of Tustin's rule, with the delay of its hold.
+
+A law as a sum of Maxwell branches, each a spring and a damper in series, beside a spring.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.optimize
 
 from identification.words import Complex, Integers, Real
-from mbmodel.control_loops.delay_fraction import DelayFraction
-from mbmodel.control_loops.loop_law import LoopFraction, LoopLaw
-from mbmodel.export.maxwell_branches import fit_maxwell_branches
+from mbmodel.control_loops.loop_law import DelayFraction, LoopFraction, LoopLaw
 from mbmodel.export.rational_function import HasStates, RationalFunction
 from mbmodel.export.vector_fitting import fit_poles_and_residues
 from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation
@@ -224,3 +225,48 @@ def _fewest_branches(
     ]
     floor = min(fit.weighted_error for fit in fits)
     return next(fit for fit in fits if fit.weighted_error <= (1 + _FLOOR_MARGIN) * floor)
+
+
+_OUTER_CORNERS = 4.0  # corner frequencies reach beyond the band by this factor
+
+
+def fit_maxwell_branches(
+    laplace: Complex, values: Complex, weights: Real, branches: int, lowest_constant: float
+) -> RationalFunction:
+    """Fit a law by a spring, and Maxwell branches and a damper of positive size.
+
+    The spring may be negative, down to a bound. Non-negative least squares (Lawson and Hanson
+    1974): without a bound it is the difference of two springs, with one it counts from there.
+
+    Args:
+        laplace: s = i w, rising [rad/s]; (n_freq,).
+        values: of the law; (n_freq,).
+        weights: of the lines; (n_freq,).
+        branches: number of corner frequencies, at even steps of their logarithm.
+        lowest_constant: lower bound of the law at s = 0; -inf for none.
+    """
+    omega = laplace.imag
+    corners = np.geomspace(omega[0] / _OUTER_CORNERS, omega[-1] * _OUTER_CORNERS, branches)
+    is_bounded = np.isfinite(lowest_constant)
+    start = lowest_constant if is_bounded else 0.0
+    columns = np.stack(
+        [
+            np.ones_like(laplace),
+            np.zeros_like(laplace) if is_bounded else -np.ones_like(laplace),
+            laplace / omega[-1],
+            *(laplace / (laplace + corner) for corner in corners),
+        ],
+        axis=1,
+    )
+    target = np.concatenate([values.real - start, values.imag])
+    rows = np.tile(weights / weights.max(), 2)
+    matrix = np.vstack([columns.real, columns.imag])
+    sizes, _ = scipy.optimize.nnls(rows[:, None] * matrix, rows * target)
+    used = sizes[3:] > 0
+    sum_of_branches = float(sizes[3:].sum())
+    return RationalFunction(
+        -corners[used] + 0j,
+        -(sizes[3:] * corners)[used] + 0j,
+        start + float(sizes[0] - sizes[1]) + sum_of_branches,
+        float(sizes[2] / omega[-1]),
+    )

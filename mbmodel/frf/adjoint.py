@@ -20,9 +20,8 @@ from functools import cache
 import numpy as np
 
 from identification.words import Complex, Real
-from mbmodel.frf.channel_factors import output_selection
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities, Slopes
-from mbmodel.frf.solution import FrfSolution
+from mbmodel.frf.solution import FrfSolution, output_selection
 from mbmodel.linearisation.gravity import gravity_adjoint
 from mbmodel.parts import Change, Slot
 from mbmodel.ports.ports import direction_selection

@@ -18,17 +18,17 @@ import numpy as np
 from identification.words import Complex, Integers, Mask, Real
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.motion_sources import MotionSources
-from mbmodel.frf.slope_matrix import SlopeMatrix, as_slice
-from mbmodel.frf.slope_stacks import (
+from mbmodel.frf.slope_matrix import (
+    SlopeMatrix,
     TermsByTarget,
+    as_slice,
     collect_terms,
     move_loads_to_joints,
     stack_terms,
 )
 from mbmodel.frf.slope_terms import Target
 from mbmodel.frf.solution import FrfSolution
-from mbmodel.frf.solver import Solver
-from mbmodel.frf.woodbury import WoodburySolver
+from mbmodel.frf.solver import Solver, WoodburySolver
 from mbmodel.parts import Change
 from mbmodel.ports.ports import NO_CHANNELS, PointChannels, group_by_point
 

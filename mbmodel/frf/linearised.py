@@ -27,8 +27,7 @@ from mbmodel.frf.solution import (
     generalised_force,
     input_drive_factor,
 )
-from mbmodel.frf.solver import Solver
-from mbmodel.frf.woodbury import WoodburySolver
+from mbmodel.frf.solver import Solver, WoodburySolver
 from mbmodel.machine import Machine
 from mbmodel.model import Model
 from mbmodel.ports.ports import Ports, apply_point_changes, find_ports, with_orders

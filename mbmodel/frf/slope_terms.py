@@ -29,8 +29,7 @@ from typing import Literal
 import numpy as np
 
 from identification.words import Complex, Real
-from mbmodel.frf.channel_factors import input_factor, output_selection
-from mbmodel.frf.solution import FrfSolution
+from mbmodel.frf.solution import FrfSolution, input_factor, output_selection
 from mbmodel.linearisation.gravity import gravity_slope
 from mbmodel.parts import Change
 from mbmodel.ports.ports import direction_selection

@@ -1,18 +1,21 @@
-"""Solution of the equation of motion at one theta for one request."""
+"""Solution of the equation of motion at one theta for one request.
 
+Factors of FRFs that depend on frequency: of the readings of a channel, and of all inputs.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from identification.words import Complex, Condition, Real
-from mbmodel.assembly import Assembly
-from mbmodel.frf.channel_factors import input_factor, output_factor
+from identification.words import Complex, Condition, Output, Real
+from mbmodel.assembly import Assembly, frequency_dependent_core
 from mbmodel.frf.modal_form import real_times
-from mbmodel.frf.solver import Solver
-from mbmodel.frf.woodbury import WoodburySolver
+from mbmodel.frf.solver import Solver, WoodburySolver
 from mbmodel.model import Model
-from mbmodel.ports.ports import FurtherTerms, Ports
+from mbmodel.parts import Change
+from mbmodel.ports.ports import FurtherTerms, Ports, group_by_point
 from mbmodel.ports.request import FrfRequest
 
 
@@ -160,4 +163,59 @@ def _gain_factor(assembly: Assembly, request: FrfRequest) -> Complex:
     factor: Complex = np.ones(len(request.laplace), np.complex128)
     for changes in assembly.input_changes.values():
         factor = factor * input_factor(changes, request.laplace)
+    return factor
+
+
+def output_factor(
+    changes: Sequence[Change], outputs: Sequence[Output], laplace: Complex
+) -> Complex | None:
+    """Return the factor by which each channel's reading is multiplied, None without a change.
+
+    Args:
+        changes: changes of the slot output.
+        outputs: labels of the channels.
+        laplace: s [rad/s]; (n_freq,).
+
+    Returns:
+        (n_out, n_freq).
+    """
+    if not changes:
+        return None
+    channels = group_by_point(outputs)
+    coefficients = np.zeros((len(outputs), 3))
+    shaped: Complex = np.zeros((len(outputs), len(laplace)), np.complex128)
+    for change in changes:
+        if change.point not in channels:
+            continue
+        rows, axes = channels[change.point].rows, channels[change.point].axes
+        if change.shape is None:
+            coefficients[rows] += change.left[axes] @ (change.core @ change.right[0]).T
+        else:
+            core = frequency_dependent_core(change, laplace) @ change.right[0]
+            shaped[rows] += change.left[axes] @ core.T
+    for power in map(int, np.flatnonzero(coefficients.any(axis=0))):
+        shaped += coefficients[:, power, None] * laplace**power
+    return np.asarray(np.exp(shaped), np.complex128)
+
+
+def output_selection(outputs: Sequence[Output], point: str) -> Real:
+    """Return 1 where a channel reads a direction of a point, whatever its sign; (n_out, 6)."""
+    matrix = np.zeros((len(outputs), 6))
+    for row, dof in zip(matrix, outputs, strict=True):
+        if dof.point == point:
+            row[dof.axis] = 1.0
+    return matrix
+
+
+def input_factor(changes: Sequence[Change], laplace: Complex) -> Complex:
+    """Return the factor 1 + sum of changes by which one Part multiplies all inputs; (n_freq,).
+
+    Args:
+        changes: the Part's changes of the inputs.
+        laplace: s [rad/s]; (n_freq,).
+    """
+    factor: Complex = np.ones(len(laplace), np.complex128)
+    for change in changes:
+        core = change.left @ frequency_dependent_core(change, laplace) @ change.right.T
+        factor = factor + core[:, 0, 0]
     return factor

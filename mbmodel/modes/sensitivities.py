@@ -30,9 +30,8 @@ from mbmodel.frf.adjoint import gradient
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.frf.solver import Solver
 from mbmodel.model import Model
-from mbmodel.modes.closed_loop_modes import modes_of_assembly
+from mbmodel.modes.closed_loop_modes import LawProblem, modes_of_assembly
 from mbmodel.modes.matrix_modes import Modes
-from mbmodel.modes.nonlinear_eigenproblem import LawProblem
 from mbmodel.parts import Change
 from mbmodel.ports.ports import Ports, apply_point_changes, find_ports
 from mbmodel.ports.request import FrfRequest

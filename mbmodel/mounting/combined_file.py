@@ -1,20 +1,26 @@
-"""MJCF of a machine with a stage attached to a body, and point masses on bodies."""
+"""MJCF of a machine with a stage attached to a body, and point masses on bodies.
 
+Copy of a stage's MJCF that can be attached to a body of another machine.
+
+Keyframes of a machine with a stage on it: poses and controls of both.
+"""
+
+from dataclasses import dataclass
 from pathlib import Path
 from xml.dom import minidom
 
 import mujoco
+import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identification.words import InputError
+from identification.words import InputError, Real
 from mbmodel.machine import Machine
 from mbmodel.mjcf.asset_paths import redirect_paths
 from mbmodel.mjcf.edit import Element, Values, make_element
 from mbmodel.mjcf.expand import expand_mjcf, flatten_mjcf, root_element
-from mbmodel.mounting.joined_keyframes import join_keyframes
+from mbmodel.mjcf.keyframes import HOME, joint_number_behind
 from mbmodel.mounting.name_clashes import choose_prefix, find_names, free_name
 from mbmodel.mounting.place import BodyPose
-from mbmodel.mounting.stage_file import StageCopy, copy_stage
 
 COMBINED_NAME = "combined.xml"  # the machine with all that is put on it
 STAGE_COPY_NAME = "combined_stage.xml"  # the stage, which the combined file attaches
@@ -156,3 +162,115 @@ def _turn_off_fusing(document: minidom.Document) -> None:
     for compiler in document.getElementsByTagName("compiler"):
         if compiler.hasAttribute("fusestatic"):
             compiler.removeAttribute("fusestatic")
+
+
+# Sections in which the machine's own settings count; keyframes are those of both together.
+_MACHINE_SECTIONS = ("option", "visual", "statistic", "size", "keyframe")
+# What stands still in the stage's world and belongs to its surroundings.
+_SURROUNDINGS = ("geom", "light")
+# Elements of the world that group others.
+_GROUPING_TAGS = ("frame", "replicate")
+
+
+@dataclass(frozen=True, eq=False)
+class StageCopy:
+    """A stage without its surroundings.
+
+    Args:
+        document: the copy.
+        has_geoms: whether the world of the stage has geoms; the copy has none of them.
+    """
+
+    document: minidom.Document
+    has_geoms: bool
+
+
+def copy_stage(source: Path, *, expanded: bool = False) -> StageCopy:
+    """Return what of a stage's MJCF is mounted: its bodies, and the sites of its world.
+
+    The world of the stage becomes the body that carries it. Springs may begin at sites of that
+    world, so these stay. Its geoms would give the carrying body mass, and are left out.
+
+    Args:
+        source: MJCF of the stage.
+        expanded: whether to copy its expanded form.
+
+    Raises:
+        InputError: the file is no MJCF, or has no body.
+    """
+    document = (expand_mjcf if expanded else flatten_mjcf)(source)
+    root = root_element(document)
+    if root.tagName != "mujoco":
+        raise InputError(f"{source} is no MJCF: its first element must be <mujoco>")
+    if not document.getElementsByTagName("body"):
+        raise InputError(f"{source} has no body to mount: write the stage as bodies")
+    for child in tuple(root.childNodes):
+        if isinstance(child, minidom.Element) and child.tagName in _MACHINE_SECTIONS:
+            root.removeChild(child)
+    worlds = document.getElementsByTagName("worldbody")
+    removed = [tag for world in worlds for tag in _remove_surroundings(world)]
+    return StageCopy(document, "geom" in removed)
+
+
+def _remove_surroundings(parent: minidom.Element) -> list[str]:
+    """Remove geoms and lights that stand in the world itself; return their tags."""
+    removed = []
+    for child in tuple(parent.childNodes):
+        if not isinstance(child, minidom.Element):
+            continue
+        if child.tagName in _SURROUNDINGS:
+            parent.removeChild(child)
+            removed.append(child.tagName)
+        elif child.tagName in _GROUPING_TAGS:
+            removed += _remove_surroundings(child)
+    return removed
+
+
+def join_keyframes(
+    machine: mujoco.MjModel, stage: mujoco.MjModel, body: str
+) -> tuple[Element, ...]:
+    """Return the machine's keyframes with the pose of the stage in each.
+
+    The stage stands in its own ``home``, or as drawn without one. If only the stage has a ``home``,
+    the machine's drawing with it is ``home``. MuJoCo orders positions by body, depth first: those
+    of the stage stand behind those of all bodies that its body carries. Controls of the stage stand
+    last.
+
+    Args:
+        machine: compiled.
+        stage: compiled.
+        body: name of the body that carries the stage.
+    """
+    pose, control = _key(stage, HOME)
+    place = np.append(machine.jnt_qposadr, machine.nq)[joint_number_behind(machine, body)]
+    names = [machine.key(number).name for number in range(machine.nkey)]
+    numbers: list[int | None] = list(range(machine.nkey))
+    if HOME not in names and _has_key(stage, HOME):
+        names, numbers = [*names, HOME], [*numbers, None]
+    elements = []
+    for name, number in zip(names, numbers, strict=True):
+        positions = machine.qpos0 if number is None else machine.key_qpos[number]
+        drive = np.zeros(machine.nu) if number is None else machine.key_ctrl[number]
+        values: dict[str, str | float | tuple[float, ...]] = {
+            "qpos": tuple(np.insert(positions, place, pose).tolist())
+        }
+        if machine.nu + stage.nu:
+            values["ctrl"] = tuple(np.append(drive, control).tolist())
+        if number is not None and machine.nmocap:
+            values["mpos"] = tuple(machine.key_mpos[number].tolist())
+            values["mquat"] = tuple(machine.key_mquat[number].tolist())
+        named: Values = {"name": name, **values} if name else values
+        elements.append(Element("key", named))
+    return tuple(elements)
+
+
+def _has_key(model: mujoco.MjModel, name: str) -> bool:
+    return bool(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, name) >= 0)
+
+
+def _key(model: mujoco.MjModel, name: str) -> tuple[Real, Real]:
+    """Return positions and controls of a keyframe; of the drawing if there is none of the name."""
+    if not _has_key(model, name):
+        return model.qpos0, np.zeros(model.nu)
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, name)
+    return model.key_qpos[number], model.key_ctrl[number]

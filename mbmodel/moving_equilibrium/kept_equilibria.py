@@ -5,7 +5,7 @@ from typing import Generic
 import numpy as np
 
 from identification.words import Condition, Mask, Real
-from mbmodel.moving_equilibrium.model_at_rest import (
+from mbmodel.moving_equilibrium.posed_machine import (
     ModelT,
     is_static,
     model_at_rest,

@@ -27,7 +27,7 @@ from mbmodel.linearisation.gravity import gravity_slope
 from mbmodel.linearisation.statics import Statics
 from mbmodel.linearisation.tendon_slopes import FOURTH_ORDER_WEIGHTS
 from mbmodel.machine import Pose
-from mbmodel.moving_equilibrium.model_at_rest import (
+from mbmodel.moving_equilibrium.posed_machine import (
     is_static,
     model_at_pose,
     static_edits,

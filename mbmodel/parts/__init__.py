@@ -3,8 +3,7 @@
 from mbmodel.parts.added import AddedPart
 from mbmodel.parts.attached import AttachedPart, Stinger
 from mbmodel.parts.bodies import BodyPart, body_parts
-from mbmodel.parts.channels import ChannelPart, channel_parts
-from mbmodel.parts.hammer_gain import HammerGainPart, hammer_gain_parts
+from mbmodel.parts.channels import ChannelPart, HammerGainPart, channel_parts, hammer_gain_parts
 from mbmodel.parts.joints import JointPart, joint_parts
 from mbmodel.parts.part import (
     Change,

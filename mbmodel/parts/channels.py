@@ -2,6 +2,12 @@
 
 It reads y_measured = gain exp(-s delay) y, for an encoder, a MuJoCo sensor, the difference of two
 points, or a motion at a body or point without sensor.
+
+Part for the force channel or drive: one gain and one delay for all tests that it drove.
+
+A test reads H_measured = gain exp(-s delay) H in all its channels, whatever the place of the hit. A
+force channel that lags the motion is a negative delay. With several Parts of this kind in one
+test, their factors multiply.
 """
 
 from collections.abc import Iterable
@@ -10,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.words import DIRECTIONS, Dof, Output, Real
+from identification.words import DIRECTIONS, Complex, Condition, Dof, Output, Real
 from mbmodel.mjcf.edit import Edit, MjcfLack, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind, drawn_values
 
@@ -85,3 +91,102 @@ def channel_parts(
         known: kind of the gains' prior.
     """
     return tuple(ChannelPart(channel.positive, known) for channel in channels)
+
+
+@dataclass(frozen=True, eq=False)
+class HammerGainPart:
+    """Gain and delay of one hammer or drive, or the gain of its hits at one reference.
+
+    Args:
+        instrument: name of the hammer or drive, as ``Condition.instrument`` gives it.
+        known: kind of the gain's prior.
+        reference: direction of a point that it hits; None for all that it drives.
+    """
+
+    instrument: str
+    known: ToleranceKind
+    reference: Dof | None = None
+
+    @property
+    def location(self) -> str:
+        """Place in the test, ``hammer:<name>``."""
+        return f"hammer:{self.instrument}"
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The gain and the delay; the gain alone at one reference."""
+        if self.reference is not None:
+            name = f"hammer({self.reference.point}:{self.reference.direction[1:]})"
+            return (Parameter(f"{name}.gain", 1.0, "1", known=self.known),)
+        name = f"hammer({self.instrument})"
+        return (
+            Parameter(f"{name}.gain", 1.0, "1", known=self.known),
+            Parameter(f"{name}.delay", 0.0, "s", positive=False, known="hammer_delay"),
+        )
+
+    def acts(self, condition: Condition | None) -> float:
+        """Return 1 in the tests that this hammer or drive made, at its reference, else 0."""
+        if condition is None or condition.instrument != self.instrument:
+            return 0.0
+        return float(self.reference in (None, condition.reference.positive))
+
+    def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return gain exp(-s delay) - 1, if this hammer made the test."""
+        gain, delay = self._read(theta)
+        if not self.acts(context.condition) or (gain == 1 and delay == 0):
+            return ()
+        if delay == 0:
+            return (_factor(np.array([gain - 1.0, 0.0, 0.0]), 0.0),)
+        return (
+            _factor(np.array([gain, 0.0, 0.0]), delay),
+            _factor(np.array([-1.0, 0.0, 0.0]), 0.0),
+        )
+
+    def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return exp(-s delay) and -s gain exp(-s delay), if this hammer made the test."""
+        gain, delay = self._read(theta)
+        if not self.acts(context.condition):
+            return ()
+        slopes = np.array([[1.0, 0.0, 0.0], [0.0, -gain, 0.0]])
+        return (_factor(slopes[: len(self.parameters)], delay),)
+
+    def _read(self, theta: Real) -> tuple[float, float]:
+        """Return gain and delay."""
+        return float(theta[0]), float(theta[1]) if len(theta) > 1 else 0.0
+
+    def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
+        """Return that an MJCF holds neither gain nor delay."""
+        return tuple(
+            NotInMjcf(parameter.name, MjcfLack.FORCE_CHANNEL)
+            for parameter, value in zip(self.parameters, theta, strict=True)
+            if value != parameter.drawn
+        )
+
+    def select_held(self, theta: Real) -> Real:
+        """Return the nominal values."""
+        return drawn_values(self, theta)
+
+
+def _factor(coefficients: Real, delay: float) -> Change:
+    """Return a polynomial in s times exp(-s delay) in the inputs' factor."""
+    unit, core = np.ones((1, 1)), coefficients[..., None, None]
+    if delay == 0:
+        return Change("input", unit, unit, core)
+
+    def delay_factor(laplace: Complex) -> Complex:
+        factor: Complex = np.exp(-laplace * delay)
+        return factor
+
+    return Change("input", unit, unit, core, shape=delay_factor)
+
+
+def hammer_gain_parts(
+    instruments: Iterable[str], known: ToleranceKind
+) -> tuple[HammerGainPart, ...]:
+    """Return one Part for each hammer or drive.
+
+    Args:
+        instruments: names of hammers and drives.
+        known: kind of the gains' prior.
+    """
+    return tuple(HammerGainPart(instrument, known) for instrument in instruments)

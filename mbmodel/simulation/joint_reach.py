@@ -6,10 +6,9 @@ import numpy as np
 from identification.words import Real
 from mbmodel.mjcf.names import joint_name
 from mbmodel.mjcf.refusals import is_enabled
-from mbmodel.nonlinear_joints.files import find_nonlinear_joints
+from mbmodel.nonlinear_joints.files import describe_law, find_nonlinear_joints
 from mbmodel.nonlinear_joints.friction_solver import IMPEDANCE_RANGE
 from mbmodel.nonlinear_joints.laws import GapSpring, PolynomialSpring
-from mbmodel.nonlinear_joints.remarks import describe_law
 from mbmodel.simulation.time_model import TimeModel
 
 _SLIDE_OR_HINGE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)

@@ -1,4 +1,7 @@
-"""Time response of a machine to signals at its inputs, by MuJoCo, nonlinear joints included."""
+"""Time response of a machine to signals at its inputs, by MuJoCo, nonlinear joints included.
+
+Outputs of the machine in time: which probes are needed, and how readings follow from them.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
-from identification.words import DERIVATIVE_ORDER, Input, Quantity, Real, UsageError
+from identification.words import DERIVATIVE_ORDER, Dof, Input, Quantity, Real, UsageError
 from mbmodel.export.linear_response import even_step
 from mbmodel.machine import Machine
-from mbmodel.simulation.drives import JointDof, Reading, find_drives
+from mbmodel.simulation.drives import JointDof, Reading, SensorValue, find_drives
 from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
 from mbmodel.simulation.joint_reach import JointReach
-from mbmodel.simulation.readings import find_readings
-from mbmodel.simulation.time_model import TimeModel, build_time_model
+from mbmodel.simulation.time_model import PROBE_CHANNELS, Probe, TimeModel, build_time_model
 from mbmodel.simulation.time_step import Recorder, choose_time_step
 
 _ESTIMATED_SHARE = 0.1  # of the signals, over which the error of the step is estimated
@@ -161,3 +163,66 @@ def _world_axes(model: TimeModel, outputs: Sequence[Reading]) -> Real:
     for k in range(probes):
         rows += readings.readout[:, 6 * k : 6 * k + 3]
     return rows
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Probes and encoders that some outputs need, and the outputs per channel.
+
+    Args:
+        probes: a probe for each point or body.
+        encoders: names of joints.
+        sensors: numbers of MuJoCo sensors.
+        readout: outputs per channel of the integration; (n_out, n_channel).
+    """
+
+    probes: tuple[Probe, ...]
+    encoders: tuple[str, ...]
+    sensors: tuple[SensorValue, ...]
+    readout: Real
+
+
+def find_readings(machine: Machine, outputs: Sequence[Reading]) -> Readings:
+    """Return what some outputs need.
+
+    Args:
+        machine: with its layout.
+        outputs: points, bodies (centres of mass, world axes), joints or MuJoCo sensors.
+
+    Raises:
+        UsageError: the machine has no such point or body.
+    """
+    layout = machine.layout
+    points = list(dict.fromkeys(dof.point for dof in outputs if isinstance(dof, Dof)))
+    joints = list(dict.fromkeys(dof.joint for dof in outputs if isinstance(dof, JointDof)))
+    sensors = list(dict.fromkeys(dof for dof in outputs if isinstance(dof, SensorValue)))
+    probes = tuple(Probe(layout.body_name(point), _place(machine, point)) for point in points)
+    first_joint = PROBE_CHANNELS * len(points)
+    first_sensor = first_joint + len(joints)
+    readout = np.zeros((len(outputs), first_sensor + len(sensors)))
+    for row, dof in zip(readout, outputs, strict=True):
+        if isinstance(dof, JointDof):
+            row[first_joint + joints.index(dof.joint)] = 1.0
+        elif isinstance(dof, SensorValue):
+            row[first_sensor + sensors.index(dof)] = 1.0
+        else:
+            start = PROBE_CHANNELS * points.index(dof.point) + 3 * dof.is_rotation
+            row[start : start + 3] = dof.sign * _axes(machine, dof.point)[:, dof.axis % 3]
+    return Readings(probes, tuple(joints), tuple(sensors), readout)
+
+
+def _place(machine: Machine, point: str) -> Real:
+    """Return the place of a point or of a body's centre of mass [m]; (3,)."""
+    layout = machine.layout
+    if point in layout.points:
+        place: Real = layout.positions[layout.points.index(point)]
+    else:
+        place = layout.centres[layout.bodies.index(point)]
+    return place
+
+
+def _axes(machine: Machine, point: str) -> Real:
+    """Return the axes of a point in columns; world axes for a body; (3, 3)."""
+    layout = machine.layout
+    axes: Real = layout.axes[layout.points.index(point)] if point in layout.points else np.eye(3)
+    return axes

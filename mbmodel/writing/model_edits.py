@@ -7,7 +7,7 @@ import numpy as np
 from identification.words import Real
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
 from mbmodel.parts import AddedPart, BodyPart, ConditionalPart, JointPart, Part, body_parts
-from mbmodel.parts.drawn_laws import write_law_texts
+from mbmodel.parts.spring_laws import write_law_texts
 from mbmodel.ports.rest_change import rest_lack
 from mbmodel.posed_model import PosedModel
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from identification.words import InputError, UsageError
 from identification.words.file_access import temporary_folder, write_bytes
-from mbw.animation.scene import FRAME_S
+from mbw.animation.draw import FRAME_S
 
 ANIMATED = (".gif", ".webp")
 VIDEO = (".mp4", ".webm")

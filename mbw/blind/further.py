@@ -3,27 +3,35 @@
 Every further test is ranked by the smallest sizes that it makes findable, as the diagnosis predicts
 them. The best ones are confirmed, if that is wanted: machines with one fault, of a size
 between the smallest ones of both tests, are tested without and with the further test.
+
+Page of further tests: their ranking, and where they act on the machine.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from html import escape
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from diagnosis.next_test.further_gains import FurtherGain, compare_sizes, rank_gains
 from diagnosis.next_test.smallest_sizes import SmallestSize
 from identification.readers.result_files import FORMAT
-from identification.words import InputError
+from identification.words import InputError, Layout
 from mbmodel import load_machine
-from mbmodel.geometry.surfaces import machine_geometry
+from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbw.blind.chosen_cases import BlindOptions, run_chosen, run_prediction
-from mbw.blind.further_page import render
 from mbw.blind.grading import count_found
 from mbw.blind.size_text import size_text
 from mbw.blind.smallest import describe_unpredicted, predict
+from mbw.blind.smallest_page import PLACES_SCRIPTS, find_points
 from mbw.blind.user_test import find_model, read_test, title_of
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
+from mbw.page.html import fill_template, read_fragment
+from mbw.page.picture import picture_data
 from truth import Choice, list_further_tests
 from truth.campaign.further_tests import FORCE, HITS
 
@@ -189,3 +197,54 @@ def further_table(gains: Sequence[FurtherGain], confirmed: Sequence[FurtherConfi
 
 def _rate_text(hits: tuple[int, int], interval: tuple[float, float]) -> str:
     return f"{hits[0]} of {hits[1]} cases (95 %: {interval[0]:.0%} to {interval[1]:.0%})"
+
+
+def render(
+    rows: Mapping[str, Sequence[Mapping[str, Any]]],
+    layout: Layout,
+    geometry: MachineGeometry,
+    title: str,
+) -> str:
+    """Return the HTML page.
+
+    Args:
+        rows: content of further.json.
+        layout: bodies and points of the machine.
+        geometry: its surfaces.
+        title: name of the model.
+    """
+    gains = rows["gains"]
+    no_shapes = np.zeros((0, 6 * len(layout.bodies)), complex)
+    data = {
+        "places": [_place(gain, layout) for gain in gains],
+        "confirmed": list(rows["confirmed"]),
+        "picture": picture_data(layout, geometry, no_shapes),
+    }
+    return fill_template(
+        "blind/further.html",
+        data,
+        scripts=[*PLACES_SCRIPTS, "blind/further.js"],
+        title=escape(f"What helps most: {title}"),
+        subtitle="further hammer points, sensors, hits and forces, ranked by what they show",
+        lead=escape(_describe_best(gains)),
+        places=read_fragment("blind/further_picture.html"),
+    )
+
+
+def _describe_best(gains: Sequence[Mapping[str, Any]]) -> str:
+    """Return a sentence on the most helpful further test."""
+    best = gains[0]
+    return (
+        f"Of {len(gains)} further tests {best['name']} helps most: nine tests of ten find "
+        f"{best['findable']} of {best['compared']} faults of usual size with it, and "
+        f"{best['findable_before']} as it is; smallest sizes are {best['shrink']:.2g} of those as "
+        "it is."
+    )
+
+
+def _place(gain: Mapping[str, Any], layout: Layout) -> dict[str, object]:
+    """Return a further test with its points in the picture; none of more hits or force."""
+    kind, _, site = str(gain["name"]).rpartition(" ")
+    location = f"{'sensor' if kind == 'sensor' else 'hammer'}:{site}"
+    bodies, points = find_points(location, layout) if site in layout.points else ([], [])
+    return {"name": gain["name"], "bodies": bodies, "points": points, "gain": dict(gain)}

@@ -10,7 +10,7 @@ from identification.words import Layout
 from mbmodel.geometry.surfaces import MachineGeometry
 from mbw.page.html import fill_template, read_fragment
 from mbw.page.picture import picture_data
-from mbw.results.machine_rows import list_linked
+from mbw.results.diagnosed_files import list_linked
 
 PLACES_SCRIPTS = ("blind/places_state.js", "page/picture.js", "blind/places.js")
 

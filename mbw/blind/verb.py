@@ -1,26 +1,49 @@
-"""``mbw blind``: scores of the diagnosis on withheld truth, for one machine or random ones."""
+"""``mbw blind``: scores of the diagnosis on withheld truth, for one machine or random ones.
 
+``mbw blind --smallest``: predict smallest sizes, and confirm some of them by drawn cases.
+
+Which effects, places and sizes a blind test draws, from the options of the command.
+"""
+
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import typer
 
 from diagnosis import load_catalogue
+from diagnosis.next_test.smallest_sizes import SmallestSize
 from identification.words import UsageError
 from mbw.band import check_band
 from mbw.blind.case_files import BlindCase
-from mbw.blind.choice_options import read_choice
-from mbw.blind.chosen_cases import BlindOptions, check_model, check_places, run_all
+from mbw.blind.chosen_cases import (
+    BlindOptions,
+    check_model,
+    check_places,
+    run_all,
+    run_chosen,
+    run_prediction,
+)
 from mbw.blind.further import run_further
-from mbw.blind.grading import describe_discarded_draws, write_grades
+from mbw.blind.grading import count_found, describe_discarded_draws, write_grades
 from mbw.blind.page import GRADES, PAGE
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import choose_workers
-from mbw.blind.smallest_run import run_smallest
-from mbw.blind.user_test import title_of
+from mbw.blind.smallest import (
+    SMALLEST_JSON,
+    Confirmation,
+    choose_places,
+    describe_unpredicted,
+    describe_unproposed,
+    predict,
+    write,
+)
+from mbw.blind.user_test import read_test, title_of
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
+from truth import Choice
+from truth.effects.other_packages import known_effects
 from truth.grade import tables, to_json
 
 
@@ -117,3 +140,99 @@ def grade_cases(
     SCREEN.say(describe_discarded_draws(drawn))
     SCREEN.say(f"grades in {out / GRADES}")
     SCREEN.say(f"pictures in {(out / PAGE).as_uri()}")
+
+
+def run_smallest(options: BlindOptions, confirm: int) -> Path:
+    """Predict the smallest sizes that the test shows, and confirm some of them by drawn cases.
+
+    Args:
+        options: model or campaign, chosen effects and places, and cases at each place.
+        confirm: places at which the prediction is confirmed.
+
+    Returns:
+        The folder of the result.
+
+    Raises:
+        InputError: the model cannot be used, or there are only random machines.
+    """
+
+    def compute(output: OutputFolder) -> str:
+        for sentence in describe_unpredicted(options.choice):
+            SCREEN.say(sentence)
+        test = read_test(Path(options.model), options.band)
+        sizes = predict(test, options.choice)
+        for sentence in describe_unproposed(sizes, options.choice):
+            SCREEN.say(sentence)
+        folder = output.path.absolute()
+        confirmed = [
+            _confirm(options, row, folder / f"confirm_{number}", options.seed + number)
+            for number, row in enumerate(choose_places(sizes, confirm))
+        ]
+        return write(output, options.model, sizes, confirmed)
+
+    return run_prediction(options, "smallest", SMALLEST_JSON, compute)
+
+
+def _confirm(options: BlindOptions, row: SmallestSize, out: Path, seed: int) -> Confirmation:
+    """Draw and diagnose cases with an effect of its predicted smallest size.
+
+    Args:
+        options: of the whole test; its cases are those of this place.
+        row: effect, place and size.
+        out: folder of these cases; an interrupted test continues.
+        seed: of these cases.
+    """
+    value = row.value or 0.0
+    choice = Choice((row.effect,), (row.location,), (), (row.parameter, value), options.choice.dirt)
+    found_cases, interval = count_found(
+        run_chosen(options, seed, choice, out, further=""), row.effect
+    )
+    return Confirmation(row.effect, row.location, row.parameter, value, found_cases, interval)
+
+
+def read_choice(
+    effects: Sequence[str] | None,
+    places: Sequence[str] | None,
+    ratios: Sequence[float] | None,
+    size: str | None,
+    dirt: float,
+) -> Choice:
+    """Return the choice of the options.
+
+    Args:
+        effects: names of effects; None for the whole deck.
+        places: locations such as ``joint:ty``.
+        ratios: survival ratios.
+        size: ``parameter=value`` of the answer, such as ``mass=5``.
+        dirt: part of the motion that small imperfections leave, in per cent.
+
+    Raises:
+        UsageError: an effect is unknown, or an option needs an effect.
+    """
+    for name in effects or ():
+        if name not in known_effects() or name == "none":
+            choices = ", ".join(effect for effect in known_effects() if effect != "none")
+            raise UsageError(f"--effect {name!r} is unknown: choose from {choices}")
+    if not effects and (places or ratios or size):
+        raise UsageError("--place, --ratio and --size need an effect: name it by --effect")
+    if ratios and size:
+        raise UsageError("--ratio and --size exclude each other: give one of them")
+    if not all(0 < ratio < math.inf for ratio in ratios or ()):
+        raise UsageError("--ratio: give a survival ratio of more than 0, such as 2")
+    return Choice(
+        tuple(effects or ()), tuple(places or ()), tuple(ratios or ()), _read_size(size), dirt
+    )
+
+
+def _read_size(text: str | None) -> tuple[str, float] | None:
+    """Return name and value of ``parameter=value``."""
+    if text is None:
+        return None
+    name, _, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise UsageError(f"--size {text!r}: give parameter=value, such as mass=5")
+    return name, number

@@ -12,8 +12,13 @@ from diagnosis.verdict.sentences import (
     place_phrase,
 )
 from mbw.diagnose.effect_parameters import number
-from mbw.diagnose.gap_sentences import NOT_SHOWN, WHY_NOT_SHOWN, held_out_sentence
-from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
+from mbw.diagnose.gap_sentences import (
+    NOT_SHOWN,
+    WHY_NOT_SHOWN,
+    held_out_sentence,
+    remark_sentences,
+    rest_sentence,
+)
 from mbw.diagnose.sentences import cause_parameters, format_probability, noise_sentences
 from mbw.page.html import badge
 from mbw.page.numbers import format_closed, format_percent

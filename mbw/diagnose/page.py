@@ -14,7 +14,6 @@ from mbw.diagnose.link_axis import axis_words
 from mbw.diagnose.result import STEPS, twin_locations
 from mbw.diagnose.sentences import sensor_check_sentences
 from mbw.diagnose.tables import causes_section, hypotheses_section
-from mbw.gain_text import gain_table
 from mbw.page.html import (
     fill_template,
     input_files,
@@ -26,9 +25,9 @@ from mbw.page.html import (
 )
 from mbw.page.numbers import format_percent, frf_unit
 from mbw.page.picture import picture_data
-from mbw.results.diagnosed_files import StoredDiagnosis
+from mbw.remarks import gain_table
+from mbw.results.diagnosed_files import StoredDiagnosis, restore_machine
 from mbw.results.diagnosed_schema import PlaceRow
-from mbw.results.machine_rows import restore_machine
 
 _MAX_PLACE_BARS = 12  # locations of the bar chart, unless the verdict names more
 _STEP_COLOURS = dict(zip(STEPS, ("#98a2b3", "#d9822b", "#1f6fb8"), strict=True))

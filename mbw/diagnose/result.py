@@ -19,7 +19,7 @@ from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NOT_WRITTEN, Machine, WrittenModel, machine_geometry
 from mbw.diagnose.link_axis import link_axis
 from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
-from mbw.results.diagnosed_files import StoredDiagnosis
+from mbw.results.diagnosed_files import StoredDiagnosis, machine_rows, place_row
 from mbw.results.diagnosed_schema import (
     CentresRow,
     ChannelRow,
@@ -30,7 +30,6 @@ from mbw.results.diagnosed_schema import (
     StepsRow,
 )
 from mbw.results.fault_rows import FaultRow
-from mbw.results.machine_rows import machine_rows, place_row
 from tuning import gap_at_bodies, predict
 from tuning.files.input_files import input_rows
 from tuning.files.plant_folder import PlantRow

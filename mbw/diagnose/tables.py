@@ -16,7 +16,7 @@ from mbw.diagnose.effect_parameters import (
     parameters_that_may_be_zero,
 )
 from mbw.diagnose.fitted_sets import fitted_rows
-from mbw.diagnose.level_sentences import level_sentences
+from mbw.diagnose.gap_sentences import level_sentences
 from mbw.diagnose.link_axis import axis_words
 from mbw.diagnose.sentences import (
     confounded_sentences,

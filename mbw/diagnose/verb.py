@@ -1,8 +1,12 @@
-"""``mbw diagnose``: search for effects that the model lacks, with places and probabilities."""
+"""``mbw diagnose``: search for effects that the model lacks, with places and probabilities.
+
+Table of hypotheses with the reasons of their rejection, for ``mbw diagnose --explain``.
+"""
 
 from pathlib import Path
 
 from rich.progress import Progress
+from rich.table import Table
 
 from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
 from diagnosis.effects import check_others
@@ -10,14 +14,18 @@ from diagnosis.verdict.sentences import UNEXPLAINED, other_places
 from mbmodel import refuse_difference
 from mbw.band import check_band
 from mbw.diagnose.augmented import write_augmented
-from mbw.diagnose.fitted_sets import key_words
-from mbw.diagnose.gap_sentences import closed_words, held_out_sentence, unestablished_words
+from mbw.diagnose.fitted_sets import fitted_rows, key_words, rejection_reasons
+from mbw.diagnose.gap_sentences import (
+    closed_words,
+    held_out_sentence,
+    level_sentences,
+    remark_sentences,
+    rest_sentence,
+    unestablished_words,
+)
 from mbw.diagnose.headline import undecided_words
-from mbw.diagnose.hypothesis_table import hypothesis_table
-from mbw.diagnose.level_sentences import level_sentences
 from mbw.diagnose.page import render
 from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
-from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
 from mbw.diagnose.result import collect_result, list_established, unfinished_fit_sentences
 from mbw.diagnose.sentences import (
     cause_parameters,
@@ -29,12 +37,11 @@ from mbw.diagnose.sentences import (
     untested_sentences,
 )
 from mbw.files import write_json
-from mbw.gain_text import gain_sentence
 from mbw.gap_text import describe_gap
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
 from mbw.page.numbers import format_closed, format_percent
-from mbw.remarks import calibration_sentence, describe_not_in_mjcf
+from mbw.remarks import calibration_sentence, describe_not_in_mjcf, gain_sentence
 from mbw.results.diagnosed_files import CHECKPOINT, NAMES, PAGE, write_files
 from mbw.resume import open_checkpoint
 from tuning import Checkpoint, Session, open_session
@@ -242,3 +249,51 @@ def _explain(diagnosis: Diagnosis) -> None:
         f"noise {null.chi_square**0.5:.3g}"
     )
     SCREEN.console.print(hypothesis_table(diagnosis))
+
+
+_MAX_LISTED_SCORES = 8  # hypotheses without a refit
+_MAX_LISTED_SETS = 16  # sets of causes
+_MIN_ODDS_WIDTH = 18  # characters of log odds and reason, on a narrow terminal
+
+
+def hypothesis_table(diagnosis: Diagnosis) -> Table:
+    """Return a table of sets of causes, the best fit first, then of hypotheses with a score alone.
+
+    Args:
+        diagnosis: diagnosis with its evidence.
+    """
+    evidence = diagnosis.evidence
+    table = Table(title=f"{evidence.hypotheses} effects and places, by score and after a refit")
+    table.add_column("hypothesis", overflow="fold")
+    for name in ("score", "error %", "closed %"):
+        table.add_column(name, no_wrap=True, justify="right", min_width=len(name))
+    table.add_column("log odds", min_width=_MIN_ODDS_WIDTH)
+    table.caption = (
+        "score and log odds: nats; error: of the model after the refit; closed: part of the gap, "
+        "all where the residual falls below the noise, none where it grows"
+    )
+    rows = [row for row in fitted_rows(evidence, diagnosis.settings) if row.keys]
+    proven = {hypothesis.key for hypothesis in diagnosis.gross_hypotheses}
+    named = frozenset(cause.key for cause in diagnosis.present.causes) - proven
+    scores = {score.key[:2]: score.gain for score in evidence.scored}
+    for row, why in list(zip(rows, rejection_reasons(rows, named), strict=True))[:_MAX_LISTED_SETS]:
+        score = scores.get(row.keys[0][:2]) if len(row.keys) == 1 else None
+        table.add_row(
+            " + ".join(map(key_words, row.keys)),
+            "" if score is None else f"{score:.0f}",
+            f"{100 * row.model_error:.2g}",
+            "" if row.closed is None else _closed_cell(row.closed),
+            ", ".join(filter(None, ["" if row.log_odds is None else f"{row.log_odds:.0f}", why])),
+        )
+    fitted = {key[:2] for row in rows for key in row.keys}
+    unfitted = [score for score in evidence.scored if score.key[:2] not in fitted]
+    for scored in unfitted[:_MAX_LISTED_SCORES]:
+        table.add_row(key_words(scored.key), f"{scored.gain:.0f}", "", "", "small score")
+    return table
+
+
+def _closed_cell(closed: float) -> str:
+    """Return the closed share of a gap in whole per cent, ``all`` or ``none``."""
+    text = f"{100 * closed:.0f}"
+    is_share = 0 <= closed < 1.005
+    return text if is_share else format_closed(closed).removeprefix("about ")

@@ -6,11 +6,10 @@ from pathlib import Path
 
 from identification.words import UsageError
 from mbmodel import Machine, machine_geometry
-from mbw.animation.draw import draw_mode, outline_words
+from mbw.animation.draw import ModeScene, SensorMotion, draw_mode, outline_words
 from mbw.animation.files import check_picture_target, write_pictures
-from mbw.animation.scene import ModeScene, SensorMotion
 from mbw.identify.files import nodes_of
-from mbw.identify.moving_machine import body_motion, sensor_spokes
+from mbw.identify.page import body_motion, sensor_spokes
 from mbw.messages import SCREEN
 from mbw.results.identified_files import IdentificationResult
 

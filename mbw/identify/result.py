@@ -22,14 +22,14 @@ from identification.modal import (
 from identification.roving_hammer import is_roving_hammer
 from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import Campaign, ModalModel, Port, Real
-from mbw.gain_text import unknown_gain_sentences
 from mbw.identify.arrays import collect_arrays
-from mbw.identify.body_frfs import BODY_NPZ, measured_estimate
+from mbw.identify.files import BODY_NPZ, measured_estimate
 from mbw.identify.hits import hits_rows
 from mbw.identify.levels import level_row
 from mbw.identify.reference_shapes import ReferenceModes
 from mbw.identify.result_parts import MAX_NOISE_RATIO, ResultParts, derive_parts
 from mbw.identify.solid import solid_row
+from mbw.remarks import unknown_gain_sentences
 from mbw.results.identified_files import IdentificationResult
 from mbw.results.identified_schema import (
     IdentifiedModeRow,

@@ -11,9 +11,8 @@ import numpy as np
 import typer
 
 from identification.matching import shapes_at_channels
-from identification.readers.layout import read_layout
+from identification.readers.layout import SITES_HEADER, read_layout, read_sites, sites_layout
 from identification.readers.result_files import FORMAT
-from identification.readers.sites_table import SITES_HEADER, read_sites, sites_layout
 from identification.shapes import (
     Shapes,
     antinodes,

@@ -1,22 +1,34 @@
-"""Stability margins of the loops that ``mbw predict --closed`` closes, without a budget."""
+"""Stability margins of the loops that ``mbw predict --closed`` closes, without a budget.
+
+Loop gains and margins of a budget for python-control and MATLAB.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from identification.words import InputError, Loop
 from mbmodel import Machine, Model
-from mbw.plant.margin_files import write_margins
+from mbw.files import write_named_arrays
 from mbw.plant.margin_rows import margins_row
 from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.margin_sentences import margin_lines
 from tuning.files.plant_folder import held_out_beside
+from tuning.plant.control_loops.loop_gain_lines import single_loop_gains
+from tuning.plant.control_loops.margin_values import LoopMargins
 from tuning.plant.error_budget.definition import sampling_period
-from tuning.plant.error_budget.loop_margins import ClosedLoops, closed_loops
+from tuning.plant.error_budget.loop_margins import (
+    ClosedLoops,
+    PlantMargins,
+    VariantMargins,
+    closed_loops,
+    variant_margins,
+)
 from tuning.plant.error_budget.loop_plant import LoopPlant, loops_alone
 from tuning.plant.error_budget.machine_files import fitted_model
 from tuning.plant.error_budget.plant_budget import MACHINE_SEED, POSTERIOR_MACHINES, open_loops
-from tuning.plant.error_budget.variant_margins import VariantMargins, variant_margins
 from tuning.plant.variant_model import VariantModel
 
 _MIN_LOW_END_SHARE = 1e-3  # of the upper end of the band, which may begin at 0 Hz
@@ -101,3 +113,47 @@ def study_loops(
     models = read_variants()
     variants = () if models is None else variant_margins(models, definition, posterior, thetas)
     return LoopStudy(machine.loops, closed, variants)
+
+
+MARGINS_NPZ, MARGINS_MAT = "margins.npz", "margins.mat"
+_OF_MACHINES = ("gain", "reduction", "phase", "delay", "modulus")
+
+
+def write_margins(margins: PlantMargins, loops: tuple[Loop, ...], folder: Path) -> None:
+    """Write loop gains of the nominal machine, and margins of all machines of the posterior.
+
+    Args:
+        margins: of the loops.
+        loops: of the budget.
+        folder: of the result.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    nominal = margins.nominal
+    arrays = {
+        "freq_hz": nominal.freq_hz,
+        "loop_gain": single_loop_gains(nominal.gains),
+        "all_loops_gain": nominal.gains,
+        "periods": np.array([loop.controller.period_s for loop in loops]),
+        **{
+            name: np.array(
+                [[_value(loop, name) for loop in each.loops] for each in margins.samples]
+            ).reshape(len(margins.samples), len(loops))
+            for name in _OF_MACHINES
+        },
+    }
+    texts = {
+        "loops": margins.names,
+        "inputs": [str(loop.input) for loop in loops],
+        "input_units": [loop.input_unit for loop in loops],
+        "outputs": [str(loop.measured) for loop in loops],
+        "output_units": [loop.measured.unit for loop in loops],
+    }
+    for name in (MARGINS_NPZ, MARGINS_MAT):
+        write_named_arrays(folder / name, arrays, texts)
+
+
+def _value(loop: LoopMargins, name: str) -> float:
+    """Return the value of a margin by its name."""
+    return float(getattr(loop, name).value)

@@ -18,8 +18,7 @@ from mbw.plant.margin_schema import (
 )
 from tuning import NORMAL_QUANTILE_95
 from tuning.plant.control_loops.margin_values import AllMargins, Margin
-from tuning.plant.error_budget.loop_margins import PlantMargins
-from tuning.plant.error_budget.variant_margins import VariantMargins
+from tuning.plant.error_budget.loop_margins import PlantMargins, VariantMargins
 
 _ENDS = (0.025, 0.975)
 MarginName = Literal["crossover", "bandwidth", "gain", "reduction", "phase", "delay", "modulus"]

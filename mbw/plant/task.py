@@ -10,8 +10,7 @@ from identification.readers.toml_files import load_toml
 from identification.words import UsageError
 from mbmodel import Machine, Model, load_machine
 from mbw.output_folder import folder_beside, source_of
-from mbw.plant.closed_margins import LoopStudy, study_loops
-from mbw.plant.margin_files import write_margins
+from mbw.plant.closed_margins import LoopStudy, study_loops, write_margins
 from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.page import PLANT_PAGE, render_plant
 from mbw.plant.rows import budget_row

@@ -6,7 +6,7 @@ from html import escape
 from identification.modal.indicators import mac, pair_shapes
 from identification.words import Real
 from mbmodel import weighted_motions
-from mbw.predict.additions import Additions
+from mbw.predict.machines import Additions
 from mbw.prediction import Prediction
 
 

@@ -1,17 +1,30 @@
-"""All that ``mbw predict`` computes: modes, curves, and both before additions."""
+"""All that ``mbw predict`` computes: modes, curves, and both before additions.
+
+JSON of a machine before and after something is put on it.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from mbmodel import FrfRequest, Machine, StateSpaceComparison, compare_state_space
-from mbw.predict.additions import Additions
-from mbw.predict.before_after import BeforeAfter, compare, comparison_table
-from mbw.predict.before_after_file import put_on_top_row
+import numpy as np
+
+from identification.words import Complex, Real
+from mbmodel import COMBINED_NAME, FrfRequest, Machine, StateSpaceComparison, compare_state_space
+from mbw.predict.before_after import BeforeAfter, compare, comparison_table, frequency_change
 from mbw.predict.curves import Curves, drive_points, requested_curves, with_curves_before
-from mbw.predict.machines import Machines
-from mbw.predict.mode_rows import modes_file, table
+from mbw.predict.machines import Additions, Machines
+from mbw.predict.mode_rows import modes_file, pole_fields, table
 from mbw.predict.requests import PredictRequest, frequency_lines, read_quantity
-from mbw.predict.schema import PlantRow, PredictedModesFile, StateSpaceCheckRow
+from mbw.predict.schema import (
+    AddedMassRow,
+    BeforeAfterRow,
+    FrfPeakRow,
+    ModeRow,
+    PlantRow,
+    PredictedModesFile,
+    PutOnTopRow,
+    StateSpaceCheckRow,
+)
 from mbw.predict.state_space_check import check_lines, check_request, check_row
 from mbw.prediction import Prediction, predict
 
@@ -135,3 +148,80 @@ def _curves(
         return requested_curves(model, modes, frfs)
     lines = frequency_lines(modes[0], request)
     return drive_points(model, modes, lines, read_quantity(request))
+
+
+def put_on_top_row(comparison: BeforeAfter, curves: Curves) -> PutOnTopRow:
+    """Return what was put on the machine, with modes and FRFs before and after.
+
+    Args:
+        comparison: modes before and after.
+        curves: FRFs before and after.
+    """
+    additions, stage = comparison.additions, comparison.additions.stage
+    place = "" if stage is None else stage.place
+    spot = place if isinstance(place, str) else ",".join(f"{value:g}" for value in place)
+    return PutOnTopRow(
+        combined=COMBINED_NAME,
+        stage=None if stage is None else str(stage.path),
+        at=None if stage is None else f"{stage.body}:{spot}",
+        prefix=comparison.prefix,
+        added_masses=[
+            AddedMassRow(body=mass.body, mass=mass.mass_kg, offset=list(mass.offset_m))
+            for mass in additions.masses
+        ],
+        before=[
+            ModeRow(**pole_fields(comparison.before, number))
+            for number in range(len(comparison.before.modes.poles))
+        ],
+        pairs=[_pair(comparison, *pair) for pair in comparison.pairs],
+        new=comparison.new,
+        gone=comparison.gone,
+        frfs=_peaks(curves),
+    )
+
+
+def _damping(prediction: Prediction, number: int) -> float | None:
+    """Return the damping ratio of a mode; None for a mode at rest."""
+    is_at_rest = prediction.is_at_rest(number)
+    return None if is_at_rest else float(prediction.modes.damping[number])
+
+
+def _pair(comparison: BeforeAfter, before: int, after: int) -> BeforeAfterRow:
+    return BeforeAfterRow(
+        before=before,
+        after=after,
+        mac=float(comparison.criterion[before, after]),
+        frequency_change=frequency_change(comparison, before, after),
+        damping_before=_damping(comparison.before, before),
+        damping_after=_damping(comparison.after, after),
+    )
+
+
+def _peaks(curves: Curves) -> list[FrfPeakRow]:
+    """Return the largest magnitude of each FRF, before and after."""
+    rows = []
+    for number, label in enumerate(curves.labels):
+        (before, before_hz), (after, after_hz) = (
+            _largest_magnitude(curves.freq_hz, values[number])
+            for values in (curves.before, curves.values)
+        )
+        rows.append(
+            FrfPeakRow(
+                label=label,
+                unit=curves.units[number],
+                peak_before=before,
+                peak_before_hz=before_hz,
+                peak_after=after,
+                peak_after_hz=after_hz,
+            )
+        )
+    return rows
+
+
+def _largest_magnitude(freq_hz: Real, values: Complex) -> tuple[float | None, float | None]:
+    """Return the largest magnitude of an FRF and its frequency; None for an FRF of nan."""
+    size = np.abs(values)
+    if not np.isfinite(size).all():
+        return None, None
+    largest = int(size.argmax())
+    return float(size[largest]), float(freq_hz[largest])

@@ -16,18 +16,16 @@ from mbw.predict.plant_files import (
     SAMPLES_NPZ,
     WEIGHT_MAT,
     WEIGHT_NPZ,
+    plant_state_space,
+    reduction_row,
+    reduction_sentence,
     write_bands,
+    write_plant,
     write_samples,
     write_uncertain_plant,
     write_weight,
 )
 from mbw.predict.plant_request import PlantRequest
-from mbw.predict.plant_state_space import (
-    plant_state_space,
-    reduction_row,
-    reduction_sentence,
-    write_plant,
-)
 from mbw.predict.schema import BandsRow, PlantRow, UncertainPlantRow, WeightRow
 from mbw.predict.state_space_check import law_rows, law_sentences
 from tuning import POSTERIOR_NPZ, PosteriorOfModel, read_posterior

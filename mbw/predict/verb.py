@@ -1,23 +1,27 @@
-"""``mbw predict``: modes, FRFs and state space of a model."""
+"""``mbw predict``: modes, FRFs and state space of a model.
 
+FRFs of a model as CSV, with the bands of a tuning.
+"""
+
+import sys
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import typer
 
-from identification.words import UsageError
-from mbmodel import COMBINED_NAME, STAGE_COPY_NAME, FrfRequest
+from identification.words import Real, UsageError
+from identification.words.csv_cells import write_csv
+from mbmodel import COMBINED_NAME, STAGE_COPY_NAME, Evaluator, FrfRequest, Model
 from mbmodel.geometry.surfaces import machine_geometry
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
-from mbw.plant.margin_files import MARGINS_MAT, MARGINS_NPZ
+from mbw.plant.closed_margins import MARGINS_MAT, MARGINS_NPZ
 from mbw.plant.page import PLANT_PAGE
 from mbw.plant.task import BudgetRequest, PlantStudy, study_plant
-from mbw.predict.additions import parse_additions
-from mbw.predict.frf_files import print_frf
-from mbw.predict.machines import MachineRequest, Machines, load_machines
+from mbw.predict.machines import MachineRequest, Machines, load_machines, parse_additions
 from mbw.predict.outcome import Outcome, predict_outcome
 from mbw.predict.page import PAGE, render
 from mbw.predict.plant import FOLDER_NAMES, PlantResult, compute_plant, find_model
@@ -255,3 +259,26 @@ def _check(targets: PredictOutputs) -> None:
             raise UsageError("--json - and --frf both go to stdout: name a file for the JSON")
     if out is not None and out.is_file():
         raise UsageError(f"--out {out} is a file: name a folder for the pictures")
+
+
+def print_frf(model: Model, request: FrfRequest, interval: tuple[Real, Real] | None = None) -> None:
+    """Print FRFs as CSV to stdout.
+
+    Args:
+        model: at its nominal parameters.
+        request: lines, outputs and inputs.
+        interval: ends of the 95 % interval of each magnitude, two more columns each;
+            (n_freq, n_out, n_in).
+    """
+    frf = Evaluator(model, request).at(model.drawn).frf()
+    columns = [frf.values.real, frf.values.imag]
+    parts = ["Re", "Im"]
+    if interval is not None:
+        columns += interval
+        parts += ["low |H|", "high |H|"]
+    pairs = [(out, inp) for out in frf.outputs for inp in frf.inputs]
+    names = [f"{part} {out} / {inp}" for out, inp in pairs for part in parts]
+    write_csv(sys.stdout, [["frequency/Hz", *names]])
+    rows = np.stack(columns, axis=-1).reshape(len(frf.freq_hz), -1)
+    for frequency, row in zip(frf.freq_hz, rows.tolist(), strict=True):
+        write_csv(sys.stdout, [[f"{frequency:.9g}", *map(repr, row)]])

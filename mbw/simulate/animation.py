@@ -8,9 +8,8 @@ from identification.words import Real
 from mbmodel import Machine, machine_geometry
 from mbmodel.geometry.camera import frame_camera
 from mbmodel.geometry.motion import geometry_points, motion_scale, move_points
-from mbw.animation.draw import draw_motion, outline_words
+from mbw.animation.draw import FRAME_S, SIZE, ModeScene, SceneMotion, draw_motion, outline_words
 from mbw.animation.files import write_pictures
-from mbw.animation.scene import FRAME_S, SIZE, ModeScene, SceneMotion
 from mbw.messages import SCREEN
 
 _PICTURE_COUNT = 120  # pictures: 7 s

@@ -8,9 +8,8 @@ from identification.readers.result_files import ResultFile
 from identification.words import InputError, UsageError
 from mbmodel import Machine, as_drawn, load_machine, machine_geometry, shapes_at
 from mbmodel.geometry.viewer import open_viewer, refuse_missing_display
-from mbw.animation.draw import draw_mode, outline_words
+from mbw.animation.draw import FRAMES, ModeScene, draw_mode, move_scene, outline_words
 from mbw.animation.files import check_picture_target, write_pictures
-from mbw.animation.scene import FRAMES, ModeScene, move_scene
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.prediction import Prediction, predict

@@ -9,8 +9,7 @@ from diagnosis import EFFECTS
 from diagnosis.hypothesis import Scene
 from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.scene_points import are_joined
-from diagnosis.search.confounded import compute_cosine, find_interchangeable
-from diagnosis.search.fitted_sets import Search
+from diagnosis.search.fitted_sets import Search, compute_cosine, find_interchangeable
 from diagnosis.search.moved_causes import move_causes
 from diagnosis.settings import SETTINGS
 from mbmodel import transport

@@ -13,12 +13,12 @@ from diagnosis.corrections import mask_channels
 from diagnosis.estimates.intervals import fit_parameters
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.null_model import fit_null_model, refit_from
-from diagnosis.refits.outlying_tolerances import admit_outliers
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import (
     RefitTask,
     add_cause,
     add_hypothesis,
+    admit_outliers,
     find_start,
     run_refits,
 )

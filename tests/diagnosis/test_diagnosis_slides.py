@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis import build_verdict, diagnose
-from diagnosis.released_session import release_session
+from diagnosis.data_checks.check_data import release_session
 from mbmodel import model_edits
 from tests.helpers.drawn import drawn
 from tuning import open_session, predict

@@ -11,8 +11,7 @@ import numpy as np
 from typer.testing import CliRunner
 
 from identification.impacts import read_impacts
-from identification.readers.layout import read_layout
-from identification.readers.sites_table import read_sites
+from identification.readers.layout import read_layout, read_sites
 from identification.shapes import fe_file, read_shapes
 from identification.shapes.fe_mesh import read_fe_mesh
 from mbmodel import load_machine

@@ -244,7 +244,7 @@ def test_many_modes_that_few_channels_hardly_tell_take_seconds():
 def test_sets_that_are_left_out_move_probabilities_little(monkeypatch):
     table = hardly_told(17, 12)
     exact = pair_probabilities(table)
-    monkeypatch.setattr("identification.matching.assignment._MAX_SETS", 1000)  # of 4096
+    monkeypatch.setattr("identification.matching.mode_matching._MAX_SETS", 1000)  # of 4096
     np.testing.assert_allclose(pair_probabilities(table), exact, atol=0.02)
 
 

@@ -6,14 +6,12 @@ from scipy.spatial.transform import Rotation
 from solid_bodies import Case, draw, faulty
 
 from identification.solid.body_channels import body_data, join_tests
-from identification.solid.delayed_sums import DelayedSums
 from identification.solid.linearised_scan import LinearisedFit, LineSums
-from identification.solid.moments import Moments
-from identification.solid.projection import project
+from identification.solid.moments import DelayedSums, Moments
 from identification.solid.rigid_fit import fit_errors
 from identification.solid.rotation_vectors import compose_rotations, rotation_matrices
 from identification.solid.sensor_faults import BelievedBody
-from identification.solid.slope_products import nearest_semidefinite, solve_definite
+from identification.solid.slope_products import nearest_semidefinite, project, solve_definite
 
 
 def believed(case: Case) -> BelievedBody:

@@ -9,8 +9,7 @@ from solid_bodies import Case, _read, _transmitted, draw
 
 from identification import check_bodies
 from identification.solid.body_channels import body_data, join_tests
-from identification.solid.delayed_sums import band_sums
-from identification.solid.moments import Moments, block_edges
+from identification.solid.moments import Moments, band_sums, block_edges
 from identification.solid.rigid_fit import fit_errors
 from identification.solid.sensor_faults import BelievedBody
 from identification.words import Tolerance

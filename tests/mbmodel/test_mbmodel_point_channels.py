@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.words import Dof, Signal
-from mbmodel.frf.channel_factors import output_selection
+from mbmodel.frf.solution import output_selection
 from mbmodel.ports.ports import NO_CHANNELS, direction_selection, group_by_point
 
 LABELS = (

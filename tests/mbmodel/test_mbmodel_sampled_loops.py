@@ -17,8 +17,7 @@ from mbmodel import (
     with_loops,
 )
 from mbmodel.control_loops.loop_law import continuous_equivalent
-from mbmodel.export.discrete import discretise
-from mbmodel.export.system_matrices import SystemMatrices
+from mbmodel.export.discrete import SystemMatrices, discretise
 
 MASS, STIFFNESS, DAMPING = 8.0, 2e5, 30.0  # 25 Hz
 PERIOD, DELAY = 1e-3, 4e-4

@@ -18,7 +18,7 @@ from mbmodel import (
     write_nonlinear_joints,
 )
 from mbmodel.simulation.drives import parse_drive, parse_reading
-from mbmodel.simulation.low_pass import Decimator, filter_taps
+from mbmodel.simulation.time_step import Decimator, filter_taps
 
 TIME_S = np.arange(0, 0.4, 1e-3)
 PULSE = np.where(TIME_S < 0.012, 20 * np.sin(np.pi * TIME_S / 0.012) ** 2, 0.0)

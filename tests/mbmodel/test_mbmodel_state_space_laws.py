@@ -28,7 +28,7 @@ from mbmodel import (
     spring_law_part,
     spring_parts,
 )
-from mbmodel.control_loops.delay_fraction import DelayFraction
+from mbmodel.control_loops.loop_law import DelayFraction
 from mbmodel.export.approximations import approximate
 
 FREQ_HZ = np.linspace(2.0, 200.0, 397)

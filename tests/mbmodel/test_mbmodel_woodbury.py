@@ -23,7 +23,7 @@ from mbmodel import (
     spring_parts,
 )
 from mbmodel.assembly import FrequencyDependentTerm
-from mbmodel.frf.woodbury import WoodburySolver
+from mbmodel.frf.solver import WoodburySolver
 
 __all__ = ["drawing"]
 

@@ -29,7 +29,7 @@ from mbmodel import (
     write_nonlinear_joints,
 )
 from mbmodel.mjcf import written_file
-from mbmodel.writing.read_back import compare_machines
+from mbmodel.writing.written_model import compare_machines
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 TREES = (5, 18, 51)  # gravity with a turned motor, bounds of mass and inertia, includes

@@ -11,7 +11,7 @@ from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
 from mbmodel import as_drawn, load_machine, model_modes
-from mbw.animation.scene import FRAME_S, FRAMES
+from mbw.animation.draw import FRAME_S, FRAMES
 from mbw.command import app
 
 RUNNER = CliRunner()

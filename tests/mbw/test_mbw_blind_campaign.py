@@ -16,8 +16,8 @@ from identification.words import InputError
 from mbmodel import as_drawn, linearise, load_machine
 from mbw.blind import case as blind_case
 from mbw.blind.case_files import BlindCase
-from mbw.blind.choice_options import read_choice
 from mbw.blind.user_test import read_user_test
+from mbw.blind.verb import read_choice
 from mbw.command import app
 from truth import Choice, draw_case
 from truth.campaign.case_design import deal_cards

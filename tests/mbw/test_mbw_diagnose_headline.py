@@ -10,8 +10,8 @@ from diagnosed import diagnosed, lead_of
 
 from diagnosis.verdict.schema import CauseRow, RemarkRow, RestRow, Where
 from diagnosis.verdict.sentences import UNEXPLAINED, capitalise
+from mbw.diagnose.gap_sentences import find_best_candidate, remark_sentences, rest_sentence
 from mbw.diagnose.page import render
-from mbw.diagnose.rest_sentences import find_best_candidate, remark_sentences, rest_sentence
 from mbw.diagnose.sentences import sensor_check_sentences
 from mbw.results.diagnosed_files import read_result
 from mbw.results.diagnosed_schema import EstablishedRow

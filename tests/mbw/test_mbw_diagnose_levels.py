@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 from diagnosis.verdict.schema import CauseRow, LevelGapRow
-from mbw.diagnose.level_sentences import level_sentences
+from mbw.diagnose.gap_sentences import level_sentences
 from tuning.files.schema import GapRow
 
 

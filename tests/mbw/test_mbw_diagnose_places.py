@@ -15,9 +15,8 @@ from mbmodel import load_machine
 from mbw.diagnose.effect_parameters import parameter_words
 from mbw.diagnose.link_axis import axis_words, link_axis, principal_axis
 from mbw.diagnose.page import render
-from mbw.results.diagnosed_files import read_result
+from mbw.results.diagnosed_files import list_linked, place_row, read_result
 from mbw.results.diagnosed_schema import PlaceRow
-from mbw.results.machine_rows import list_linked, place_row
 
 ROOT = Path(__file__).resolve().parents[2]
 LINK = "pair:stage1-stage3"

@@ -15,7 +15,7 @@ from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import CauseRow, RemarkRow, RestRow, Where
 from mbw.command import app
 from mbw.diagnose import verb
-from mbw.diagnose.hypothesis_table import hypothesis_table
+from mbw.diagnose.verb import hypothesis_table
 from mbw.messages import SCREEN
 from mbw.results.diagnosed_files import read_result
 from tests.helpers.drawn import drawn

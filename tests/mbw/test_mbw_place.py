@@ -8,8 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from identification.matching import shapes_at_channels
-from identification.readers.layout import read_layout
-from identification.readers.sites_table import read_sites
+from identification.readers.layout import read_layout, read_sites
 from identification.shapes import distinguish_modes, read_shapes
 from mbw.command import app
 from mbw.match.place import PlacementRequest, format_sites_table, propose_channels

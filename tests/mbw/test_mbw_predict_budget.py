@@ -14,8 +14,8 @@ from mbmodel import load_machine, machine_model
 from mbw.command import app
 from tuning import read_posterior
 from tuning.plant.error_budget.budget import error_budget
+from tuning.plant.error_budget.plant_budget import rms_interval
 from tuning.plant.error_budget.read_definition import read_definition
-from tuning.plant.error_budget.rms_interval import rms_interval
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 RUNNER = CliRunner()

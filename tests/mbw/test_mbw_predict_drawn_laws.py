@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from mbmodel import ConstantLoss, Relaxation
-from mbw.predict.additions import Additions
-from mbw.predict.machines import MachineRequest, load_machines
+from mbw.predict.machines import Additions, MachineRequest, load_machines
 from mbw.predict.plant import find_model
 from tests.helpers.drawn import drawn
 

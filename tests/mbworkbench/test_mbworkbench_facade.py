@@ -17,7 +17,7 @@ import mbworkbench as mb
 from diagnosis.settings import SETTINGS
 from identification.words import Dof
 from mbmodel import FrfRequest, as_drawn, linearise, load_machine
-from mbworkbench.sessions import open_together
+from mbworkbench.campaign import open_together
 
 ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGN = ROOT / "assets" / "two_bodies"

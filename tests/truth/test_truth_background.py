@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truth.background.draw import Background, draw_background
-from truth.background.items import AskewGuides, ChannelDelays
+from truth.background.draw import AskewGuides, Background, ChannelDelays, draw_background
 from truth.campaign.background_sizing import mean_error, size_background
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.draw import Tolerances, draw_hammers

@@ -17,10 +17,10 @@ from truth.grade.baselines import (
     mass_verdict,
     refit_only,
 )
-from truth.grade.chance import among_three, chance_marks
 from truth.grade.compare import Agreement, DrawingComparison
 from truth.grade.marks import MEANS, RATES, Excess, marks_of
 from truth.grade.names import CATALOGUE, canonical, check_place
+from truth.grade.report import among_three, chance_marks
 from truth.grade.verdict import Row, StatedVerdict
 
 CHANNELS = (

@@ -13,13 +13,13 @@ from tuning import ParameterPosterior
 from tuning.control_loops.stability import growing_pole
 from tuning.plant.error_budget.budget import budget_on_lines, error_budget
 from tuning.plant.error_budget.loop_algebra import close_loops
-from tuning.plant.error_budget.read_definition import read_definition
-from tuning.plant.error_budget.rms_interval import (
+from tuning.plant.error_budget.plant_budget import (
     log_rms_gradient,
     rms_interval,
     sample_rms,
     stable_poles_of_samples,
 )
+from tuning.plant.error_budget.read_definition import read_definition
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from budget_case import BUDGET, TWO, VALUES
 from identification.readers.controller import controller_from_roots, read_controller
 from identification.words import InputError, UsageError
 from mbmodel import as_drawn, load_machine
-from tuning.control_loops.controller import controller_from_system
+from tuning.control_loops.read_loops import controller_from_system
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.spectra import (
     VIBRATION_CRITERIA_M_PER_S,

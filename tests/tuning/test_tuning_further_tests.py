@@ -9,8 +9,7 @@ from small_machine import virtual_campaign
 from identification.words import Campaign, Dof, distinct_dofs
 from mbmodel import Model, hammer_parts
 from tuning import Misfit, Session, build_toleranced_model, estimate_confidence, fit, parametrise
-from tuning.assessment.further_tests import rank_further_tests
-from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
+from tuning.assessment.further_tests import mean_channel_variance, predict_tests, rank_further_tests
 
 
 @pytest.fixture(scope="module")

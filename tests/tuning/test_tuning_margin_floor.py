@@ -14,8 +14,8 @@ from budget_case import (
 from mbmodel import load_machine, machine_model
 from mbw.plant.margin_rows import margins_row
 from tuning.plant.control_loops.stability_margins import stability_margins
-from tuning.plant.error_budget.margin_floor import margin_deviations
 from tuning.plant.error_budget.plant_budget import plant_budget
+from tuning.plant.error_budget.robust_stability import margin_deviations
 
 NAMES = ("crossover", "bandwidth", "gain", "phase", "delay", "modulus")
 LINES = np.geomspace(0.05, 2000.0, 400)

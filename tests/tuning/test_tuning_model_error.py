@@ -16,7 +16,7 @@ from tuning import (
     parametrise,
     predict,
 )
-from tuning.misfit.model_error import profile_floor
+from tuning.misfit.residual_statistics import profile_floor
 from tuning.misfit.weights import FORCE_ERROR_FLOOR
 
 

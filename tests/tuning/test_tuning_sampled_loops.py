@@ -12,9 +12,8 @@ from identification.words import InputError
 from mbmodel import as_drawn, load_machine, machine_model
 from tuning.control_loops.stability import growing_pole
 from tuning.plant.error_budget.budget import error_budget
-from tuning.plant.error_budget.plant_budget import plant_budget
+from tuning.plant.error_budget.plant_budget import log_rms_gradient, plant_budget, sample_rms
 from tuning.plant.error_budget.read_definition import read_definition
-from tuning.plant.error_budget.rms_interval import log_rms_gradient, sample_rms
 from tuning.plant.error_budget.sampling_images import image_shares
 
 PERIOD = 1 / 400  # the second mode lies at 29 Hz, half of the sampling rate at 200 Hz

@@ -11,7 +11,6 @@ from identification.words import (
     FrfEstimate,
     Layout,
     Test,
-    large_tests,
     thinning_step,
 )
 
@@ -39,7 +38,7 @@ def test_every_line_of_an_ordinary_campaign_is_checked():
 
 def test_a_large_campaign_is_thinned_evenly_and_without_a_copy(monkeypatch):
     campaign = a_campaign()
-    monkeypatch.setattr(large_tests.thinning_step, "__defaults__", (15,))
+    monkeypatch.setattr(thinning_step, "__defaults__", (15,))
     thin = campaign.thin_lines()
     np.testing.assert_array_equal(thin.freq_hz, campaign.freq_hz[::3])
     values = [of.tests[0].estimate.frf.values for of in (campaign, thin)]

@@ -8,6 +8,8 @@ Verdinelli 1995). The covariance after a further test is known before the test i
 N_new are its normal equations at the tuned model, with the lines, hits and noise of the tests
 made so far. Each channel has the mean variance of its tests; a further sensor has that of the
 sensor beside it. The tolerances of a new hit or sensor are eliminated with all others.
+
+Tests that were not made, predicted by a model with the noise of those that were.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,18 +17,23 @@ from dataclasses import replace
 
 import numpy as np
 
+from identification import smooth_variance
 from identification.words import (
     Campaign,
+    Condition,
     Dof,
+    Frf,
+    FrfEstimate,
+    Input,
     Layout,
     Output,
     Real,
+    Test,
     distinct_dofs,
 )
-from mbmodel import Model, Part, SensorPart, hammer_parts, sensor_parts
+from mbmodel import Evaluator, FrfRequest, Model, Part, SensorPart, hammer_parts, sensor_parts
 from tuning.assessment.findings import GainRow
 from tuning.assessment.parameter_confidence import ParameterConfidence, posterior_precision
-from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
 from tuning.fitting.stages import thin_lines
 from tuning.misfit.misfit import Misfit
 from tuning.parametrisation.user_specification import parametrise
@@ -174,3 +181,43 @@ def _extended_theta(model: Model, confidence: ParameterConfidence) -> Real:
     """Return the tuned parameters, followed by nominal ones of additional Parts."""
     theta = confidence.parametrisation.theta(confidence.x)
     return np.append(theta, model.drawn[len(theta) :])
+
+
+def predict_tests(
+    model: Model,
+    theta: Real,
+    campaign: Campaign,
+    variances: Mapping[Output, Real],
+    inputs: tuple[Input, ...],
+) -> Campaign:
+    """Return a campaign of one predicted test for each hit.
+
+    Args:
+        model: machine and Parts.
+        theta: parameters [SI]; (n_parameter,).
+        campaign: campaign with the lines and the quantity.
+        variances: variance of each channel; (n_freq,) each.
+        inputs: hits.
+    """
+    outputs, quantity = tuple(variances), campaign.tests[0].estimate.frf.quantity
+    question = FrfRequest(campaign.freq_hz, outputs, inputs, quantity)
+    values = Evaluator(model, question).at(theta).values
+    variance = np.stack(list(variances.values()), axis=1)[:, :, None]
+    measured = np.ones((len(outputs), 1), bool)
+    tests = []
+    for column, reference in enumerate(inputs):
+        frf = Frf(campaign.freq_hz, values[:, :, [column]], outputs, (reference,), quantity)
+        estimate = FrfEstimate(frf, variance, "differences", measured)
+        tests.append(Test(Condition("not made", reference), estimate))
+    return replace(campaign, tests=tuple(tests))
+
+
+def mean_channel_variance(campaign: Campaign) -> dict[Output, Real]:
+    """Return the mean variance of each channel over the tests that measured it; (n_freq,) each."""
+    by_channel: dict[Output, list[Real]] = {}
+    for test in campaign.tests:
+        variance = smooth_variance(test.estimate)
+        for row, dof in enumerate(test.estimate.frf.outputs):
+            if test.estimate.measured[row, 0]:
+                by_channel.setdefault(dof.positive, []).append(variance[:, row, 0])
+    return {dof: np.mean(rows, axis=0) for dof, rows in by_channel.items()}

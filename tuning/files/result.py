@@ -35,7 +35,7 @@ from tuning.files.schema import (
     TunedTestRow,
 )
 from tuning.misfit.batch import predict
-from tuning.misfit.model_error import estimate_model_error
+from tuning.misfit.residual_statistics import estimate_model_error
 
 TUNED_JSON, TUNED_MJCF, FRF_NPZ = "tuned.json", "tuned.xml", "frf.npz"
 LEVELS = ("sensors", "bodies")

@@ -2,8 +2,9 @@
 
 A fit at the weights of the noise goes down to errors that no real model has: its landscape is full
 of minima there, and any imperfection is significant. So the fit tolerates the error that its own
-residuals show (``tuning.misfit.model_error``), and both are estimated in turn until the floor
-stays. A model that is exact but for noise ends at the force sensor's error, that is at the noise.
+residuals show (``tuning.misfit.residual_statistics``), and both are estimated in turn until the
+floor stays. A model that is exact but for noise ends at the force sensor's error, that is at the
+noise.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from mbmodel import Model
 from tuning.fitting.fitter import Fit, fit
 from tuning.fitting.stages import STAGES, Stage, thin_lines
 from tuning.misfit.batch import predict
-from tuning.misfit.model_error import ModelError, estimate_model_error
+from tuning.misfit.residual_statistics import ModelError, estimate_model_error
 from tuning.parametrisation.parametrisation import Parametrisation
 
 

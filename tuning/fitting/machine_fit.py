@@ -27,7 +27,7 @@ from tuning.fitting.outlying_tolerances import admit_shifts, are_by_chance, wide
 from tuning.fitting.stages import LAST_STAGE, STAGES, Stage, thin_lines
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import ModalStage
-from tuning.misfit.model_error import ModelError, estimate_model_error
+from tuning.misfit.residual_statistics import ModelError, estimate_model_error
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.solvers.nlopt_solver import TUNING_ALGORITHM, Minimum
 

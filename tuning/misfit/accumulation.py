@@ -11,8 +11,8 @@ import numpy as np
 
 from identification.words import Complex, Integers, Real
 from mbmodel import ForwardSensitivities
-from tuning.misfit.body_projection import BodyProjection
 from tuning.misfit.partition import CoordinatePartition
+from tuning.misfit.reduction import BodyProjection
 
 MAX_JACOBIAN_VALUES = 2**19  # held in memory at once, 4 MB: what a cache holds
 _MAX_FORCE_VALUES = 2**21  # with free forces, for each of which a run of lines adds to a matrix

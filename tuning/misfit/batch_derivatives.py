@@ -7,9 +7,14 @@ import numpy as np
 from identification.words import Complex, Integers, Real
 from mbmodel import Linearised
 from tuning.misfit.accumulation import SensorColumns, WeightedJacobian
-from tuning.misfit.body_projection import BodyProjection, body_projections
 from tuning.misfit.partition import CoordinatePartition
-from tuning.misfit.reduction import BodyWeightRoot, apply_body_weights, body_weight_roots
+from tuning.misfit.reduction import (
+    BodyProjection,
+    BodyWeightRoot,
+    apply_body_weights,
+    body_projections,
+    body_weight_roots,
+)
 from tuning.misfit.weights import WeightedBatch, squared_size
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.words import Complex, Integers, Real
 from mbmodel import ForceEntries, Model
-from tuning.misfit.body_projection import N_MOTIONS
+from tuning.misfit.reduction import N_MOTIONS
 from tuning.parametrisation.parametrisation import Parametrisation
 
 

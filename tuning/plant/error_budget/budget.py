@@ -18,6 +18,7 @@ import numpy as np
 from identification.words import Complex, InputError, Real
 from mbmodel import Evaluator, FrfRequest, Linearised, Model
 from tuning.plant.error_budget.closed_loop_states import (
+    LoopAliases,
     loop_states,
     refuse_undamped,
     refuse_unstable,
@@ -26,7 +27,6 @@ from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.frequency_grid import integration_lines, trapezoid_weights
 from tuning.plant.error_budget.joined_states import LoopStates
 from tuning.plant.error_budget.loop_algebra import LoopResponse, PortMap, close_loops, map_ports
-from tuning.plant.error_budget.sampled_loops import LoopAliases
 
 
 @dataclass(frozen=True, eq=False)

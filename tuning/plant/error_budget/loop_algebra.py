@@ -8,7 +8,7 @@ and u = -K (y + n) the controls:
 
 E is the error per source: (G_zd - G_zu T G_yd) for a disturbance and -G_zu T for noise, whose N
 selects the measurement. A change dH of the FRFs changes E by L dH R. Sampled loops add the images
-of the sampler to G_yu K (``sampled_loops``); L neglects how these change.
+of the sampler to G_yu K (``closed_loop_states``); L neglects how these change.
 """
 
 from dataclasses import dataclass

@@ -9,10 +9,9 @@ from mbmodel import Evaluator, FrfRequest, Linearised, Model
 from tuning.plant.control_loops.loop_gain_lines import LoopGainOf, first_lines
 from tuning.plant.control_loops.margin_values import AllMargins
 from tuning.plant.control_loops.stability_margins import stability_margins
-from tuning.plant.error_budget.closed_loop_states import loop_states
+from tuning.plant.error_budget.closed_loop_states import LoopAliases, loop_states
 from tuning.plant.error_budget.definition import BudgetDefinition, sampling_period
 from tuning.plant.error_budget.loop_algebra import PortMap, loop_gains, map_ports
-from tuning.plant.error_budget.sampled_loops import LoopAliases
 
 _RANGE = 10.0  # of lines below the slowest and above the fastest pole, and of the band
 _MIN_RELATIVE_POLE = 1e-7  # of the fastest pole: slower ones are poles at 0 Hz

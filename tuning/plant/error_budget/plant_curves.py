@@ -9,9 +9,9 @@ from mbmodel import Evaluator, FrfRequest, Model
 from tuning.assessment.model_discrepancy import discrepancy_motion
 from tuning.assessment.parameter_posterior import PosteriorOfModel
 from tuning.plant.error_budget.budget import ErrorBudget
+from tuning.plant.error_budget.closed_loop_states import LoopAliases
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_algebra import close_loops, map_ports
-from tuning.plant.error_budget.sampled_loops import LoopAliases
 
 _CURVE_LINES = 400  # evenly spaced in the logarithm of frequency
 # Distances from a resonance in half widths, at which there are further lines.

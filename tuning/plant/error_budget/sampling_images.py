@@ -14,9 +14,9 @@ import numpy as np
 from identification.words import Real, percent_text
 from mbmodel import Evaluator, FrfRequest
 from tuning.plant.error_budget.budget import ErrorBudget
+from tuning.plant.error_budget.closed_loop_states import LoopAliases, held_law
 from tuning.plant.error_budget.definition import sampling_period
 from tuning.plant.error_budget.loop_algebra import loop_gains, measured_rows
-from tuning.plant.error_budget.sampled_loops import LoopAliases, held_law
 
 # Images on either side that are counted: each further one falls with the plant and the hold.
 _IMAGES = (-3, -2, -1, 1, 2, 3)
