@@ -20,6 +20,7 @@ from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign
 from truth.campaign.visits import draw_visits
 from truth.errors import TruthError
 from truth.machine.reading import read_station, why_as_drawn
+from truth.machine.springs import ClosedLoop
 from truth.machine.station import Station
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "Card",
     "Cause",
     "Choice",
+    "ClosedLoop",
     "DrawnCase",
     "OwnTest",
     "Plan",

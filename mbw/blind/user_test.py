@@ -1,13 +1,17 @@
 """The user's own campaign as a blind test repeats it: model, channels, hits, levels and noise."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
 from identification import read_settings
-from identification.words import Campaign, InputError, Test
+from identification.readers.controller import find_controller
+from identification.readers.loop_toml import CampaignLoopTable
+from identification.readers.toml_files import toml_key, toml_value
+from identification.words import DERIVATIVE_ORDER, Campaign, Complex, InputError, Test
 from truth import (
+    ClosedLoop,
     OwnTest,
     Protocol,
     StatedTest,
@@ -102,11 +106,6 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
     """
     source, _, campaign = open_campaign(path, band)
     settings = read_settings(path)[1]
-    if settings.loop:
-        raise InputError(
-            f"{source}: loop.{next(iter(settings.loop))} was closed in the test, which a blind "
-            "test does not repeat: leave it out, or test the machine with its loops open"
-        )
     changed = next((entry for entry in settings.test if entry.variant), None)
     if changed is not None:
         raise InputError(
@@ -120,6 +119,8 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
     stated = tuple(_state(source, test, moving) for test in campaign.tests)
     try:
         station = read_station(model_of(path))
+        loops = tuple(_read_loop(source, station, *row) for row in settings.loop.items())
+        station = replace(station, loops=loops)
         measured = locate_tests(station, freq_hz[moving], stated)
         protocol = Protocol(
             nodes=measured.nodes,
@@ -160,6 +161,36 @@ def _state(
         setup=condition.setup or "",
         hammer=condition.hammer or "",
     )
+
+
+def _read_loop(source: Path, station: Station, name: str, table: CampaignLoopTable) -> ClosedLoop:
+    """Return a loop that was closed in the test, from a joint to a motor."""
+    key = f"loop.{name}"
+    joint, order = _find_joint(station, table)
+    if not joint:
+        also = f" and subtracts {table.minus}" if table.minus else ""
+        raise InputError(
+            f"{source}: {key} reads {table.output}{also}, but a blind test repeats loops that read "
+            "one joint: leave it out, or test with this loop open"
+        )
+    controller = find_controller(source, key, table.controller)
+
+    def stiffness(laplace: Complex) -> Complex:
+        late = np.exp(-laplace * table.delay)
+        return np.asarray(controller.response(laplace) * late * laplace**order, complex)
+
+    stated = {**table.model_dump(exclude_defaults=True), "as_stated": True}
+    rows = "".join(f"{each} = {toml_value(value)}\n" for each, value in stated.items())
+    file = table.controller
+    files = {file: (source.parent / file).read_bytes()} if isinstance(file, str) else {}
+    return ClosedLoop(table.input, joint, stiffness, f"[loop.{toml_key(name)}]\n{rows}", files)
+
+
+def _find_joint(station: Station, table: CampaignLoopTable) -> tuple[str, int]:
+    """Return the joint that a loop reads, empty if none, and its time derivatives that it reads."""
+    if table.minus is None and table.output.startswith("joint:"):
+        return table.output.removeprefix("joint:"), DERIVATIVE_ORDER[table.quantity]
+    return ("", 0) if table.minus else station.find_sensed_joint(table.output)
 
 
 def _tolerance(campaign: Campaign) -> Tolerances:

@@ -25,8 +25,8 @@ from truth.campaign.draw import NO_TOLERANCE
 from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import takes
-from truth.campaign.virtual_test import hammers_of
-from tuning import open_campaign
+from truth.campaign.virtual_test import Plan, draw_machines, hammers_of
+from tuning import open_campaign, open_session
 
 RUNNER = CliRunner()
 
@@ -175,14 +175,72 @@ def test_the_request_names_campaign_and_choice(campaign, tmp_path, monkeypatch):
     assert Path(out / "cases" / "0000" / "campaign" / "campaign.toml").is_file()
 
 
-def test_a_loop_that_was_closed_is_refused(campaign, tmp_path):
+LOOP = """
+[loop.drive]
+input = "{input}"
+output = "{output}"
+controller = {{ zeros = [-60.0], poles = [-900.0], gain = 0.5 }}
+delay = 2e-4
+"""
+
+
+def close_loop(campaign, folder, output="joint:drive", motor="servo"):
     for path in campaign.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    loop = '[loop.drive]\ninput = "servo"\noutput = "joint:drive"\ncontroller = { gain = 10.0 }\n'
-    text = (tmp_path / "campaign.toml").read_text()
-    (tmp_path / "campaign.toml").write_text(text + "\n" + loop)
-    with pytest.raises(InputError, match="was closed in the test"):
-        read_user_test(tmp_path, None)
+        (folder / path.name).write_bytes(path.read_bytes())
+    sensor = '<sensor><jointpos name="ruler" joint="drive"/></sensor></mujoco>'
+    (folder / "axis.xml").write_text(SERVO_AXIS.replace("</mujoco>", sensor))
+    text = (folder / "campaign.toml").read_text()
+    (folder / "campaign.toml").write_text(text + LOOP.format(output=output, input=motor))
+    return read_user_test(folder, None)
+
+
+def test_frfs_with_a_loop_closed_are_those_of_the_model_with_its_loop(campaign, tmp_path):
+    test = close_loop(campaign, tmp_path)
+    protocol = test.repeated.protocol
+    machine = TrueMachine(test.station, hammers_of(test.station, protocol, NO_TOLERANCE, 1))
+    files = takes(protocol, test.station, 1)
+    model, without = open_session(tmp_path).model, as_drawn(load_machine(campaign / "axis.xml"))
+    differences = []
+    for result, reference in zip(
+        hammer_tests(machine, protocol, files, 1), REFERENCES, strict=True
+    ):
+        question = request(result.freq_hz, reference)
+        exact = linearise(model, model.drawn, question).values
+        opened = linearise(without, without.drawn, question).values
+        sd = noise_of(list(REFERENCES).index(reference), opened)
+        assert np.sqrt(np.mean(np.abs((result.frf - exact) / sd) ** 2)) == pytest.approx(1, abs=0.1)
+        differences.append(np.abs(exact / opened - 1).max())
+    assert max(differences) > 0.5  # the loop matters
+
+
+def test_a_virtual_campaign_of_a_closed_loop_states_the_loop(campaign, tmp_path):
+    test = close_loop(campaign, tmp_path)
+    choice = read_choice(["mass_error"], ["body:slide"], None, "mass=2.5", 0.0)
+    drawn = draw_case(test.station, 1, 0, choice, test.repeated).campaign
+    assert tomllib.loads(drawn.files["campaign.toml"].decode())["loop"]["drive"]["delay"] == 2e-4
+    plan = Plan(1, protocol=test.repeated.protocol)
+    assert all(station.loops == test.station.loops for station in draw_machines(test.station, plan))
+
+
+def test_a_loop_may_read_a_joint_by_mujocos_sensor(campaign, tmp_path):
+    (loop,) = close_loop(campaign, tmp_path, "ruler").station.loops
+    s = np.array([30j])
+    assert loop.joint == "drive"
+    assert loop.stiffness(s) == pytest.approx(0.5 * (s + 60) / (s + 900) * np.exp(-2e-4 * s))
+
+
+@pytest.mark.parametrize(
+    ("output", "motor", "sentence"),
+    [
+        ("acc5:+tz", "servo", "reads acc5:.tz, but .* one joint: leave it out"),
+        ("joint:drive", "joint:drive", "read a joint .* and drive a motor .servo. alone"),
+    ],
+)
+def test_a_loop_that_a_virtual_test_cannot_repeat_is_refused(
+    campaign, tmp_path, output, motor, sentence
+):
+    with pytest.raises(InputError, match=sentence):
+        close_loop(campaign, tmp_path, output, motor)
 
 
 PROBE = """<script>

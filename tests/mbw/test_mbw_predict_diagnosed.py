@@ -59,7 +59,7 @@ def folder(tmp_path_factory):
         extra="[tolerance]\nhammer_gain = 0.003\n",
     )
     mbw("tune", place / "case", "--out", place / "tuned", "--no-pictures", "-q")
-    unsure = load_calibration().model_copy(update={"error_values": 1.2, "noise_exponent": 40.0})
+    unsure = load_calibration().model_copy(update={"error_values": 0.9, "noise_exponent": 40.0})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior, "load_calibration", lambda: unsure)
         mbw("diagnose", place / "case", "--out", place / "diagnosed", "--jobs", 1)

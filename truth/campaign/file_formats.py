@@ -13,6 +13,7 @@ from truth.campaign.draw import Tolerances
 from truth.campaign.measure import Measurement
 from truth.campaign.protocol import Protocol, Take
 from truth.effects import Answer
+from truth.machine.springs import ClosedLoop
 from truth.machine.station import GROUND, StageBody, Station
 
 MESH_FOLDER = "meshes"
@@ -51,8 +52,15 @@ def model_xml(drawing: Station) -> str:
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: Tolerances) -> str:
-    """Return the campaign's description with every test and every tolerance."""
+def campaign_toml(
+    *,
+    model: str,
+    files: tuple[Take, ...],
+    averages: int,
+    given: Tolerances,
+    loops: tuple[ClosedLoop, ...] = (),
+) -> str:
+    """Return the campaign's description with every test, control loop and tolerance."""
     lines = ["format = 1", f'model = "{model}"', ""]
     for take in files:
         lines += [
@@ -67,6 +75,7 @@ def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: 
             *([f'setup = "{take.setup}"'] if take.setup else []),
             "",
         ]
+    lines += [loop.table for loop in loops]
     lines.append("[tolerance]  # one standard deviation")
     for name, value in asdict(given).items():
         unit = f"  # {_UNITS[name]}" if name in _UNITS else ""

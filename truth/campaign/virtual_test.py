@@ -161,8 +161,14 @@ def measure_subject(subject: Subject, plan: Plan, nominal_name: str) -> VirtualC
     tests = hammer_tests(machine, plan.protocol, files, seed)
     contents, entry = model_files(drawing)
     contents["campaign.toml"] = campaign_toml(
-        model=entry, files=files, averages=plan.protocol.averages, given=plan.tolerance
+        model=entry,
+        files=files,
+        averages=plan.protocol.averages,
+        given=plan.tolerance,
+        loops=drawing.loops,
     ).encode("utf-8")
+    for loop in drawing.loops:
+        contents |= loop.files
     for take, test in zip(files, tests, strict=True):
         contents[take.file] = uff_bytes(test) if take.test is None else array_bytes(test)
     salt = stream(seed, "salt").bytes(16).hex()

@@ -176,7 +176,7 @@ def hammer_columns(
 ) -> Real:
     """Return generalised forces of unit hits; (n, n_hammers)."""
     columns = [
-        _driven(station, hammer.along, flexes)
+        drive_column(station, hammer.along, flexes)
         if hammer.along
         else motion_row(station, hammer.stage, hammer.position, hammer.direction, flexes)
         for hammer in hammers
@@ -184,10 +184,13 @@ def hammer_columns(
     return np.array(columns).reshape(-1, 6 * len(station.stages) + len(flexes)).T
 
 
-def _driven(
+def drive_column(
     station: Station, along: tuple[tuple[str, float], ...], flexes: tuple[Flex, ...]
 ) -> Real:
-    """Return the generalised force of a motor in all coordinates; (n,)."""
+    """Return the generalised force of a motor in all coordinates; (n,).
+
+    With 1 along a single joint it is the row that reads the joint's coordinate, too.
+    """
     forces, column = dict(along), np.zeros(6 * len(station.stages) + len(flexes))
     for index, stage in enumerate(station.stages):
         moving, _ = joint_rows(station, index, flexes)

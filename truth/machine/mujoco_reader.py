@@ -33,6 +33,11 @@ from truth.machine.values import GROUND
 
 _HOME = "home"  # the keyframe at which the search for the equilibrium begins, if there is one
 _MIN_REMAINDER = 1e-11  # of the matrices' diagonals, below which a remainder is none
+# Sensors of joints, with the time derivatives that they read.
+_JOINT_SENSORS = {
+    int(mujoco.mjtSensor.mjSENS_JOINTPOS): 0,
+    int(mujoco.mjtSensor.mjSENS_JOINTVEL): 1,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +55,14 @@ class CompiledModel:
     data: mujoco.MjData
     files: Mapping[str, bytes]
     entry: str
+
+    def find_sensed_joint(self, sensor: str) -> tuple[str, int]:
+        """Return the joint that a sensor reads, empty if none, and its time derivatives."""
+        number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SENSOR, sensor)
+        order = _JOINT_SENSORS.get(int(self.model.sensor_type[number])) if number >= 0 else None
+        if order is None:
+            return "", 0
+        return str(self.model.joint(self.model.sensor_objid[number]).name), order
 
 
 def read_machine(path: Path) -> Station:

@@ -16,7 +16,15 @@ import numpy as np
 import scipy.linalg
 
 from truth.machine.couplings import coupled_matrices
-from truth.machine.dynamics import Equations, Flex, assemble, hammer_columns, sensor_rows
+from truth.machine.dynamics import (
+    Equations,
+    Flex,
+    assemble,
+    drive_column,
+    hammer_columns,
+    sensor_rows,
+)
+from truth.machine.springs import ClosedLoop
 from truth.machine.station import Complex, Hammer, Real, Station
 
 Response = Callable[[Complex], Complex]
@@ -160,6 +168,7 @@ def build(tested: Prepared) -> Rig:
         ),
         sensor_rows(station, flexes),
         hammer_columns(station, tested.hammers, flexes),
+        laws=tuple(_close_loop(tested, loop) for loop in station.loops),
         filters=tuple(
             Filter((3 * number + axis,), partial(_late, float(sensor.delay[axis])))
             for number, (_, sensor) in enumerate(station.sensors())
@@ -167,6 +176,14 @@ def build(tested: Prepared) -> Rig:
             if sensor.delay[axis]
         ),
     )
+
+
+def _close_loop(tested: Prepared, loop: ClosedLoop) -> FrequencyLaw:
+    """Return a control loop as a stiffness between what it reads and what it drives."""
+    station, flexes = tested.station, tested.flexes
+    drives = {motor.name: motor.along for motor in station.motors}
+    column = drive_column(station, drives[loop.motor], flexes)
+    return FrequencyLaw(drive_column(station, ((loop.joint, 1.0),), flexes), column, loop.stiffness)
 
 
 def _late(delay: float, s: Complex) -> Complex:

@@ -42,7 +42,7 @@ def settle(station: Station) -> Station:
         model.tendon_damping[known[tendon.name]] = tendon.damping
     balance(model, data)
     here = station_of(CompiledModel(model, data, source.files, source.entry), station.name)
-    return replace(here, stages=_with_instruments(here, station))
+    return replace(here, stages=_with_instruments(here, station), loops=station.loops)
 
 
 def carry(

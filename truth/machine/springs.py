@@ -1,13 +1,13 @@
 """Joints and tendons of a station, and what acts between joints beside them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from truth.errors import TruthError
-from truth.machine.values import Real, frozen
+from truth.machine.values import Complex, Real, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +78,25 @@ class Motor:
 
     name: str
     along: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """A controller that reads a joint and drives a motor: control = -z(s) joint coordinate.
+
+    Args:
+        motor: name of the motor.
+        joint: name of the joint.
+        stiffness: z of s, controller, delay and derivatives of the reading together.
+        table: its table in campaign.toml.
+        files: content of files that the table names, by their names.
+    """
+
+    motor: str
+    joint: str
+    stiffness: Callable[[Complex], Complex]
+    table: str
+    files: Mapping[str, bytes]
 
 
 @dataclass(frozen=True, eq=False)

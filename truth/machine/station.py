@@ -12,7 +12,7 @@ import numpy as np
 
 from truth.errors import TruthError
 from truth.machine.instruments import Hammer, HitPoint, Sensor
-from truth.machine.springs import Joint, Motor, Remaining, Tendon
+from truth.machine.springs import ClosedLoop, Joint, Motor, Remaining, Tendon
 from truth.machine.values import (
     AXES,
     GROUND,
@@ -59,6 +59,10 @@ class MjcfSource(Protocol):
     @property
     def entry(self) -> str:
         """Path of the main file among them."""
+        ...
+
+    def find_sensed_joint(self, sensor: str) -> tuple[str, int]:
+        """Return the joint that a sensor reads, and its time derivatives; an empty name if none."""
         ...
 
 
@@ -139,6 +143,7 @@ class Station:
         gravity: [m/s2]; (3,).
         tendons: springs over several joints.
         motors: forces that act on joints.
+        loops: control loops that are closed during the test.
         remaining: forces that are neither springs nor weights; None for none.
         source: the compiled MJCF that it was read from, as ``mujoco_reader`` left it; None for a
             station that its own values describe in full.
@@ -150,6 +155,7 @@ class Station:
     gravity: Real = field(default_factory=lambda: np.zeros(3))
     tendons: tuple[Tendon, ...] = ()
     motors: tuple[Motor, ...] = ()
+    loops: tuple[ClosedLoop, ...] = ()
     remaining: Remaining | None = None
     source: MjcfSource | None = None
 
@@ -166,6 +172,15 @@ class Station:
         _refuse_twins("mesh", [mesh.name for mesh in self.meshes])
         hits = [f"hit{hit.node}" for stage in self.stages for hit in stage.hit_points]
         _refuse_twins("site", hits)
+        motors = [motor.name for motor in self.motors]
+        joints = [joint.name for stage in self.stages for joint in stage.joints]
+        for loop in self.loops:
+            if loop.motor not in motors or loop.joint not in joints:
+                raise TruthError(
+                    f"a loop from {loop.joint} to {loop.motor}: a virtual test knows loops that "
+                    f"read a joint ({', '.join(joints)}) and drive a motor "
+                    f"({', '.join(motors) or 'none'}) alone"
+                )
 
     def sensors(self) -> Iterator[tuple[int, Sensor]]:
         """Go through the sensors in the order of the stages, each with its stage's index."""
@@ -186,6 +201,10 @@ class Station:
         if not nodes:
             raise TruthError(f"model {self.name}: it has no site acc<node>, nothing is measured")
         return nodes[0]
+
+    def find_sensed_joint(self, sensor: str) -> tuple[str, int]:
+        """Return the joint that a sensor of the MJCF reads, empty if none, and its derivatives."""
+        return ("", 0) if self.source is None else self.source.find_sensed_joint(sensor)
 
     def index(self, name: str) -> int:
         """Return the index of the stage of this name, or refuse it."""
