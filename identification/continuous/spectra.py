@@ -237,7 +237,7 @@ def choose_lines(spectra: ForcedSpectra, blocks: ContinuousBlocks, records: Reco
         chosen &= numbers % 2 == 0
     if blocks.kind == "periodic":
         chosen &= power > _MIN_LINE_POWER * power[chosen].max(initial=0.0)
-    if spectra.weak is not None:
+    if spectra.weak is not None and chosen.any():
         # A force that the set points hardly move is noise, and no FRF has a region there. Of many
         # such lines some pass by chance, but not most of their neighbours.
         power, noise = (np.einsum("fii->fi", m[chosen]).real for m in (spectra.force, spectra.weak))

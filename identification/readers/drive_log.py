@@ -35,6 +35,7 @@ _MAX_LATE_MESSAGES = 0.01
 _FASTER, _PASSED, _TAPS = 1.2, 0.9, 16  # ratio of rates, part that passes, taps for each sample
 _DEGREE = 7  # of splines between messages
 _ROUNDING = 1e-4  # of a step, by which times of messages may miss the last one
+_MAX_PERIOD_ERROR = 0.01  # of the period of a controller, by the clock of its record
 
 
 def read_drive_log(
@@ -83,8 +84,25 @@ def read_drive_log(
     if log.references:
         arrays["set_point"] = signals[n_in + n_out :]
     if controllers:
+        _refuse_unusable(path, controllers, rate)
         arrays["set_point"] = _find_set_points(log, controllers, force, response, rate)
     return arrays
+
+
+def _refuse_unusable(path: Path, controllers: Mapping[str, Controller], rate_hz: float) -> None:
+    """Refuse controllers that no loop of this record has."""
+    for motor, controller in controllers.items():
+        period = controller.period_s
+        if controller.poles.real.max(initial=0.0) > _ROUNDING * rate_hz:
+            raise InputError(
+                f"{path}: the controller of {motor} has a pole that grows: correct its poles, or "
+                "add period if they are in z"
+            )
+        if period and abs(period * rate_hz - 1) > _MAX_PERIOD_ERROR:
+            raise InputError(
+                f"{path}: the controller of {motor} has a period of {period:g} s, and the record "
+                f"a sample each {1 / rate_hz:.6g} s: state both at one rate"
+            )
 
 
 def _find_set_points(
@@ -124,6 +142,7 @@ def _find_set_points(
         )
         motion = response[list(log.encoders).index(table.encoder)]
         spectrum = scipy.fft.rfft(motion - motion.mean(axis=-1, keepdims=True), count)
+        gain[-1] = 0.0  # half the rate, where a pole at z = -1 has no value
         spectrum = np.concatenate([np.zeros_like(spectrum[..., :1]), gain * spectrum[..., 1:]], -1)
         external[row] += scipy.fft.irfft(spectrum, count)[..., : force.shape[-1]]
     return external

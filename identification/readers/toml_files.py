@@ -196,7 +196,7 @@ def tag_file_or_table(value: object) -> str:
 
 def toml_key(name: str) -> str:
     """Return a name as a key of a table, in quotes where TOML needs them."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else f'"{name}"'
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)
 
 
 def toml_value(value: object) -> str:

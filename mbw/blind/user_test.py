@@ -179,10 +179,12 @@ def _read_loop(source: Path, station: Station, name: str, table: CampaignLoopTab
         late = np.exp(-laplace * table.delay)
         return np.asarray(controller.response(laplace) * late * laplace**order, complex)
 
-    stated = {**table.model_dump(exclude_defaults=True), "as_stated": True}
+    stated, files = {**table.model_dump(exclude_defaults=True), "as_stated": True}, {}
+    if isinstance(table.controller, str):
+        file = source.parent / table.controller
+        stated["controller"] = f"{key}{file.suffix}".replace("/", "_")
+        files = {stated["controller"]: file.read_bytes()}
     rows = "".join(f"{each} = {toml_value(value)}\n" for each, value in stated.items())
-    file = table.controller
-    files = {file: (source.parent / file).read_bytes()} if isinstance(file, str) else {}
     return ClosedLoop(table.input, joint, stiffness, f"[loop.{toml_key(name)}]\n{rows}", files)
 
 

@@ -154,7 +154,7 @@ class FrameMaker:
             request = FrfRequest(
                 subject.freq_hz,
                 (parse_output(subject.model.machine, channel),),
-                (parse_input(subject.model.machine, port_of(reference)),),
+                (parse_input(subject.model.machine, subject.find_port(reference)),),
                 subject.quantity,
             )
             evaluator = Evaluator(subject.model, request)
@@ -166,7 +166,8 @@ class FrameMaker:
         """Return the unit of the FRF that the page looks at."""
         machine, view = self.subject.model.machine, state.view
         output = output_unit(machine, parse_output(machine, view.channel), self.subject.quantity)
-        return f"{output}/{input_unit(machine, parse_input(machine, port_of(view.reference)))}"
+        port = parse_input(machine, self.subject.find_port(view.reference))
+        return f"{output}/{input_unit(machine, port)}"
 
     def _mode_rows(self, modes: Modes, shapes: Complex) -> list[dict[str, Any]]:
         """Return a row for each mode, with the drawing's mode that is most like it.
@@ -226,11 +227,6 @@ def _find_cell(subject: WorkbenchSubject, reference: str, channel: str) -> tuple
     if channel not in labels or not estimate.measured[labels.index(channel), 0]:
         return None
     return number, labels.index(channel)
-
-
-def port_of(reference: str) -> str:
-    """Return the label of the input, without the file in which it was measured."""
-    return reference.partition(" in ")[0]
 
 
 def encode_frame(header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> bytes:

@@ -138,8 +138,12 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:  # name of the library
         """Answer with a file of the page, data, or events."""
-        address = urlsplit(self.path)
         if not self._is_for_us():
+            return
+        try:
+            address = urlsplit(self.path)
+        except ValueError:
+            self._refuse(400, "the address cannot be read: open the workbench's first page")
             return
         token = parse_qs(address.query).get("token", [""])[0]
         if address.path == "/" and token and self.server.use_token(token):
@@ -185,11 +189,13 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(409, str(error))
         except WorkbenchError as error:
             self._refuse(422, str(error))
+        except OSError as error:
+            self._refuse(507, f"the disk takes nothing more ({error.strerror}): make room for it")
 
     def _content(self) -> bytes | None:
         """Return the body of a request; refuse one that is too long or has no length."""
         length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or int(length) > _MAX_REQUEST_BYTES:
+        if not length.isdecimal() or len(length) > 9 or int(length) > _MAX_REQUEST_BYTES:
             self.close_connection = True
             self._refuse(413, "the request is too long or has no length")
             return None

@@ -6,7 +6,6 @@ import numpy as np
 
 from mbmodel import machine_geometry
 from mbw.page.picture import picture_data
-from mbw.workbench.frames import port_of
 from mbw.workbench.subject import WorkbenchSubject, port_labels
 
 
@@ -33,7 +32,7 @@ def session_data(subject: WorkbenchSubject) -> dict[str, Any]:
         "model": machine.name,
         "path": str(subject.path),
         "measured": measured,
-        "ports": {name: port_of(name) for name in subject.tests},
+        "ports": {name: subject.find_port(name) for name in subject.tests},
         "inputs": [*machine.motors, *labels],
         "outputs": labels,
         "quantity": subject.quantity,

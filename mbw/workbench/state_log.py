@@ -86,12 +86,14 @@ def open_log(path: Path, first: SessionState) -> Iterator[StateLog]:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a+", encoding="utf-8") as stream:
+        # A last line may be cut within a character.
+        with path.open("a+", encoding="utf-8", errors="replace") as stream:
             _lock_log(stream, path)
             stream.seek(0)
             history, remark, good_bytes = _replay(stream.read(), path)
             if history is None:
                 history = History(first)
+                stream.truncate(0)  # a first line that was cut off
                 stream.write(_STATE.dump_json(first).decode() + "\n")
                 stream.flush()
             elif remark:
@@ -106,22 +108,18 @@ def open_log(path: Path, first: SessionState) -> Iterator[StateLog]:
 
 def _replay(text: str, path: Path) -> tuple[History | None, str, int]:
     """Return the history of a log, a remark on a torn last line, and the bytes before that line."""
-    lines = text.splitlines(keepends=True)
+    *lines, torn = text.split("\n")  # names may hold other characters that end lines
     if not lines:
         return None, "", 0
     try:
-        actions, remark, size = [], "", len(lines[0].encode())
         first = _STATE.validate_json(lines[0])
-        for number, line in enumerate(lines[1:], start=2):
-            if number == len(lines) and not line.endswith("\n"):
-                remark = f"the last action of {path} was cut off and is left out"
-                break
-            actions.append(ACTION.validate_json(line))
-            size += len(line.encode())
+        actions = [ACTION.validate_json(line) for line in lines[1:]]
     except ValidationError as error:
         raise InputError(
             f"{path} is no log of this version of mbw open: name another state with --state"
         ) from error
+    remark = f"the last action of {path} was cut off and is left out" if torn else ""
+    size = len(text[: len(text) - len(torn)].encode())
     return reduce(apply, actions, History(first)), remark, size
 
 

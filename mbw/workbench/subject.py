@@ -95,6 +95,12 @@ class WorkbenchSubject:
         conditions = (test.condition for test in self.campaign.tests)
         return tuple(f"{each.reference} in {each.test}" for each in conditions)
 
+    def find_port(self, reference: str) -> str:
+        """Return the label of an input, without the file in which it was measured."""
+        tests = () if self.campaign is None else self.campaign.tests
+        ports = (str(test.condition.reference) for test in tests)
+        return dict(zip(self.tests, ports, strict=True)).get(reference, reference)
+
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
         """Bounds of every coordinate, by name."""

@@ -197,6 +197,14 @@ def test_a_stated_controller_stands_in_for_a_reference_that_nobody_recorded(tmp_
     assert any("would be off by" in remark for remark in campaign.remarks)
     with pytest.raises(InputError, match=r"acc2:\+x is none of the encoders"):
         read(tmp_path, text + stated.replace('encoder = "acc1:+x"', 'encoder = "acc2:+x"'))
+    slower = stated.replace("period = 1e-3", "period = 2e-3")
+    for wrong, sentence in (
+        (slower, "period of 0.002 s, and the record a sample each 0.001 s"),
+        (stated.replace("poles = [0.0]", "poles = [1.2]"), "has a pole that grows"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            read(tmp_path, text + wrong)
+    assert read(tmp_path, text + stated.replace("poles = [0.0]", "poles = [-1.0]")).tests
     with pytest.raises(InputError, match="need no controllers"):
         read(tmp_path, text + 'references = ["i_q"]\n' + stated)
 

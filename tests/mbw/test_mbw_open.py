@@ -113,16 +113,29 @@ def test_the_log_gives_the_state_again(tmp_path_factory, actions):
         assert log.remark == ""
 
 
-def test_a_torn_last_line_is_named_and_left_out(tmp_path):
+@pytest.mark.parametrize("torn", [b'{"do":"move","val', '{"do":"move","values":{"é'.encode()[:-1]])
+def test_a_torn_last_line_is_named_and_left_out(tmp_path, torn):
     path = tmp_path / "work.jsonl"
     with open_log(path, FIRST) as log:
-        log.append(Move(values={"p": 1.0}))
+        log.append(Move(values={"p\u2028": 1.0}))
     whole = path.read_bytes()
-    path.write_bytes(whole + b'{"do":"move","val')
+    path.write_bytes(whole + torn)
     with open_log(path, FIRST) as log:
         assert "cut off" in log.remark
         assert log.history.revision == 1
     assert path.read_bytes() == whole
+
+
+def test_a_log_whose_first_line_was_cut_off_begins_anew(tmp_path):
+    path = tmp_path / "work.jsonl"
+    with open_log(path, FIRST):
+        pass
+    whole = path.read_bytes()
+    for kept in (whole[:-1], whole[:9]):
+        path.write_bytes(kept)
+        with open_log(path, FIRST) as log:
+            assert (log.history.state, log.remark) == (FIRST, "")
+        assert path.read_bytes() == whole
 
 
 def test_one_state_has_one_server_and_other_content_another_log(tmp_path):

@@ -1,6 +1,6 @@
 """Control loops of campaign.toml and budget.toml, for the ports of a machine.
 
-Controllers that are objects of python-control.
+Their controllers come from the file, or are objects of python-control.
 """
 
 from collections.abc import Mapping

@@ -171,6 +171,8 @@ def _table_text(table: dict[str, Any]) -> str:
 def _list_tests(source: Path) -> list[dict[str, Any]]:
     """Return the [[test]] tables of a campaign, its [log] among them."""
     content = CampaignSettings.add_log(load_toml(source))  # type: ignore[operator]  # pydantic
+    if not content.get("test"):
+        raise InputError(f"{source} has no [[test]]: restore the file that was read")
     return [dict(test) for test in content["test"]]
 
 
