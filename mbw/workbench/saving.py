@@ -30,10 +30,13 @@ def save_state(subject: WorkbenchSubject, state: SessionState, outputs: ResultOp
         Sentences: where the files are, and what an MJCF cannot hold.
 
     Raises:
-        UsageError: the folder is that of the campaign or of the model.
+        UsageError: the folder is that of the campaign or of the model, or what was opened has
+            changed on the disk.
         InputError: the folder cannot be written, or holds files of another campaign.
     """
     varies, model = subject.parametrisation, subject.model
+    if subject.source.read_bytes() != subject.source_content:
+        raise UsageError(f"{subject.source} has changed since it was opened: open it again")
     theta = varies.theta(state.x(varies.names))
     names = (SAVED_MODEL,) if subject.campaign is None else (SAVED_MODEL, CAMPAIGN)
     sources = {path.resolve().parent for path in (subject.source, model.machine.source)}

@@ -61,6 +61,7 @@ class WorkbenchSubject:
         freq_hz: lines of all curves; (n_freq,).
         quantity: quantity of all curves.
         hashes: hash of the campaign's and of the model's files.
+        source_content: content of the source when it was opened.
         tuned: summary of a tuning; None without one.
         stored: FRFs of earlier verbs, by ``tuned`` and ``diagnosed``.
         measured_modes: modes that were identified; None without any.
@@ -76,6 +77,7 @@ class WorkbenchSubject:
     freq_hz: Real
     quantity: Quantity
     hashes: tuple[str, str]
+    source_content: bytes
     tuned: TunedFile | None = None
     stored: Mapping[str, StoredFrfs] = field(default_factory=dict)
     measured_modes: ModalModel | None = None
@@ -193,6 +195,7 @@ def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -
         freq_hz=np.geomspace(low, high, N_LINES),
         quantity="accelerance",
         hashes=("", _hash(hash_files(mjcf_files(path), path.parent))),
+        source_content=path.read_bytes(),
         remarks=machine.remarks,
     )
 
@@ -222,6 +225,7 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
             _hash(rows),
             _hash(hash_files(mjcf_files(session.model.machine.source), source.parent)),
         ),
+        source_content=source.read_bytes(),
         tuned=None if tuned is None else tuned.summary,
         result=path if path.is_dir() and path in folders.values() else None,
     )

@@ -286,6 +286,16 @@ def test_a_model_alone_is_saved_and_never_over_what_was_opened(tmp_path):
     assert model.read_text("utf-8") == MJCF
 
 
+def test_what_has_changed_on_the_disk_is_not_saved_beside_what_was_opened(tmp_path):
+    model = tmp_path / "model.xml"
+    model.write_text(MJCF, encoding="utf-8")
+    subject = open_subject(model, None, None)
+    model.write_text(f"{MJCF}<!-- later -->", encoding="utf-8")
+    with pytest.raises(UsageError, match="has changed since it was opened: open it again"):
+        save_state(subject, subject.first_state(), ResultOptions(tmp_path / "saved"))
+    assert not (tmp_path / "saved").exists()
+
+
 # ---- what cannot be opened ---------------------------------------------------------------------
 
 
