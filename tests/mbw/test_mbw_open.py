@@ -303,7 +303,7 @@ def test_what_cannot_be_opened_is_said_in_one_sentence(campaign, results, tmp_pa
     (tmp_path / "empty").mkdir()
     still = MJCF.replace("stiffness", "margin")
     assert CliRunner().invoke(app, ["open", str(tmp_path / "empty")]).exit_code == 3
-    with pytest.raises(InputError, match=r"campaign\.toml, an MJCF, or a folder"):
+    with pytest.raises(InputError, match=r"campaign\.toml, an MJCF \(\.xml\), or a folder"):
         open_subject(tmp_path / "empty", None, None)
     shutil.copytree(results, tmp_path / "moved")
     with pytest.raises(InputError, match="its campaign is missing"):
