@@ -165,7 +165,8 @@ def open_subject(path: Path, band: tuple[float, float] | None, key: str | None) 
         if path.suffix != ".toml" and not (path / "campaign.toml").is_file():
             raise InputError(
                 f"{path} is no campaign, model or folder of results: name a folder with a "
-                "campaign.toml, an MJCF (.xml), or a folder that mbw tune, diagnose or identify wrote"
+                "campaign.toml, an MJCF (.xml), or a folder that mbw tune, diagnose or identify "
+                "wrote"
             )
         return _open_campaign(path, find_campaign_file(path), band)
     source = source_of(path, file)
