@@ -16,7 +16,6 @@ from identification.readers.array_files import load_arrays
 from identification.readers.array_records import holds_time_records, read_array_records
 from identification.readers.campaign_toml import (
     CampaignSettings,
-    LogSettings,
     TestSettings,
 )
 from identification.readers.controller import find_controller
@@ -28,6 +27,7 @@ from identification.readers.file_kinds import (
 )
 from identification.readers.frf_units import parse_frf_units
 from identification.readers.instrument_toml import SensorSettings
+from identification.readers.log_toml import LogSettings
 from identification.readers.uff_records import holds_uff_time_records, read_uff_records
 from identification.words import Condition, HitEstimate, InputError, Port, Records, Test
 

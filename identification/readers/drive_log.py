@@ -14,8 +14,8 @@ import scipy.signal
 from scipy.interpolate import make_interp_spline
 
 from identification.readers.array_files import is_text, load_arrays
-from identification.readers.campaign_toml import LogSettings
 from identification.readers.child_process import read_in_child
+from identification.readers.log_toml import LogSettings
 from identification.readers.text_arrays import Arrays, choose_columns, find_rate, read_rate
 from identification.readers.text_tables import read_text_table
 from identification.readers.units import TIME_UNITS_S

@@ -127,12 +127,25 @@ def parts_in_variant(machine: Machine, variant: Machine, parts: Sequence[Part]) 
     return tuple(in_variant(part) for part in parts)
 
 
+class _WrittenByNominal:
+    """Part of a variant: a written MJCF is that of the nominal machine, and holds nothing of it."""
+
+    def write(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
+        """Return nothing: the nominal machine is written."""
+        del theta
+        return ()
+
+    def select_held(self, theta: Real) -> Real:
+        """Return theta, which the Part of the nominal machine writes."""
+        return theta
+
+
 @dataclass(frozen=True, eq=False)
-class CarriedPart:
+class CarriedPart(_WrittenByNominal):
     """A Part that is carried along with the bodies of a variant.
 
     Args:
-        part: of the nominal machine.
+        part: Part of the nominal machine.
         nominal: context of that machine, apart from any test.
         to_nominal: A, motion of the nominal reference points by that of the variant's bodies;
             (6 n_body, 6 n_body).
@@ -164,15 +177,6 @@ class CarriedPart:
         """Return the derivative of the change by each parameter."""
         return self._carry(self.part.slopes(theta, self._at(context)))
 
-    def write(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
-        """Return nothing: the nominal machine is written."""
-        del theta
-        return ()
-
-    def select_held(self, theta: Real) -> Real:
-        """Return theta, which the Part of the nominal machine writes."""
-        return theta
-
     def _at(self, context: PartContext) -> PartContext:
         """Return the nominal machine in the test of a context."""
         return replace(self.nominal, condition=context.condition)
@@ -194,12 +198,12 @@ class CarriedPart:
 
 
 @dataclass(frozen=True, eq=False)
-class TurnedJointPart:
+class TurnedJointPart(_WrittenByNominal):
     """The joints of a stage whose parent is turned in a variant: vectors turn with the parent.
 
     Args:
-        part: of the variant, in world axes.
-        nominal: of the nominal machine, whose parameters it has.
+        part: Part of the variant, in world axes.
+        nominal: Part of the nominal machine, whose parameters it has.
         turn: rotation of the parent from the nominal machine to the variant; (3, 3).
     """
 
@@ -232,15 +236,6 @@ class TurnedJointPart:
         return tuple(
             replace(change, core=np.tensordot(self._map.T, change.core, 1)) for change in turned
         )
-
-    def write(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
-        """Return nothing: the nominal machine is written."""
-        del theta
-        return ()
-
-    def select_held(self, theta: Real) -> Real:
-        """Return theta, which the Part of the nominal machine writes."""
-        return theta
 
 
 def body_rotations(machine: Machine, variant: Machine) -> dict[str, Real]:

@@ -66,7 +66,7 @@ class _Preview(BaseModel):
 
 @dataclass(frozen=True, eq=False)
 class Workbench:
-    """What the server serves.
+    """State, frames and tasks that the server offers to the page.
 
     Args:
         desk: state and frames.

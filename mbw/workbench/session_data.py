@@ -1,4 +1,4 @@
-"""What the page is told once: parameters with their intervals, channels, and the machine in 3-D."""
+"""Data that the page loads once: parameters with intervals, channels, and the machine in 3-D."""
 
 from typing import Any
 
@@ -52,9 +52,9 @@ def _parameter_rows(subject: WorkbenchSubject) -> list[dict[str, Any]]:
     varies, model = subject.parametrisation, subject.model
     first = np.array([varies.coordinate_of.tolist().index(k) for k in range(varies.size)], int)
     rows = () if subject.tuned is None else subject.tuned.parameters
-    known = {row.name: row for row in rows if row.seen and row.low is not None}
+    determined = {row.name: row for row in rows if row.seen and row.low is not None}
     ends = [
-        subject.coordinates({name: getattr(row, end) for name, row in known.items()})
+        subject.coordinates({name: getattr(row, end) for name, row in determined.items()})
         for end in ("low", "high")
     ]
     return [
@@ -69,7 +69,7 @@ def _parameter_rows(subject: WorkbenchSubject) -> list[dict[str, Any]]:
             "low": _finite_or_none(varies.lower[k]),
             "high": _finite_or_none(varies.upper[k]),
             "sd": float(varies.precision[k] ** -0.5) if varies.precision[k] > 0 else None,
-            "interval": [end[name] for end in ends] if name in known else None,
+            "interval": [end[name] for end in ends] if name in determined else None,
         }
         for k, (name, index) in enumerate(zip(varies.names, first.tolist(), strict=True))
     ]

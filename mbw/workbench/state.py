@@ -67,7 +67,7 @@ Action = Annotated[Move | Look | Undo | Redo, Field(discriminator="do")]
 
 @dataclass(frozen=True)
 class View:
-    """What the page looks at.
+    """Frequency response and mode that the page shows.
 
     Args:
         reference: label of the input, with its file if it was measured.

@@ -1,4 +1,4 @@
-"""What the workbench shows: a model with what can vary, its tests, and results of earlier verbs."""
+"""Subject of the workbench: a model with its parameters, its tests, and earlier results."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Mapping

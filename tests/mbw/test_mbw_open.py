@@ -233,12 +233,12 @@ def test_a_diagnosed_folder_shows_the_model_with_its_causes(campaign, tmp_path):
 
 def test_kept_frames_stay_within_their_bytes(campaign):
     subject = open_subject(campaign, None, None)
-    one = len(FrameMaker(subject).make(subject.first_state()))
-    maker, name = FrameMaker(subject, max_bytes=4 * one), subject.parametrisation.names[0]
+    frame_bytes = len(FrameMaker(subject).make(subject.first_state()))
+    maker, name = FrameMaker(subject, max_bytes=4 * frame_bytes), subject.parametrisation.names[0]
     for k in range(12):
         maker.make(subject.first_state().move({name: 0.01 * k}))
-        assert maker.kept_bytes <= 4 * one
-    assert maker.kept_bytes > 2 * one
+        assert maker.kept_bytes <= 4 * frame_bytes
+    assert maker.kept_bytes > 2 * frame_bytes
 
 
 # ---- saving ------------------------------------------------------------------------------------

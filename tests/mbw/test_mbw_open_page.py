@@ -160,9 +160,9 @@ def test_every_look_is_for_everybody(server, tab, look):
     assert tab.run("document.documentElement.scrollWidth <= innerWidth")
     axe = Path(pytest.importorskip("axe_core_python").__file__).with_name("axe.min.js")
     tab.run(axe.read_text("utf-8") + "; 0")
-    found = tab.run("""axe.run().then(result => result.violations.map(each =>
+    violations = tab.run("""axe.run().then(result => result.violations.map(each =>
       [each.id, ...each.nodes.map(node => node.target[0] + " " + node.failureSummary)]))""")
-    assert not found, found
+    assert not violations, violations
     assert tab.run("FAULTS") == []
 
 
