@@ -11,6 +11,7 @@ from mbmodel.additions import (
     directed_mass_elements,
     joint_coupling_writer,
     link_elements,
+    point_mass_element,
     released_joint_elements,
     suspended_mass_elements,
 )
@@ -30,7 +31,7 @@ from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import WORLD, Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
 from mbmodel.measured_rest import MeasuredRest
-from mbmodel.mjcf.edit import Addition, Edit, MjcfLack, NotInMjcf, write_mjcf
+from mbmodel.mjcf.edit import Addition, Edit, Element, MjcfLack, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
 from mbmodel.mjcf.written_file import (
     NOT_WRITTEN,
@@ -113,6 +114,7 @@ __all__ = [
     "ConstantLoss",
     "DryFriction",
     "Edit",
+    "Element",
     "EnergyShares",
     "Evaluator",
     "ForceEntries",
@@ -190,6 +192,7 @@ __all__ = [
     "parent_bodies",
     "parse_input",
     "parse_output",
+    "point_mass_element",
     "read_as_written",
     "read_nonlinear_joints",
     "refuse_difference",

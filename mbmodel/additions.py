@@ -191,6 +191,24 @@ def suspended_mass_elements(
     )
 
 
+def point_mass_element(
+    name: str, position: Real, mass: float, gravcomp: float, joints: tuple[Element, ...] = ()
+) -> Element:
+    """Return a body that is a point mass, welded to its parent or on joints.
+
+    Args:
+        name: of the body.
+        position: in the frame of its parent [m]; (3,).
+        mass: [kg].
+        gravcomp: share of its weight that is taken off.
+        joints: between it and its parent; MuJoCo then needs an inertia above zero.
+    """
+    moment = mass * _GYRATION_RADIUS_M**2 if joints else 0.0
+    inertia: Values = {"pos": "0 0 0", "mass": mass, "diaginertia": (moment,) * 3}
+    values: Values = {"name": name, "pos": tuple(position.tolist()), "gravcomp": gravcomp}
+    return Element("body", values, (Element("inertial", inertia), *joints))
+
+
 def directed_mass_elements(
     name: str, machine: Machine, body: str, along: tuple[Real, Real], mass: float
 ) -> tuple[Addition, ...]:

@@ -51,7 +51,7 @@ from tuning.misfit.residual_statistics import (
 )
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
-from tuning.session import Session, open_campaign, open_session
+from tuning.session import Session, change_machine, open_campaign, open_session
 from tuning.solvers.nlopt_solver import TUNING_ALGORITHM, Minimum
 from tuning.toleranced_model import build_toleranced_model, rebuild_for_machine
 
@@ -89,6 +89,7 @@ __all__ = [
     "TuningResult",
     "UserSpecification",
     "build_toleranced_model",
+    "change_machine",
     "channel_gaps",
     "estimate_confidence",
     "estimate_model_error",

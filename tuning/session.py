@@ -87,19 +87,39 @@ def open_session(
     Raises:
         InputError: an input cannot be used; the message names file, element and remedy.
     """
-    source, machine, campaign = open_campaign(path, band, machine, tests)
+    session = _begin_session(*open_campaign(path, band, machine, tests))
+    campaign = _refuse_wrong_exports(session.source, session.model, session.campaign)
+    return replace(session, campaign=campaign)
+
+
+def change_machine(session: Session, machine: Machine) -> Session:
+    """Return a session with another machine of the same points and bodies, its tests as they are.
+
+    Args:
+        session: a campaign that is open.
+        machine: as its MJCF describes it; it gets what campaign.toml states of it.
+
+    Raises:
+        InputError: the machine cannot be tuned.
+    """
+    machine, _ = _prepare_machine(session.source, read_settings(session.source)[1], machine)
+    changed = _begin_session(session.source, machine, session.campaign)
+    return replace(changed, campaign=session.campaign)
+
+
+def _begin_session(source: Path, machine: Machine, campaign: Campaign) -> Session:
+    """Return a session of tests and a machine that belong together."""
     if not as_drawn(machine).parameters:
         raise InputError(
             f"{machine.source}: no joint or tendon has stiffness or damping to tune: "
             "add them to the model"
         )
     model = build_toleranced_model(machine, campaign)
-    attached, remarks = attach_instruments(source, read_settings(path)[1], machine, campaign)
+    attached, remarks = attach_instruments(source, read_settings(source)[1], machine, campaign)
     model = Model(machine, (*model.parts, *attached))
     campaign = replace(campaign, remarks=(*campaign.remarks, *remarks))
-    campaign = _refuse_wrong_exports(source, model, campaign)
     try:
-        parametrisation = parametrise(model, campaign.tolerance, _read_specification(path))
+        parametrisation = parametrise(model, campaign.tolerance, _read_specification(source))
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
     return Session(source, model, campaign, parametrisation)
@@ -190,11 +210,7 @@ def open_campaign(
         raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
     if machine is None:
         machine = load_machine(source.parent / str(settings.model), key=settings.key)
-    correct = partial(correct_layout, source, settings)
-    machine = replace(machine, layout=correct(machine.layout), correct=correct)
-    machine = with_drawn_laws(source, settings, machine)
-    machine = with_variants(machine, load_variants(source, settings, machine))
-    machine, loop_remarks = close_loops(source, machine, settings)
+    machine, loop_remarks = _prepare_machine(source, settings, machine)
     campaign = tests or read_campaign(source, settings, machine.layout)
     refuse_unknown_ports(source, machine, campaign)
     chosen = select_band(campaign, band, source)
@@ -209,3 +225,14 @@ def open_campaign(
     chosen = replace(chosen, remarks=(*chosen.remarks, *of_machine, *loop_remarks, *of_tests))
     ranges = delay_ranges(settings, chosen)
     return source, machine, divide_by_unknown_gains(machine, chosen, ranges)
+
+
+def _prepare_machine(
+    source: Path, settings: CampaignSettings, machine: Machine
+) -> tuple[Machine, list[str]]:
+    """Return a machine with all that campaign.toml states of it, and remarks on its loops."""
+    correct = partial(correct_layout, source, settings)
+    machine = replace(machine, layout=correct(machine.layout), correct=correct)
+    machine = with_drawn_laws(source, settings, machine)
+    machine = with_variants(machine, load_variants(source, settings, machine))
+    return close_loops(source, machine, settings)

@@ -91,6 +91,16 @@ def _forces_at_points(machine: Machine, campaign: Campaign) -> tuple[Dof, ...]:
     )
 
 
+# Places of Parts that belong to the machine, not to the measurement.
+MACHINE_LOCATIONS = ("joint:", "tendon:", "body:")
+
+
+def machine_alone(model: Model) -> Model:
+    """Return a model without the Parts of the measurement: sensors, hammer and their channels."""
+    parts = [part for part in model.parts if part.location.startswith(MACHINE_LOCATIONS)]
+    return Model(model.machine, tuple(parts))
+
+
 def rebuild_for_machine(model: Model, machine: Machine) -> Model:
     """Return a model with equal Parts for a machine with more coordinates and bodies.
 

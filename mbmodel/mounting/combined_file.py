@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.words import InputError, Real
+from mbmodel.additions import point_mass_element
 from mbmodel.machine import Machine
 from mbmodel.mjcf.asset_paths import redirect_paths
 from mbmodel.mjcf.edit import Element, Values, make_element
@@ -97,14 +98,8 @@ class CombinedFile:
         parent = self._body(pose.body)
         name = free_name(self._names, "added_mass")
         self._names |= {("port", name), ("port", self.prefix + name)}
-        values: Values = {
-            "name": name,
-            "pos": tuple(pose.position.tolist()),
-            "gravcomp": 1.0 - pose.weight_fraction,
-        }
-        inertial = Element("inertial", {"pos": "0 0 0", "mass": mass_kg, "diaginertia": "0 0 0"})
-        body = make_element(self._document, Element("body", values, (inertial,)))
-        parent.appendChild(body)
+        body = point_mass_element(name, pose.position, mass_kg, 1.0 - pose.weight_fraction)
+        parent.appendChild(make_element(self._document, body))
         self._extend_title(f"{mass_kg:g} kg on {pose.body}")
 
     def write(self, folder: Path, home: Path | None = None) -> Path:

@@ -32,6 +32,10 @@ def open_page(  # noqa: PLR0913  # one for each option
     ] = True,
     band: Band = None,
     key: Key = None,
+    budget: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Error budget (TOML) that follows the model."),
+    ] = None,
     out: Annotated[Path | None, out_option("<path>-opened beside it")] = None,
     json: Json = None,
     jobs: SingleJob = 1,
@@ -48,6 +52,7 @@ def open_page(  # noqa: PLR0913  # one for each option
         browser=browser,
         band=band,
         key=key,
+        budget=budget,
         out=out,
         json=json,
         overwrite=overwrite,

@@ -7,13 +7,13 @@ import numpy as np
 
 from identification.readers.result_files import ResultFile
 from identification.words import InputError
+from identification.words.file_access import temporary_folder
 from mbw.band import check_band
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions, default_folder
 from mbw.report.verb import run as write_report
 from mbw.workbench.desk import Desk
-from mbw.workbench.frames import FrameMaker
 from mbw.workbench.saving import save_state
 from mbw.workbench.server import HOST, PageServer, Workbench
 from mbw.workbench.state import SessionState
@@ -45,6 +45,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     browser: bool,
     band: tuple[float, float] | None,
     key: str | None,
+    budget: Path | None,
     out: Path | None,
     json: Path | None,
     overwrite: bool,
@@ -59,14 +60,13 @@ def run_options(  # noqa: PLR0913  # one for each option
         check_json_target(json)
     with SCREEN.status(f"opening {path}"):
         subject = open_subject(path, band, key)
-        maker = FrameMaker(subject)
     first = subject.first_state()
-    with open_log(log_path(path, state, first), first) as log:
+    with temporary_folder() as place, open_log(log_path(path, state, first), first) as log:
         if log.remark:
             SCREEN.say(log.remark)
-        desk = Desk(maker, log)
+        desk = Desk(subject, log, place, budget)
         outputs = ResultOptions(out, overwrite=overwrite)
-        tasks = {"save": lambda: save_state(subject, desk.state, outputs)}
+        tasks = {"save": lambda: save_state(desk.subject, desk.state, outputs)}
         if subject.result is not None:
             tasks["export"] = lambda: [_export(subject, out, overwrite=overwrite)]
 
@@ -83,7 +83,7 @@ def run_options(  # noqa: PLR0913  # one for each option
             except KeyboardInterrupt:
                 SCREEN.say(f"the state {state} is kept: open {path} again to go on")
         if json is not None:
-            write_json(_summary(subject, desk.state, state, log.path), json)
+            write_json(_summary(desk.subject, desk.state, state, log.path), json)
 
 
 def _start_server(workbench: Workbench, port: int) -> PageServer:

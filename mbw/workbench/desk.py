@@ -1,11 +1,17 @@
 """The desk: one subject, its state and its log, on which all browsers work in one order."""
 
-from threading import Condition
+from functools import reduce
+from pathlib import Path
+from threading import Condition, Lock, RLock
+from typing import Any
 
 from identification.words import UsageError
-from mbw.workbench.frames import FrameMaker
-from mbw.workbench.state import Action, History, Move, SessionState, apply, check_move
+from mbw.workbench.edited_makers import EditedMakers
+from mbw.workbench.edits import MachineEdit, delay_loops
+from mbw.workbench.state import Action, History, Look, Move, SessionState, View, apply, check_move
 from mbw.workbench.state_log import StateLog
+from mbw.workbench.state_study import StateStudy
+from mbw.workbench.subject import WorkbenchSubject
 
 
 class StaleRevisionError(UsageError):
@@ -16,14 +22,34 @@ class Desk:
     """State of one subject, changed by actions in one order.
 
     Args:
-        maker: maker of the frames.
+        subject: model and tests, without edits.
         log: log of the actions, open for appending.
+        folder: of machines with edits; it exists.
+        budget: budget.toml; None for no budget.
     """
 
-    def __init__(self, maker: FrameMaker, log: StateLog) -> None:
-        self.maker, self._log = maker, log
-        self._history, self._changed = log.history, Condition()
-        self.maker.make(self._history.state)  # refuses a log that looks at what is no more
+    def __init__(
+        self, subject: WorkbenchSubject, log: StateLog, folder: Path, budget: Path | None = None
+    ) -> None:
+        self._makers, self._log = EditedMakers(subject, folder), log
+        self.plant, self._studies = StateStudy(subject, budget), Lock()
+        self._history, self._changed = log.history, Condition(RLock())
+        self._check(self._history.state)  # refuses a log that names what is no more
+
+    def _make(self, state: SessionState) -> bytes:
+        """Return the frame of a state."""
+        return self._makers.of(state).make(state)
+
+    def _check(self, state: SessionState) -> bytes:
+        """Return the frame of a state that is to count; refuse one that cannot be."""
+        delay_loops(self.plant.loops, state.edits)
+        return self._make(state)
+
+    @property
+    def subject(self) -> WorkbenchSubject:
+        """Model and tests, with the edits of the state."""
+        with self._changed:
+            return self._makers.of(self._history.state).subject
 
     @property
     def history(self) -> History:
@@ -33,17 +59,24 @@ class Desk:
     def frame(self) -> tuple[History, bytes]:
         """Return the state and its frame."""
         with self._changed:
-            return self._history, self.maker.make(self._history.state)
+            return self._history, self._make(self._history.state)
 
-    def preview(self, values: dict[str, float]) -> bytes:
-        """Return the frame with some coordinates moved, as a slider shows it before it rests.
+    def preview(self, values: dict[str, float], edit: MachineEdit | None = None) -> bytes:
+        """Return the frame with some changes, as a slider shows it before it rests.
+
+        Args:
+            values: coordinates that move, by name.
+            edit: what is added, or gets other sizes; None for nothing.
 
         Raises:
-            UsageError: a coordinate does not exist or lies beyond its bounds.
+            UsageError: a coordinate does not exist or lies beyond its bounds, or an edit cannot be.
+            InputError: the machine with an edit cannot be read.
+            ConvergenceError: it has no static equilibrium.
         """
-        check_move(values, self.maker.subject.limits)
         with self._changed:
-            return self.maker.make(self._history.state.move(values))
+            check_move(values, self.subject.limits)
+            state = self._history.state.move(values)
+            return self._make(state if edit is None else state.add(edit))
 
     def act(self, revision: int, action: Action) -> tuple[History, bytes]:
         """Do an action, log it, and return the new state and its frame.
@@ -55,24 +88,46 @@ class Desk:
         Raises:
             StaleRevisionError: another browser acted meanwhile.
             UsageError: the action names what does not exist, or lies beyond bounds.
+            InputError: the machine with an edit cannot be read.
+            ConvergenceError: it has no static equilibrium.
         """
-        if isinstance(action, Move):
-            check_move(action.values, self.maker.subject.limits)
         with self._changed:
             if revision != self._history.revision:
                 raise StaleRevisionError("another window changed the state: this one shows it now")
+            if isinstance(action, Move):
+                check_move(action.values, self.subject.limits)
+            actions = [action]
             history = apply(self._history, action)
-            frame = self.maker.make(history.state)  # before it counts: it may be impossible
-            self._log.append(action)
+            if history.state.edits != self._history.state.edits:
+                actions += self._look_at_what_stays(history.state)
+                history = reduce(apply, actions, self._history)
+            frame = self._check(history.state)
+            for each in actions:
+                self._log.append(each)
             self._history = history
             self._changed.notify_all()
             return history, frame
+
+    def _look_at_what_stays(self, state: SessionState) -> list[Action]:
+        """Return a look at the first FRF where an end of the present one is no more."""
+        maker, view = self._makers.of(state), state.view
+        if maker.has_ports(view):
+            return []
+        first: View = maker.subject.first_state().view
+        return [Look(reference=first.reference, channel=first.channel)]
 
     def wait(self, revision: int, timeout_s: float) -> int:
         """Wait until the revision is another one; return it, also after the timeout."""
         with self._changed:
             self._changed.wait_for(lambda: self._history.revision != revision, timeout_s)
             return self._history.revision
+
+    def study(self) -> dict[str, Any]:
+        """Return margins and budget of the present state; others may act meanwhile."""
+        with self._changed:
+            subject, state = self.subject, self._history.state
+        with self._studies:
+            return self.plant.study(subject, state)
 
     @property
     def state(self) -> SessionState:

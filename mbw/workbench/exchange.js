@@ -26,8 +26,8 @@ export function act(action) {
   work();
 }
 
-export function move(values) {
-  preview = values;
+export function tryOut(change) {  // {values} or {edit}
+  preview = change;
   work();
 }
 
@@ -49,9 +49,9 @@ async function work() {
         if (answer.ok) await take(answer, false);
         else await refuse(answer);
       } else {
-        const values = preview;
+        const change = preview;
         preview = null;
-        const answer = await post("/preview", {values});
+        const answer = await post("/preview", change);
         if (answer.ok) await take(answer, true);
         else await refuse(answer);
       }
@@ -84,5 +84,5 @@ async function take(answer, isPreview) {
     frame.undo = Number(answer.headers.get("Undo-Steps"));
     frame.redo = Number(answer.headers.get("Redo-Steps"));
   }
-  show(frame, isPreview);
+  await show(frame, isPreview);
 }

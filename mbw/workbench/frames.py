@@ -7,19 +7,21 @@ from one state. Frames are kept by the state's hash, up to a number of bytes.
 import json
 from collections import OrderedDict
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from identification.modal import mac
-from identification.words import Complex, Real
+from identification.words import Complex, Dof, Real, UsageError
 from mbmodel import Evaluator, FrfRequest, ModeEvaluator, Modes, parse_input, parse_output
 from mbmodel.ports.port_units import input_unit, output_unit
-from mbw.workbench.state import SessionState
+from mbw.workbench.state import SessionState, View
 from mbw.workbench.subject import WorkbenchSubject
 from tuning import channel_gaps, predict, summarise_gaps
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost
+from tuning.misfit.weights import squared_size
 
 MAX_FRAME_BYTES = 64 * 2**20  # of all frames that are kept: some thousand states
 _MIN_ALIKE_MAC = 0.5  # below it no mode of the drawing is named as the one that became this mode
@@ -29,10 +31,11 @@ _Arrays = dict[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """The nominal model, with which every state is compared."""
+    """The model as drawn and without edits, with which every state is compared."""
 
     theta: Real
     modes: Modes
+    mass_root: Real
     weighted_shapes: Complex
     gap: dict[str, float | None]
     predicted: tuple[Complex, ...]
@@ -45,12 +48,14 @@ class FrameMaker:
     Args:
         subject: model, tests and results.
         max_bytes: bytes of the frames that are kept.
+        nominal: maker of the subject without edits; None if this is it.
     """
 
     subject: WorkbenchSubject
     max_bytes: int = MAX_FRAME_BYTES
+    nominal: "FrameMaker | None" = None
     _kept: OrderedDict[str, bytes] = field(default_factory=OrderedDict)
-    _pairs: dict[tuple[str, str], tuple[Evaluator, Complex]] = field(default_factory=dict)
+    _pairs: dict[tuple[str, str], tuple[Evaluator, Complex | None]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Compute what every frame compares with."""
@@ -61,21 +66,44 @@ class FrameMaker:
             if measured is not None and len(measured.poles)
             else None
         )
-        bodies = model.machine.layout.body_dofs()
+        bodies = self.body_dofs
         self._n_body_dofs = len(bodies)
         channels = () if self._pairing is None else self._pairing.outputs
         self._modes = ModeEvaluator(model, (*bodies, *channels))
-        theta = subject.parametrisation.theta(np.zeros(subject.parametrisation.size))
-        linearised = self._modes.at(theta)
-        predicted = self._predict(theta)
         self._mass_root = _mass_root(model.machine.body_mass)
+        self._drawn: _Drawn = self._draw() if self.nominal is None else self.nominal._drawn
+        # Motions of the bodies that the drawing has, by which modes are compared with its own.
+        compared = bodies if self.nominal is None else self.nominal.body_dofs
+        self._compared = [bodies.index(dof) for dof in compared]
+
+    def _draw(self) -> _Drawn:
+        """Return what every state is compared with."""
+        varies = self.subject.parametrisation
+        theta = varies.theta(np.zeros(varies.size))
+        linearised, predicted = self._modes.at(theta), self._predict(theta)
         shapes = self._mass_root @ linearised.shapes[: self._n_body_dofs]
-        self._drawn = _Drawn(theta, linearised.modes, shapes, self._gap(predicted), predicted)
+        gap = self._gap(predicted)
+        return _Drawn(theta, linearised.modes, self._mass_root, shapes, gap, predicted)
+
+    @property
+    def body_dofs(self) -> tuple[Dof, ...]:
+        """Motions of all bodies; (6 n_body,)."""
+        return self.subject.model.machine.layout.body_dofs()
 
     @property
     def kept_bytes(self) -> int:
         """Bytes of all frames that are kept."""
         return sum(map(len, self._kept.values()))
+
+    def has_ports(self, view: View) -> bool:
+        """Return whether the machine has both ends of a frequency response."""
+        machine = self.subject.model.machine
+        try:
+            parse_output(machine, view.channel)
+            parse_input(machine, self.subject.find_port(view.reference))
+        except UsageError:
+            return False
+        return True
 
     def make(self, state: SessionState) -> bytes:
         """Return the frame of a state, computed or kept.
@@ -108,6 +136,8 @@ class FrameMaker:
             "drawn_gap": self._drawn.gap,
             "modes": self._mode_rows(modes, shapes),
             "unit": self._unit(state),
+            "structure": state.structure,
+            "edits": [edit.model_dump() for edit in state.edits],
         }
         curves = self._curves(state, theta, predicted)
         return header, {**curves, "shape": shape.astype(complex)}
@@ -130,7 +160,8 @@ class FrameMaker:
         cell = _find_cell(subject, view.reference, view.channel)
         if cell is None:
             evaluator, drawn = self._pair(view.reference, view.channel)
-            return {"drawn": drawn, "current": evaluator.at(theta).values[:, 0, 0]}
+            current = {"current": evaluator.at(theta).values[:, 0, 0]}
+            return current if drawn is None else {"drawn": drawn, **current}
         number, row = cell
         estimate = subject.campaign.tests[number].estimate  # type: ignore[union-attr]
         curves: _Arrays = {
@@ -147,18 +178,26 @@ class FrameMaker:
                 curves[name] = frfs.values[:, column]
         return curves
 
-    def _pair(self, reference: str, channel: str) -> tuple[Evaluator, Complex]:
-        """Return the evaluator of an FRF that was not measured, and its values as drawn."""
+    def _pair(self, reference: str, channel: str) -> tuple[Evaluator, Complex | None]:
+        """Return the evaluator of an FRF that was not measured, and its values as drawn.
+
+        The latter are None if the machine as drawn lacks an end of it, which an edit adds.
+        """
         if (reference, channel) not in self._pairs:
-            subject = self.subject
+            subject, machine = self.subject, self.subject.model.machine
             request = FrfRequest(
                 subject.freq_hz,
-                (parse_output(subject.model.machine, channel),),
-                (parse_input(subject.model.machine, subject.find_port(reference)),),
+                (parse_output(machine, channel),),
+                (parse_input(machine, subject.find_port(reference)),),
                 subject.quantity,
             )
             evaluator = Evaluator(subject.model, request)
-            drawn = evaluator.at(self._drawn.theta).values[:, 0, 0]
+            drawn: Complex | None = None
+            if self.nominal is None:
+                drawn = evaluator.at(self._drawn.theta).values[:, 0, 0]
+            else:
+                with suppress(UsageError):
+                    drawn = self.nominal._pair(reference, channel)[1]
             self._pairs[reference, channel] = evaluator, drawn
         return self._pairs[reference, channel]
 
@@ -177,7 +216,10 @@ class FrameMaker:
             shapes: their motion at the bodies and at the measured channels; (n_out, n_mode).
         """
         drawn, split = self._drawn, self._n_body_dofs
-        alike = mac(self._mass_root @ shapes[:split], drawn.weighted_shapes)
+        compared, whole = drawn.mass_root @ shapes[self._compared], self._mass_root @ shapes[:split]
+        # A mode whose energy is in an added body resembles none, however its carrier moves.
+        share = squared_size(compared).sum(axis=0) / squared_size(whole).sum(axis=0)
+        alike = mac(compared, drawn.weighted_shapes) * np.minimum(share, 1.0)[:, None]
         partners = self._partners(modes, shapes[split:])
         rows = []
         for k, pole in enumerate(modes.poles.tolist()):

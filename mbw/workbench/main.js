@@ -1,17 +1,15 @@
 // The page of the workbench: each part draws the newest frame, all of one state.
 
-import {act, begin, load, move, run} from "./exchange.js";
+import {act, begin, load, run, tryOut} from "./exchange.js";
 import {createPlot, LABEL} from "./curves.js";
 import {createScene} from "./scene.js";
-import {createSliders, fourDigits} from "./sliders.js";
+import {createEdits} from "./edits.js";
+import {create, createSliders, fourDigits} from "./sliders.js";
 
 const byId = id => document.getElementById(id);
-const create = (tag, properties, ...children) => { const e = Object.assign(document.createElement(tag), properties); e.append(...children); return e; };
-const session = await load("/session");
+let session = await load("/session");
 document.title = session.name + " - workbench";
 byId("title").textContent = session.name;
-byId("subtitle").textContent = `model ${session.model}, ${session.parameters.length} parameters`;
-byId("subtitle").title = session.path;
 
 // ---- choice of input and output ---------------------------------------------------------------
 
@@ -23,7 +21,6 @@ function fill(select, sets) {
     return group;
   }));
 }
-fill(byId("reference"), [["measured", tests], ["not measured", session.inputs]]);
 function fillChannels(reference) {
   const measured = session.measured[reference] ?? [], seen = new Set(measured);
   fill(byId("channel"), [["measured", measured], ["not measured", session.outputs.filter(name => !seen.has(name))]]);
@@ -47,8 +44,22 @@ function pick(point, isInput) {  // a point of the picture, along the axis that 
 
 const reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const plot = createPlot(byId("plot"), session.freq, session.curves, writeReadout);
-const scene = createScene(byId("scene"), byId("marks"), await load("/scene"), pick);
-const sliders = createSliders(byId("groups"), session.parameters, session.tuned, (name, x) => move({[name]: x}), values => act({do: "move", values}));
+const scene = createScene(byId("scene"), byId("marks"), pick);
+const edits = createEdits(byId("edit-rows"), byId("adders"), session, edit => act({do: "put", edit}), edit => tryOut({edit}), name => act({do: "remove", name}));
+let sliders;
+
+// What depends on the machine's bodies and springs: at the beginning, and after something was added or taken off.
+async function build() {
+  scene.setMachine(await load("/scene"));
+  byId("subtitle").textContent = `model ${session.model}, ${session.parameters.length} parameters`;
+  byId("subtitle").title = session.path;
+  fill(byId("reference"), [["measured", tests], ["not measured", session.inputs]]);
+  byId("channel").replaceChildren();
+  byId("groups").replaceChildren();
+  sliders = createSliders(byId("groups"), session.parameters, session.tuned, (name, x) => tryOut({values: {[name]: x}}), values => act({do: "move", values}));
+  sliders.filter(byId("filter").value);
+}
+await build();
 
 function writeReadout(frequency, values, coherence) {
   const cells = session.curves.map(name => {
@@ -100,7 +111,13 @@ function writeModes(frame) {
 }
 
 let chosenMode = 0, newest = null;
-function show(frame, isPreview) {
+async function show(frame, isPreview) {
+  if (!isPreview && frame.structure !== session.structure) {
+    session = await load("/session");
+    await build();
+    newest = null;
+  }
+  if (!isPreview && newest?.structure !== frame.structure) edits.show(frame.edits);
   newest = frame; chosenMode = frame.view.mode;
   if (byId("reference").value !== frame.view.reference || !byId("channel").options.length) {
     byId("reference").value = frame.view.reference;
@@ -114,9 +131,32 @@ function show(frame, isPreview) {
     sliders.show(frame.x);
     byId("undo").disabled = !frame.undo; byId("redo").disabled = !frame.redo;
     byId("as-drawn").disabled = !Object.keys(frame.x).length;
+    writeStudy(frame.key);
     history.replaceState(null, "", "#" + new URLSearchParams(frame.view));  // what is looked at, for a bookmark
   }
   dispatchEvent(new CustomEvent("painted", {detail: {key: frame.key, isPreview}}));
+}
+
+// Margins and errors take longer than a frame: they follow when the state rests, each with its age.
+const MARGINS = [["crossover", "crossover", "Hz", 1], ["phase", "phase margin", "°", 1], ["gain", "gain margin", "×", 1], ["delay", "delay margin", "ms", 1e3], ["modulus", "modulus margin", "", 1]];
+async function writeStudy(key) {
+  if (!session.has_study) return;
+  byId("plant-age").textContent = "computing …";
+  let study;
+  try { study = await load("/study"); } catch (error) { byId("plant-age").textContent = error.message; return; }
+  if (key !== newest.key) return;  // that of a later state is on its way
+  byId("plant-age").textContent = study.sentences.join(". ");
+  const number = (value, unit) => value === null || value === undefined ? "none" : value.toPrecision(4) + (unit ? " " + unit : "");
+  const line = (name, drawn, current) => create("tr", {}, create("th", {scope: "row", textContent: name}), create("td", {textContent: drawn}), create("td", {className: "now", textContent: current}));
+  const rows = study.loops.flatMap(({name, drawn, current}) => {
+    const isStable = row => row && row.unstable === undefined, words = row => row ? `unstable at ${number(row.unstable, "Hz")}` : "unknown";
+    if (!isStable(current)) return [line(name, isStable(drawn) ? "stable" : words(drawn), words(current))];
+    return MARGINS.map(([field, label, unit, scale]) => line(`${name}: ${label}`, isStable(drawn) ? number(drawn[field] && drawn[field] * scale, unit) : words(drawn), number(current[field] && current[field] * scale, unit)));
+  });
+  rows.push(...study.errors.map(({name, drawn, current}) => line(`error ${name}, rms`, drawn ? number(drawn.rms, drawn.unit) : "unknown", current ? number(current.rms, current.unit) : "unknown")));
+  const head = create("tr", {}, create("th", {scope: "col"}), create("th", {scope: "col", textContent: "as drawn"}), create("th", {scope: "col", textContent: "current"}));
+  byId("plant-rows").replaceChildren(create("thead", {}, head), create("tbody", {}, ...rows));
+  dispatchEvent(new CustomEvent("studied", {detail: {key}}));
 }
 
 function say(text, isError = false) {
@@ -149,6 +189,7 @@ addEventListener("keydown", event => {
 });
 document.querySelectorAll(".of-test").forEach(e => { e.hidden = !session.has_measured_modes; });
 document.querySelectorAll(".of-tuning").forEach(e => { e.hidden = !Object.keys(session.tuned).length; });
+byId("plant").hidden = !session.has_study;
 byId("remarks").hidden = !session.remarks.length;
 byId("remarks").querySelector("ul").append(...session.remarks.map(textContent => create("li", {textContent})));
 

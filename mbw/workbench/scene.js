@@ -19,12 +19,12 @@ const add = (a, b, s = 1) => a.map((v, k) => v + s * b[k]), dot = (a, b) => a.re
 const unit = a => { const n = Math.hypot(...a) || 1; return a.map(v => v / n); };
 const rgba = (hex, alpha = 1) => [1, 3, 5].map(k => parseInt(hex.slice(k, k + 2), 16) / 255).concat(alpha);
 
-export function createScene(canvas, marks, data, onPick) {
+export function createScene(canvas, marks, onPick) {
   const gl = canvas.getContext("webgl2", {antialias: true, alpha: true, premultipliedAlpha: false});
   if (!gl) {
     marks.textContent = "No 3-D picture: this browser has no WebGL 2. All else on this page works without it.";
     marks.className = "absent";
-    return {show() {}, setAmplitude() {}, setPlaying() {}, setFrames() {}};
+    return {show() {}, setMachine() {}, setAmplitude() {}, setPlaying() {}, setFrames() {}};
   }
   const program = gl.createProgram();
   for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
@@ -36,23 +36,41 @@ export function createScene(canvas, marks, data, onPick) {
   const at = Object.fromEntries(["camera", "shift", "turn", "colour", "light", "lit"].map(name => [name, gl.getUniformLocation(program, name)]));
 
   const buffer = (kind, array) => { const b = gl.createBuffer(); gl.bindBuffer(kind, b); gl.bufferData(kind, array, gl.STATIC_DRAW); return b; };
-  const centres = floats(data.centres);
-  const meshes = data.meshes.map(mesh => ({
-    stage: mesh.stage, colour: rgba(mesh.colour, mesh.opacity), places: floats(mesh.vertices), vertices: buffer(gl.ARRAY_BUFFER, floats(mesh.vertices)),
-    triangles: buffer(gl.ELEMENT_ARRAY_BUFFER, integers(mesh.triangles)), nTriangles: integers(mesh.triangles).length,
-    edges: buffer(gl.ELEMENT_ARRAY_BUFFER, integers(mesh.edges)), nEdges: integers(mesh.edges).length,
-  })).sort((a, b) => b.colour[3] - a.colour[3]);
   const loose = gl.createBuffer();  // lines whose ends move apart
+  let data = {stages: [], points: [], edits: []}, centres = new Float32Array(0), meshes = [], lines = [], dots = [], middle = [0, 0, 0], size = 0;
 
-  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-  const include = p => p.forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
-  const solid = meshes.filter(m => m.stage >= 0);
-  for (const m of solid.length ? solid : meshes) for (let k = 0; k < m.places.length; k += 3) include(m.places.subarray(k, k + 3));
-  for (const p of data.points) if (p.stage >= 0) include(p.place);
-  const middle = low.map((v, k) => (v + high[k]) / 2), size = Math.hypot(...low.map((v, k) => high[k] - v)) || 1;
-  const lines = data.lines.map(line => ({...line, points: floats(line.points)}));
+  function setMachine(next) {
+    for (const mesh of meshes) for (const name of ["vertices", "triangles", "edges"]) gl.deleteBuffer(mesh[name]);
+    data = next;
+    centres = floats(data.centres);
+    meshes = data.meshes.map(mesh => ({
+      stage: mesh.stage, colour: rgba(mesh.colour, mesh.opacity), places: floats(mesh.vertices), vertices: buffer(gl.ARRAY_BUFFER, floats(mesh.vertices)),
+      triangles: buffer(gl.ELEMENT_ARRAY_BUFFER, integers(mesh.triangles)), nTriangles: integers(mesh.triangles).length,
+      edges: buffer(gl.ELEMENT_ARRAY_BUFFER, integers(mesh.edges)), nEdges: integers(mesh.edges).length,
+    })).sort((a, b) => b.colour[3] - a.colour[3]);
+    lines = data.lines.map(line => ({...line, points: floats(line.points)}));
+    // Sensors, hits, additions and names lie over the picture as elements of the page.
+    dots.forEach(({dot}) => dot.remove());
+    dots = [...data.points, ...data.edits].map(point => {
+      const dot = document.createElement("i");
+      dot.className = point.kind;
+      if (point.kind === "edit") dot.title = dot.textContent = point.name;
+      marks.prepend(dot);
+      return {...point, dot};
+    });
+    shape = new Float32Array(12 * data.stages.length);
+    if (size) return;  // the picture stays where the user has turned it
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    const include = p => p.forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
+    const solid = meshes.filter(m => m.stage >= 0);
+    for (const m of solid.length ? solid : meshes) for (let k = 0; k < m.places.length; k += 3) include(m.places.subarray(k, k + 3));
+    for (const p of data.points) if (p.stage >= 0) include(p.place);
+    middle = low.map((v, k) => (v + high[k]) / 2);
+    size = Math.hypot(...low.map((v, k) => high[k] - v)) || 1;
+    distance = 0.92 * size;
+  }
 
-  let azimuth = -0.94, elevation = 0.48, distance = 0.92 * size, shape = new Float32Array(12 * data.stages.length), factor = 0;
+  let azimuth = -0.94, elevation = 0.48, distance = 0, shape = new Float32Array(0), factor = 0;
   let amplitude = 5, playing = false, frames = false, phase = 0, before = 0, asked = false, view = {reference: "", channel: ""}, ports = {}, isSlow = null, rest = 0;
   let css = {};
 
@@ -133,13 +151,6 @@ export function createScene(canvas, marks, data, onPick) {
     }
   }
 
-  // Sensors, hits and names lie over the picture as elements of the page.
-  const dots = data.points.map(point => {
-    const dot = document.createElement("i");
-    dot.className = point.kind;
-    marks.append(dot);
-    return {...point, dot};
-  });
   const letters = [..."xyz"].map(text => { const e = document.createElement("b"); e.textContent = text; marks.append(e); return e; });
   const names = ["reference", "channel"].map(kind => { const e = document.createElement("span"); e.className = kind; marks.append(e); return e; });
 
@@ -200,8 +211,9 @@ export function createScene(canvas, marks, data, onPick) {
   readColours();
 
   return {
+    setMachine(next) { setMachine(next); ask(); },
     show(frame, portOf, isPreview) {
-      shape = frame.arrays.shape.slice(); view = frame.view; ports = portOf;
+      if (frame.arrays.shape.length === 12 * data.stages.length) shape = frame.arrays.shape.slice(); view = frame.view; ports = portOf;
       for (const d of dots) d.dot.classList.toggle("chosen", d.name === view.channel.split(":")[0]);
       scaleShape();
       clearTimeout(rest); rest = 0;

@@ -25,6 +25,7 @@ from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 from identification.words import WorkbenchError
 from mbw.page.html import read_asset
 from mbw.workbench.desk import Desk, StaleRevisionError
+from mbw.workbench.edits import MachineEdit
 from mbw.workbench.session_data import scene_data, session_data
 from mbw.workbench.state import Action, History
 
@@ -36,8 +37,13 @@ _ASSETS = {
     "/icon.svg": ("workbench/icon.svg", "image/svg+xml"),
     **{
         f"/{name}.js": (f"workbench/{name}.js", "text/javascript")
-        for name in ("main", "curves", "scene", "sliders", "exchange")
+        for name in ("main", "curves", "scene", "sliders", "edits", "exchange")
     },
+}
+_DATA: dict[str, Callable[[Desk], dict[str, Any]]] = {
+    "/session": lambda desk: session_data(desk.subject, desk.plant),
+    "/scene": lambda desk: scene_data(desk.subject, desk.plant.subject),
+    "/study": Desk.study,
 }
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -61,7 +67,8 @@ class _Act(BaseModel):
 
 class _Preview(BaseModel):
     model_config = ConfigDict(extra="forbid")
-    values: dict[str, FiniteFloat]
+    values: dict[str, FiniteFloat] = {}
+    edit: MachineEdit | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,10 +162,8 @@ class _Handler(BaseHTTPRequestHandler):
         if address.path in _ASSETS:
             name, kind = _ASSETS[address.path]
             self._send(200, read_asset(name).encode(), f"{kind}; charset=utf-8")
-        elif address.path == "/session":
-            self._send_json(200, session_data(desk.maker.subject))
-        elif address.path == "/scene":
-            self._send_json(200, scene_data(desk.maker.subject))
+        elif address.path in _DATA:
+            self._send_data(lambda: _DATA[address.path](desk))
         elif address.path == "/frame":
             self._send_frame(*desk.frame())
         elif address.path == "/events":
@@ -177,8 +182,9 @@ class _Handler(BaseHTTPRequestHandler):
                 asked = _Act.model_validate_json(content)
                 self._send_frame(*workbench.desk.act(asked.revision, asked.action))
             elif task == "preview":
-                values = _Preview.model_validate_json(content).values
-                self._send(200, workbench.desk.preview(values), "application/octet-stream")
+                wanted = _Preview.model_validate_json(content)
+                frame = workbench.desk.preview(wanted.values, wanted.edit)
+                self._send(200, frame, "application/octet-stream")
             elif task in workbench.tasks:
                 self._send_json(200, {"sentences": workbench.tasks[task]()})
             else:
@@ -249,6 +255,15 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _send_json(self, status: int, content: dict[str, Any]) -> None:
         self._send(status, json.dumps(content, allow_nan=False).encode(), "application/json")
+
+    def _send_data(self, compute: Callable[[], dict[str, Any]]) -> None:
+        """Send what a function returns, or the sentence with which it fails."""
+        try:
+            content = compute()
+        except WorkbenchError as error:
+            self._refuse(422, str(error))
+        else:
+            self._send_json(200, content)
 
     def _refuse(self, status: int, sentence: str) -> None:
         """Refuse a request with a sentence."""

@@ -6,10 +6,13 @@ import numpy as np
 
 from mbmodel import machine_geometry
 from mbw.page.picture import picture_data
+from mbw.workbench.edits import AddedDelay
+from mbw.workbench.state import structure_hash
+from mbw.workbench.state_study import StateStudy
 from mbw.workbench.subject import WorkbenchSubject, port_labels
 
 
-def session_data(subject: WorkbenchSubject) -> dict[str, Any]:
+def session_data(subject: WorkbenchSubject, plant: StateStudy) -> dict[str, Any]:
     """Return names, parameters, channels and lines of a subject, as JSON can hold them."""
     machine, campaign = subject.model.machine, subject.campaign
     labels = port_labels(machine.layout)
@@ -44,7 +47,18 @@ def session_data(subject: WorkbenchSubject) -> dict[str, Any]:
         "has_page": subject.result is not None,
         "has_measured_modes": subject.measured_modes is not None,
         "remarks": list(subject.remarks),
+        "masses": _list_masses(plant.subject),
+        "structure": structure_hash(subject.edits),
+        "loops": [loop.name for loop in plant.loops],
+        "has_study": plant.is_wanted,
     }
+
+
+def _list_masses(plain: WorkbenchSubject) -> dict[str, float]:
+    """Return the mass of each body that edits may name [kg]."""
+    machine = plain.model.machine
+    masses = np.diag(machine.body_mass)[::6].tolist()
+    return dict(zip(machine.layout.bodies, masses, strict=True))
 
 
 def _parameter_rows(subject: WorkbenchSubject) -> list[dict[str, Any]]:
@@ -79,8 +93,25 @@ def _finite_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def scene_data(subject: WorkbenchSubject) -> dict[str, Any]:
-    """Return the machine at rest in 3-D: surfaces, points and lines."""
-    machine = subject.model.machine
+def scene_data(subject: WorkbenchSubject, plain: WorkbenchSubject) -> dict[str, Any]:
+    """Return the machine at rest in 3-D: surfaces, points and lines, and what is added to it.
+
+    Args:
+        subject: with the edits of a state.
+        plain: without edits, from whose centres of mass the points of edits count.
+    """
+    machine, layout = subject.model.machine, plain.model.machine.layout
     at_rest = np.zeros((0, 6 * len(machine.layout.bodies)), complex)
-    return picture_data(machine.layout, machine_geometry(machine), at_rest)
+    data = picture_data(machine.layout, machine_geometry(machine), at_rest)
+    bodies = machine.layout.bodies
+    marks = [
+        {
+            "name": edit.name,
+            "stage": bodies.index(edit.name if edit.name in bodies else edit.body),
+            "place": (layout.centres[layout.bodies.index(edit.body)] + edit.point).tolist(),
+            "kind": "edit",
+        }
+        for edit in subject.edits
+        if not isinstance(edit, AddedDelay)
+    ]
+    return {**data, "edits": marks}

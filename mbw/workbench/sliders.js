@@ -3,7 +3,7 @@
 const LOG_SPAN = Math.log(10), FREE_SPAN = 4;  // nats about the drawing; standard deviations where no bound is near
 const STEPS = 1000;
 
-const create = (tag, properties, ...children) => { const e = Object.assign(document.createElement(tag), properties); e.append(...children); return e; };
+export const create = (tag, properties, ...children) => { const e = Object.assign(document.createElement(tag), properties); e.append(...children); return e; };
 
 export function fourDigits(value) {
   const text = value.toPrecision(4);

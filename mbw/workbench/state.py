@@ -7,7 +7,7 @@ the page looks at (channel, mode) is no step of that walk.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from identification.readers.result_files import FORMAT
 from identification.words import Real, UsageError
+from mbw.workbench.edits import MachineEdit
 
 _MAX_UNDO_STEPS = 1000  # a state is small; a day of work by hand has fewer
 
@@ -50,6 +51,28 @@ class Look(_Action):
     mode: Annotated[int, Field(ge=0)] | None = None
 
 
+class Put(_Action):
+    """Add something to the machine, or give what has its name other sizes.
+
+    Args:
+        edit: what is added.
+    """
+
+    do: Literal["put"] = "put"
+    edit: MachineEdit
+
+
+class Remove(_Action):
+    """Take something that was added off the machine.
+
+    Args:
+        name: of what was added.
+    """
+
+    do: Literal["remove"] = "remove"
+    name: str
+
+
 class Undo(_Action):
     """Take the last move back."""
 
@@ -62,7 +85,7 @@ class Redo(_Action):
     do: Literal["redo"] = "redo"
 
 
-Action = Annotated[Move | Look | Undo | Redo, Field(discriminator="do")]
+Action = Annotated[Move | Look | Put | Remove | Undo | Redo, Field(discriminator="do")]
 
 
 @dataclass(frozen=True)
@@ -90,6 +113,7 @@ class SessionState:
         view: what the page looks at.
         coordinates: name and x of every coordinate that is not zero, by name; at zero a parameter
             is as drawn.
+        edits: what is added to the machine.
         format: version of this layout.
     """
 
@@ -97,6 +121,7 @@ class SessionState:
     model: str
     view: View
     coordinates: tuple[tuple[str, float], ...] = ()
+    edits: tuple[MachineEdit, ...] = ()
     format: int = FORMAT
 
     def x(self, names: tuple[str, ...]) -> Real:
@@ -110,13 +135,43 @@ class SessionState:
         kept = tuple((name, float(x)) for name, x in sorted(moved.items()) if x != 0)
         return replace(self, coordinates=kept)
 
+    def add(self, edit: MachineEdit) -> "SessionState":
+        """Return the state with an edit in the place of the one of its name, or as the last."""
+        bare = self.remove(edit.name)
+        if len(bare.edits) == len(self.edits):
+            return replace(self, edits=(*self.edits, edit))
+        edits = tuple(edit if each.name == edit.name else each for each in self.edits)
+        return replace(bare, edits=edits)
+
+    def remove(self, name: str) -> "SessionState":
+        """Return the state without an edit; its springs are as stated if it comes back."""
+        beginnings = f"{name}.", f"{name}_"  # of the names of its parameters
+        return replace(
+            self,
+            edits=tuple(edit for edit in self.edits if edit.name != name),
+            coordinates=tuple(
+                pair for pair in self.coordinates if not pair[0].startswith(beginnings)
+            ),
+        )
+
+    @property
+    def structure(self) -> str:
+        """Hash of what is added, on which parameters and ports depend."""
+        return structure_hash(self.edits)
+
     @property
     def key(self) -> str:
         """Hash of everything that the page's numbers depend on."""
         view = self.view
-        content = [self.format, self.campaign, self.model, self.coordinates]
+        content = [self.format, self.campaign, self.model, self.coordinates, self.structure]
         text = json.dumps([*content, view.reference, view.channel, view.mode])
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def structure_hash(edits: Sequence[MachineEdit]) -> str:
+    """Return a hash of edits."""
+    text = json.dumps([edit.model_dump() for edit in edits])
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -147,6 +202,10 @@ def apply(history: History, action: Action) -> History:
     match action:
         case Move():
             past, future, state = (*past, state), (), state.move(action.values)
+        case Put():
+            past, future, state = (*past, state), (), state.add(action.edit)
+        case Remove():
+            past, future, state = (*past, state), (), state.remove(action.name)
         case Look():
             chosen = action.model_dump(exclude={"do"}, exclude_none=True)
             state = replace(state, view=replace(state.view, **chosen))

@@ -24,6 +24,7 @@ from mbw.output_folder import folder_beside, source_of
 from mbw.results.identified_files import MODES_JSON
 from mbw.results.measured_modes import read_measured_modes
 from mbw.site_kinds import hammer_sites, sensor_sites
+from mbw.workbench.edits import MachineEdit
 from mbw.workbench.state import SessionState, View
 from tuning import Parametrisation, TunedFile, open_session, parametrise, read_result
 from tuning.files.input_files import hash_files, input_rows
@@ -67,6 +68,7 @@ class WorkbenchSubject:
         measured_modes: modes that were identified; None without any.
         result: folder of results that was opened, with a page of its own; None for another path.
         remarks: findings on all of this, one sentence each.
+        edits: what is added to the machine.
     """
 
     path: Path
@@ -83,6 +85,7 @@ class WorkbenchSubject:
     measured_modes: ModalModel | None = None
     result: Path | None = None
     remarks: tuple[str, ...] = ()
+    edits: tuple[MachineEdit, ...] = ()
 
     @property
     def name(self) -> str:

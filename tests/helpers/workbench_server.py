@@ -1,20 +1,25 @@
 """A workbench that serves a subject from a thread, as ``mbw open`` does from a command."""
 
+import http.client
+import json
 import threading
 from contextlib import contextmanager
 
+import numpy as np
+
+from identification.words.file_access import temporary_folder
 from mbw.workbench.desk import Desk
-from mbw.workbench.frames import FrameMaker
 from mbw.workbench.server import PageServer, Workbench
 from mbw.workbench.state_log import log_path, open_log
 
 
 @contextmanager
-def serve(subject, name="work", **tasks):
+def serve(subject, name="work", budget=None, **tasks):
     """Yield the server of a subject; its log lies where XDG_STATE_HOME says."""
     first = subject.first_state()
-    with open_log(log_path(subject.path, name, first), first) as log:
-        desk = Desk(FrameMaker(subject), log)
+    path = log_path(subject.path, name, first)
+    with temporary_folder() as place, open_log(path, first) as log:
+        desk = Desk(subject, log, place, budget)
         bound = {key: lambda task=task: task(desk) for key, task in tasks.items()}
         with PageServer(Workbench(desk, bound)) as server:
             thread = threading.Thread(target=server.serve_forever, daemon=True)
@@ -22,3 +27,35 @@ def serve(subject, name="work", **tasks):
             yield server
             server.shutdown()
             thread.join(10)
+
+
+def frame_parts(frame):
+    """Header and arrays of a frame, as the page reads them."""
+    size = int.from_bytes(frame[:4], "little")
+    header, numbers = json.loads(frame[4 : 4 + size]), np.frombuffer(frame[4 + size :], "<f4")
+    places = header["arrays"].items()
+    return header, {name: numbers[first : first + count] for name, (first, count) in places}
+
+
+class Browser:
+    """Requests as a browser makes them, with what each test changes."""
+
+    def __init__(self, server):
+        self.server, self.cookie = server, ""
+        self.cookie = self.ask("GET", server.address.removeprefix(f"http://{server.host}"))[1][
+            "Set-Cookie"
+        ]
+
+    def ask(self, method, path, content=None, **changed):
+        host, _, port = self.server.host.partition(":")
+        line = http.client.HTTPConnection(host, int(port), timeout=20)
+        headers = {"Host": self.server.host, "Cookie": self.cookie.partition(";")[0]}
+        if method == "POST":
+            headers["Origin"] = f"http://{self.server.host}"
+        headers = {**headers, **{key.replace("_", "-"): text for key, text in changed.items()}}
+        body = None if content is None else json.dumps(content)
+        line.request(method, path, body, {k: v for k, v in headers.items() if v is not None})
+        answer = line.getresponse()
+        done = answer.status, dict(answer.getheaders()), answer.read()
+        line.close()
+        return done

@@ -1,6 +1,5 @@
 """The workbench without a browser: states, log, frames, saving, and who may ask the server."""
 
-import http.client
 import json
 import re
 import shutil
@@ -19,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_machine import MJCF
 from typer.testing import CliRunner
-from workbench_server import serve
+from workbench_server import Browser, frame_parts, serve
 
 from identification.words import InputError, UsageError
 from mbmodel import Evaluator, FrfRequest, model_modes, parse_input, parse_output
@@ -54,14 +53,6 @@ def results(campaign):
 def state_home(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "states"))
     return tmp_path / "states"
-
-
-def read(frame):
-    """Header and arrays of a frame, as the page reads them."""
-    size = int.from_bytes(frame[:4], "little")
-    header, numbers = json.loads(frame[4 : 4 + size]), np.frombuffer(frame[4 + size :], "<f4")
-    places = header["arrays"].items()
-    return header, {name: numbers[first : first + count] for name, (first, count) in places}
 
 
 def complexes(numbers):
@@ -160,7 +151,7 @@ def test_one_state_has_one_server_and_other_content_another_log(tmp_path):
 def test_all_of_a_frame_is_that_of_its_state(campaign):
     subject = open_subject(campaign, None, None)
     state = subject.first_state().move({subject.parametrisation.names[0]: 0.4})
-    header, arrays = read(FrameMaker(subject).make(state))
+    header, arrays = frame_parts(FrameMaker(subject).make(state))
     theta = subject.parametrisation.theta(state.x(subject.parametrisation.names))
     predicted = predict(subject.model, theta, subject.campaign)
     gap = summarise_gaps(channel_gaps(predicted, subject.campaign))
@@ -185,7 +176,7 @@ def test_a_channel_that_was_not_measured_is_predicted(campaign):
     maker, machine = FrameMaker(subject), subject.model.machine
     view = View("acc1:+tx", "head:+rz")
     state = replace(subject.first_state(), view=view)
-    header, arrays = read(maker.make(state))
+    header, arrays = frame_parts(maker.make(state))
     request = FrfRequest(
         subject.freq_hz,
         (parse_output(machine, view.channel),),
@@ -203,7 +194,7 @@ def test_a_channel_that_was_not_measured_is_predicted(campaign):
 def test_a_folder_of_results_begins_as_tuned_with_its_curves_and_modes(results):
     subject = open_subject(results, None, None)
     state = subject.first_state()
-    header, arrays = read(FrameMaker(subject).make(state))
+    header, arrays = frame_parts(FrameMaker(subject).make(state))
     saved = json.loads((results / "tuned.json").read_text("utf-8"))
     theta = subject.parametrisation.theta(state.x(subject.parametrisation.names))
     values = {p.name: v for p, v in zip(subject.model.parameters, theta, strict=True)}
@@ -222,7 +213,7 @@ def test_a_diagnosed_folder_shows_the_model_with_its_causes(campaign, tmp_path):
     run = CliRunner().invoke(app, ["diagnose", str(campaign), "--out", str(out), "--quiet"])
     assert run.exit_code in (0, 4), run.output
     subject = open_subject(out, None, None)
-    _, arrays = read(FrameMaker(subject).make(subject.first_state()))
+    _, arrays = frame_parts(FrameMaker(subject).make(subject.first_state()))
     shown = json.loads((out / "diagnosis.json").read_text("utf-8"))
     with np.load(out / "diagnosis.npz") as stored:
         values = stored[(shown["plant"] or {}).get("held_out") or "retuned"]
@@ -320,30 +311,6 @@ def test_what_cannot_be_opened_is_said_in_one_sentence(campaign, results, tmp_pa
 # ---- the server --------------------------------------------------------------------------------
 
 
-class Browser:
-    """Requests as a browser makes them, with what each test changes."""
-
-    def __init__(self, server):
-        self.server, self.cookie = server, ""
-        self.cookie = self.ask("GET", server.address.removeprefix(f"http://{server.host}"))[1][
-            "Set-Cookie"
-        ]
-
-    def ask(self, method, path, content=None, **changed):
-        host, _, port = self.server.host.partition(":")
-        line = http.client.HTTPConnection(host, int(port), timeout=20)
-        headers = {"Host": self.server.host, "Cookie": self.cookie.partition(";")[0]}
-        if method == "POST":
-            headers["Origin"] = f"http://{self.server.host}"
-        headers = {**headers, **{key.replace("_", "-"): text for key, text in changed.items()}}
-        body = None if content is None else json.dumps(content)
-        line.request(method, path, body, {k: v for k, v in headers.items() if v is not None})
-        answer = line.getresponse()
-        done = answer.status, dict(answer.getheaders()), answer.read()
-        line.close()
-        return done
-
-
 @pytest.fixture(scope="module")
 def served(campaign, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
@@ -433,11 +400,11 @@ def test_actions_have_one_order_and_stale_ones_are_refused(served):
     action = {"revision": revision, "action": {"do": "move", "values": {"base_tx.stiffness": 0.2}}}
     status, headers, frame = served.ask("POST", "/act", action)
     assert (status, int(headers["Revision"])) == (200, revision + 1)
-    assert read(frame)[0]["x"] == {"base_tx.stiffness": 0.2}
+    assert frame_parts(frame)[0]["x"] == {"base_tx.stiffness": 0.2}
     status, _, text = served.ask("POST", "/act", action)
     assert (status, "another window" in json.loads(text)["error"]) == (409, True)
     back = {"revision": revision + 1, "action": {"do": "undo"}}
-    assert read(served.ask("POST", "/act", back)[2])[0]["x"] == {}
+    assert frame_parts(served.ask("POST", "/act", back)[2])[0]["x"] == {}
 
 
 def test_a_view_of_what_is_not_there_is_refused_and_not_logged(served):
@@ -465,7 +432,7 @@ def test_the_command_serves_until_ctrl_c_and_keeps_its_state(campaign, tmp_path)
             move = {"do": "move", "values": {"base_tx.stiffness": expected}}
             if not revision:
                 assert browser.ask("POST", "/act", {"revision": 0, "action": move})[0] == 200
-            assert read(browser.ask("GET", "/frame")[2])[0]["x"] == move["values"]
+            assert frame_parts(browser.ask("GET", "/frame")[2])[0]["x"] == move["values"]
             command.send_signal(signal.SIGINT)
             said = command.stderr.read()
             assert (command.wait(20), "is kept" in said) == (0, True), said

@@ -42,7 +42,7 @@ def results(tmp_path_factory):
 def server(results, tmp_path_factory):
     def save(desk):
         outputs = ResultOptions(results.with_name("saved"), overwrite=True)
-        return save_state(desk.maker.subject, desk.state, outputs)
+        return save_state(desk.subject, desk.state, outputs)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("states")))
@@ -142,7 +142,7 @@ def test_a_click_on_a_sensor_chooses_the_output(page):
 
 def test_another_window_s_action_is_shown_here(page, server):
     desk = server.workbench.desk
-    name = desk.maker.subject.parametrisation.names[0]
+    name = desk.subject.parametrisation.names[0]
     desk.act(desk.history.revision, Move(values={name: 0.9}))
     page.wait(f"Math.abs({SLIDER}.value - 0.9) < 0.01")
 
@@ -153,10 +153,35 @@ def test_the_model_is_saved_and_the_page_says_where(page, results):
     assert (results.with_name("saved") / "model.xml").is_file()
 
 
+ADD = "[...document.querySelectorAll('#adders button')].find(e => e.textContent.includes({!r}))"
+NEW_MODE = "[...document.querySelectorAll('#mode-rows tr')].find(row => !row.cells[2].textContent)"
+
+
+def test_an_appendage_is_added_tried_out_by_its_slider_and_undone(page):
+    modes = page.run("document.querySelectorAll('#mode-rows tr').length")
+    page.run(f"{ADD.format('Appendage')}.click()")
+    page.wait(f"document.querySelectorAll('#mode-rows tr').length === {modes + 3}")
+    page.wait("document.querySelector('#marks i.edit')?.textContent === 'appendage1'")
+    before = float(page.run(f"{NEW_MODE}.cells[1].textContent"))
+    page.run("document.getElementById('appendage1-frequency').focus()")
+    for _ in range(30):
+        page.press("ArrowRight", code=39)
+    page.wait(f"Number({NEW_MODE}.cells[1].textContent) > {before}")
+    page.wait("document.activeElement.id === 'appendage1-frequency'")
+    undo = "document.getElementById('undo')"
+    page.run(f"addEventListener('painted', () => {{ if (!{undo}.disabled) {undo}.click(); }})")
+    page.run(f"{undo}.click()")
+    page.wait("!document.querySelector('.edit')")
+    assert page.run("document.querySelectorAll('#mode-rows tr').length") == modes
+
+
 @pytest.mark.parametrize("look", LOOKS)
 def test_every_look_is_for_everybody(server, tab, look):
     tab.show(server.address, **LOOKS[look])
     tab.wait(READY)
+    for kind in ("Mass", "Spring", "Appendage"):
+        tab.run(f"{ADD.format(kind)}.click()")
+        tab.wait(f"document.querySelector('#edit-rows').textContent.includes({kind.lower()!r})")
     assert tab.run("document.documentElement.scrollWidth <= innerWidth")
     axe = Path(pytest.importorskip("axe_core_python").__file__).with_name("axe.min.js")
     tab.run(axe.read_text("utf-8") + "; 0")

@@ -15,9 +15,9 @@ from mbmodel import Model
 from tuning.assessment.effect_slopes import EffectSlopes
 from tuning.assessment.parameter_posterior import ParameterPosterior
 from tuning.parametrisation.parametrisation import Parametrisation
+from tuning.toleranced_model import MACHINE_LOCATIONS
 
 POSTERIOR_NPZ = "posterior.npz"
-_MACHINE_LOCATIONS = ("joint:", "tendon:", "body:")  # Parts of the machine, not of the measurement
 
 
 def machine_posterior(
@@ -45,7 +45,7 @@ def machine_posterior(
         effects: what parameters of effects change of that machine; None without effects.
     """
     is_of_machine = np.array(
-        [location.startswith(_MACHINE_LOCATIONS) for location in model.locations], bool
+        [location.startswith(MACHINE_LOCATIONS) for location in model.locations], bool
     )
     if held is not None:
         plant_names = {*held, *(() if effects is None else effects.names)}

@@ -1,0 +1,181 @@
+"""What if: masses, springs, appendages and delays that a state adds to the machine.
+
+Each edit is written into a copy of the machine's MJCF, which is then read like any other. So
+statics, modes, ports, plant and saved files follow it without a rule of their own.
+
+    mass        a point mass m, welded to its body
+    spring      a tendon of stiffness k and damping c, along an axis through a point of two bodies
+    appendage   a point mass m on three slides, each with k = m w0^2 and c = 2 zeta w0 m
+    delay       exp(-s tau) behind the controller of a loop
+
+Points count from the centre of mass of the body along the axes of the world [m]. Sizes are in SI.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+
+from identification.words import ConvergenceError, InputError, Loop, UsageError
+from mbmodel import (
+    WORLD,
+    Addition,
+    Element,
+    Machine,
+    link_elements,
+    load_machine,
+    point_mass_element,
+    write_mjcf,
+)
+from mbmodel.mounting.place import find_pose
+
+Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+_Size = Annotated[float, Field(gt=0, le=1e15, allow_inf_nan=False)]
+EDITED_MJCF = "model.xml"
+
+
+class _Named(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: Annotated[str, Field(pattern=r"^[a-z]+[0-9]{1,4}$")]
+
+
+class _AtBody(_Named):
+    """An edit at a point of a body."""
+
+    body: str
+    point: Triple = (0.0, 0.0, 0.0)
+
+    def list_additions(self, machine: Machine) -> tuple[Addition, ...]:
+        """Return what it adds to the machine's MJCF."""
+        raise NotImplementedError
+
+
+class AddedMass(_AtBody):
+    """A point mass [kg] welded to a body; the joints below carry its weight as the body's."""
+
+    kind: Literal["mass"] = "mass"
+    mass: _Size
+
+    def list_additions(self, machine: Machine) -> tuple[Addition, ...]:
+        """Return a body without a joint."""
+        pose = find_pose(machine, self.body, self.point)
+        gravcomp = 1.0 - pose.weight_fraction
+        element = point_mass_element(self.name, pose.position, self.mass, gravcomp)
+        return (Addition(self.name, self.body, element),)
+
+
+class AddedSpring(_AtBody):
+    """A spring [N/m] and damper [N s/m] from another body, or the ground, to a body."""
+
+    kind: Literal["spring"] = "spring"
+    to: str = WORLD
+    axis: Triple
+    stiffness: _Size
+    damping: Annotated[float, Field(ge=0, le=1e15, allow_inf_nan=False)] = 0.0
+
+    def list_additions(self, machine: Machine) -> tuple[Addition, ...]:
+        """Return a tendon between two sites along the axis."""
+        pose = find_pose(machine, self.body, self.point)  # refuses a body that is not there
+        if self.to not in (WORLD, *machine.layout.bodies) or self.to == self.body:
+            raise UsageError(f"{self.name}: {self.to} is no other body: choose another end")
+        length = float(np.linalg.norm(self.axis))
+        if not length > 0:
+            raise UsageError(f"{self.name}: give the axis a direction, such as 0, 0, 1")
+        drawn = machine.drawing.bodies[self.body]
+        along = drawn.origin + drawn.frame @ pose.position, np.array(self.axis) / length
+        sizes = np.array([self.stiffness, self.damping])
+        return link_elements(self.name, machine, (self.to, self.body), along, sizes)
+
+
+class AddedAppendage(_AtBody):
+    """A mass [kg] on springs along all axes, of one natural frequency [Hz] and damping ratio."""
+
+    kind: Literal["appendage"] = "appendage"
+    mass: _Size
+    frequency: _Size
+    damping: Annotated[float, Field(gt=0, lt=1)] = 0.03
+
+    def list_additions(self, machine: Machine) -> tuple[Addition, ...]:
+        """Return a body on three slides, which holds its own weight."""
+        omega = 2 * np.pi * self.frequency
+        slides = tuple(
+            Element(
+                "joint",
+                {
+                    "name": f"{self.name}_{axis}",
+                    "type": "slide",
+                    "axis": direction,
+                    "stiffness": self.mass * omega**2,
+                    "damping": 2 * self.damping * omega * self.mass,
+                    **dict.fromkeys(("armature", "frictionloss", "springref"), "0"),
+                    "limited": "false",
+                },
+            )
+            for axis, direction in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)
+        )
+        position = find_pose(machine, self.body, self.point).position
+        element = point_mass_element(self.name, position, self.mass, 1.0, slides)
+        return (Addition(self.name, self.body, element),)
+
+
+class AddedDelay(_Named):
+    """A delay [s] in series with the controller of a loop."""
+
+    kind: Literal["delay"] = "delay"
+    loop: str
+    delay: _Size
+
+
+MachineEdit = Annotated[
+    AddedMass | AddedSpring | AddedAppendage | AddedDelay, Field(discriminator="kind")
+]
+
+
+def edit_machine(machine: Machine, edits: Sequence[MachineEdit], folder: Path) -> Machine:
+    """Write the edits into a copy of the machine's MJCF, and load the machine from it.
+
+    Args:
+        machine: as its MJCF describes it.
+        edits: what is added; delays do not concern it.
+        folder: of the copy; it exists as long as the machine is used.
+
+    Raises:
+        InputError: a body that the machine does not have, or a file that cannot be read.
+        ConvergenceError: the machine has no static equilibrium.
+        UsageError: an end or an axis of a spring that cannot be.
+    """
+    changes = [
+        addition
+        for edit in edits
+        if not isinstance(edit, AddedDelay)
+        for addition in edit.list_additions(machine)
+    ]
+    if not changes:
+        return machine
+    path = folder / EDITED_MJCF
+    if write_mjcf(machine.source, path, changes):  # a body of an included file
+        write_mjcf(machine.source, path, changes, expanded=True)
+    try:
+        return load_machine(path, key=machine.keyframe)
+    except (InputError, ConvergenceError) as error:
+        text = str(error).replace(str(path), f"{machine.source.name} with what was added")
+        raise type(error)(text) from error
+
+
+def delay_loops(loops: Sequence[Loop], edits: Sequence[MachineEdit]) -> tuple[Loop, ...]:
+    """Return loops with the delays that edits add.
+
+    Raises:
+        UsageError: an edit names no loop.
+    """
+    added = dict.fromkeys((loop.name for loop in loops), 0.0)
+    for edit in edits:
+        if isinstance(edit, AddedDelay):
+            if edit.loop not in added:
+                raise UsageError(f"{edit.name}: {edit.loop} is no control loop of this machine")
+            added[edit.loop] += edit.delay
+    return tuple(replace(loop, delay=loop.delay + added[loop.name]) for loop in loops)
