@@ -14,6 +14,7 @@ from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions, default_folder
 from mbw.report.verb import run as write_report
 from mbw.workbench.desk import Desk
+from mbw.workbench.jobs import JobQueue
 from mbw.workbench.saving import save_state
 from mbw.workbench.server import HOST, PageServer, Workbench
 from mbw.workbench.state import SessionState
@@ -73,7 +74,8 @@ def run_options(  # noqa: PLR0913  # one for each option
         def announce(address: str) -> None:
             SCREEN.say(f"address for a further browser: {address}")
 
-        with _start_server(Workbench(desk, tasks, announce), port) as server:
+        jobs = JobQueue(log.path.with_suffix(".jobs"), desk.adopt)
+        with _start_server(Workbench(desk, jobs, tasks, announce), port) as server:
             SCREEN.say(f"workbench of {subject.name}: {server.address}")
             SCREEN.say(f"actions are kept in {log.path}; Ctrl-C ends the workbench")
             if browser:
@@ -82,6 +84,8 @@ def run_options(  # noqa: PLR0913  # one for each option
                 server.serve_forever()
             except KeyboardInterrupt:
                 SCREEN.say(f"the state {state} is kept: open {path} again to go on")
+            finally:
+                jobs.close()
         if json is not None:
             write_json(_summary(desk.subject, desk.state, state, log.path), json)
 

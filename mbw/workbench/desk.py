@@ -8,10 +8,13 @@ from typing import Any
 from identification.words import UsageError
 from mbw.workbench.edited_makers import EditedMakers
 from mbw.workbench.edits import MachineEdit, delay_loops
+from mbw.workbench.jobs import Job
 from mbw.workbench.state import Action, History, Look, Move, SessionState, View, apply, check_move
 from mbw.workbench.state_log import StateLog
 from mbw.workbench.state_study import StateStudy
-from mbw.workbench.subject import WorkbenchSubject
+from mbw.workbench.subject import WorkbenchSubject, show_results
+
+_SHOWN = {"tune": "tuned", "diagnose": "diagnosed", "identify": "modes"}  # results by verb
 
 
 class StaleRevisionError(UsageError):
@@ -31,10 +34,35 @@ class Desk:
     def __init__(
         self, subject: WorkbenchSubject, log: StateLog, folder: Path, budget: Path | None = None
     ) -> None:
-        self._makers, self._log = EditedMakers(subject, folder), log
-        self.plant, self._studies = StateStudy(subject, budget), Lock()
+        self._log, self._folder, self._budget = log, folder, budget
+        self._results, self._studies = 0, Lock()
+        self._use(subject)
         self._history, self._changed = log.history, Condition(RLock())
         self._check(self._history.state)  # refuses a log that names what is no more
+
+    def _use(self, subject: WorkbenchSubject) -> None:
+        """Make frames and studies of a subject from now on."""
+        self._makers = EditedMakers(subject, self._folder)
+        self.plant = StateStudy(subject, self._budget)
+
+    def adopt(self, job: Job, out: Path) -> None:
+        """Show the result of a job, if it is curves or modes.
+
+        Args:
+            job: that is done.
+            out: folder of its result.
+
+        Raises:
+            InputError: the result cannot be read.
+        """
+        name = _SHOWN.get(job.verb)
+        if name is None:
+            return
+        subject = show_results(self.plant.subject, {name: out})
+        with self._changed:
+            self._use(subject)
+            self._results += 1
+            self._changed.notify_all()
 
     def _make(self, state: SessionState) -> bytes:
         """Return the frame of a state."""
@@ -116,11 +144,16 @@ class Desk:
         first: View = maker.subject.first_state().view
         return [Look(reference=first.reference, channel=first.channel)]
 
-    def wait(self, revision: int, timeout_s: float) -> int:
-        """Wait until the revision is another one; return it, also after the timeout."""
+    @property
+    def _versions(self) -> tuple[int, int]:
+        """Revision of the state, and number of results that jobs have brought."""
+        return self._history.revision, self._results
+
+    def wait(self, versions: tuple[int, int], timeout_s: float) -> tuple[int, int]:
+        """Wait until revision or results are other ones; return both, also after the timeout."""
         with self._changed:
-            self._changed.wait_for(lambda: self._history.revision != revision, timeout_s)
-            return self._history.revision
+            self._changed.wait_for(lambda: self._versions != versions, timeout_s)
+            return self._versions
 
     def study(self) -> dict[str, Any]:
         """Return margins and budget of the present state; others may act meanwhile."""

@@ -15,7 +15,13 @@ export async function begin(onFrame, onMessage) {
   show = onFrame; say = onMessage;
   await renew();
   const events = new EventSource("/events");
-  events.onmessage = event => { if (Number(event.data) !== revision && !busy) renew(); };
+  let results = null;
+  events.onmessage = event => {
+    const [newest, brought] = event.data.split(" ");
+    if (results !== null && brought !== results) location.reload();  // a job has brought curves or modes
+    results = brought;
+    if (Number(newest) !== revision && !busy) renew();
+  };
   events.onerror = () => say("The workbench has ended or cannot be reached: run mbw open again, then reload this page.", true);
   events.onopen = () => say("");
 }
@@ -31,11 +37,11 @@ export function tryOut(change) {  // {values} or {edit}
   work();
 }
 
-export async function run(task) {
+export async function run(task, content = {}) {
   try {
-    const answer = await post("/" + task, {});
-    const content = await answer.json();
-    say(answer.ok ? content.sentences.join(". ") + "." : content.error, !answer.ok);
+    const answer = await post("/" + task, content);
+    const told = await answer.json();
+    say(answer.ok ? told.sentences.join(". ") + "." : told.error, !answer.ok);
   } catch { say("The workbench does not answer: run mbw open again, then reload this page.", true); }
 }
 

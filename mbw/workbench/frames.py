@@ -137,6 +137,7 @@ class FrameMaker:
             "modes": self._mode_rows(modes, shapes),
             "unit": self._unit(state),
             "structure": state.structure,
+            "machine": state.machine_key,
             "edits": [edit.model_dump() for edit in state.edits],
         }
         curves = self._curves(state, theta, predicted)

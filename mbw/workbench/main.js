@@ -3,6 +3,7 @@
 import {act, begin, load, run, tryOut} from "./exchange.js";
 import {createPlot, LABEL} from "./curves.js";
 import {createScene} from "./scene.js";
+import {createJobs} from "./jobs.js";
 import {createEdits} from "./edits.js";
 import {create, createSliders, fourDigits} from "./sliders.js";
 
@@ -110,7 +111,7 @@ function writeModes(frame) {
   });
 }
 
-let chosenMode = 0, newest = null;
+let chosenMode = 0, newest = null, jobs = null;
 async function show(frame, isPreview) {
   if (!isPreview && frame.structure !== session.structure) {
     session = await load("/session");
@@ -132,6 +133,7 @@ async function show(frame, isPreview) {
     byId("undo").disabled = !frame.undo; byId("redo").disabled = !frame.redo;
     byId("as-drawn").disabled = !Object.keys(frame.x).length;
     writeStudy(frame.key);
+    jobs?.look();
     history.replaceState(null, "", "#" + new URLSearchParams(frame.view));  // what is looked at, for a bookmark
   }
   dispatchEvent(new CustomEvent("painted", {detail: {key: frame.key, isPreview}}));
@@ -195,6 +197,7 @@ byId("remarks").querySelector("ul").append(...session.remarks.map(textContent =>
 
 const asked = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
 await begin(show, say);
+jobs = createJobs(byId("job-rows"), byId("verbs"), session, () => newest.machine);
 if (asked.reference && (asked.reference !== newest.view.reference || asked.channel !== newest.view.channel || Number(asked.mode) !== newest.view.mode))
   act({do: "look", reference: asked.reference, channel: asked.channel, mode: Number(asked.mode)});
 play(!reduced);

@@ -11,21 +11,23 @@ windows of a new state; this needs no package, no build step and no policy beyon
 """
 
 import json
+import re
 import secrets
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
+from typing import Annotated, Any, Literal
 from urllib.parse import parse_qs, urlsplit
 
-from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from identification.words import WorkbenchError
 from mbw.page.html import read_asset
 from mbw.workbench.desk import Desk, StaleRevisionError
 from mbw.workbench.edits import MachineEdit
+from mbw.workbench.jobs import JobQueue, Verb
 from mbw.workbench.session_data import scene_data, session_data
 from mbw.workbench.state import Action, History
 
@@ -37,13 +39,8 @@ _ASSETS = {
     "/icon.svg": ("workbench/icon.svg", "image/svg+xml"),
     **{
         f"/{name}.js": (f"workbench/{name}.js", "text/javascript")
-        for name in ("main", "curves", "scene", "sliders", "edits", "exchange")
+        for name in ("main", "curves", "scene", "sliders", "edits", "jobs", "exchange")
     },
-}
-_DATA: dict[str, Callable[[Desk], dict[str, Any]]] = {
-    "/session": lambda desk: session_data(desk.subject, desk.plant),
-    "/scene": lambda desk: scene_data(desk.subject, desk.plant.subject),
-    "/study": Desk.study,
 }
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -71,21 +68,39 @@ class _Preview(BaseModel):
     edit: MachineEdit | None = None
 
 
+class _JobRequest(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    do: Literal["add", "cancel", "resume", "show"]
+    verb: Verb = "tune"
+    other: Annotated[str, Field(max_length=4096)] = ""
+    number: int = 0
+
+
 @dataclass(frozen=True, eq=False)
 class Workbench:
     """State, frames and tasks that the server offers to the page.
 
     Args:
         desk: state and frames.
+        jobs: verbs of the command line that run on what the page shows.
         tasks: what the page's buttons ask for, by name: each returns sentences.
         announce: told each new address; the first one is not announced.
         cookie: secret of the browsers that came with a token.
     """
 
     desk: Desk
+    jobs: JobQueue
     tasks: dict[str, Callable[[], list[str]]]
     announce: Callable[[str], None] = field(default=lambda address: None)
     cookie: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+
+
+_DATA: dict[str, Callable[[Workbench], dict[str, Any]]] = {
+    "/session": lambda shown: session_data(shown.desk.subject, shown.desk.plant),
+    "/scene": lambda shown: scene_data(shown.desk.subject, shown.desk.plant.subject),
+    "/study": lambda shown: shown.desk.study(),
+    "/jobs": lambda shown: {"jobs": shown.jobs.list_jobs()},
+}
 
 
 class PageServer(ThreadingHTTPServer):
@@ -163,9 +178,11 @@ class _Handler(BaseHTTPRequestHandler):
             name, kind = _ASSETS[address.path]
             self._send(200, read_asset(name).encode(), f"{kind}; charset=utf-8")
         elif address.path in _DATA:
-            self._send_data(lambda: _DATA[address.path](desk))
+            self._send_data(lambda: _DATA[address.path](self.server.workbench))
         elif address.path == "/frame":
             self._send_frame(*desk.frame())
+        elif number := re.fullmatch(r"/result/(\d{1,6})", address.path):
+            self._send_result(int(number[1]))
         elif address.path == "/events":
             self._send_events(desk)
         else:
@@ -185,6 +202,8 @@ class _Handler(BaseHTTPRequestHandler):
                 wanted = _Preview.model_validate_json(content)
                 frame = workbench.desk.preview(wanted.values, wanted.edit)
                 self._send(200, frame, "application/octet-stream")
+            elif task == "jobs":
+                self._send_json(200, {"sentences": _change_jobs(workbench, content)})
             elif task in workbench.tasks:
                 self._send_json(200, {"sentences": workbench.tasks[task]()})
             else:
@@ -256,6 +275,18 @@ class _Handler(BaseHTTPRequestHandler):
     def _send_json(self, status: int, content: dict[str, Any]) -> None:
         self._send(status, json.dumps(content, allow_nan=False).encode(), "application/json")
 
+    def _send_result(self, number: int) -> None:
+        """Send the page of a job's result, whose scripts get no access to this server.
+
+        It has a policy of its own, which allows its scripts by their hashes.
+        """
+        page = self.server.workbench.jobs.page(number)
+        if page is None:
+            self._refuse(404, "this job has no page")
+            return
+        alone = {"Content-Security-Policy": "sandbox allow-scripts; frame-ancestors 'none'"}
+        self._send(200, page.read_bytes(), "text/html; charset=utf-8", alone)
+
     def _send_data(self, compute: Callable[[], dict[str, Any]]) -> None:
         """Send what a function returns, or the sentence with which it fails."""
         try:
@@ -280,25 +311,46 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def _send_events(self, desk: Desk) -> None:
-        """Tell a browser each new revision until it leaves."""
+        """Tell a browser each new revision, and how many results jobs have brought."""
         self.close_connection = True
         self.send_response(200)
         for name, value in {**_HEADERS, "Content-Type": "text/event-stream"}.items():
             self.send_header(name, value)
         self.end_headers()
-        revision = -1
+        versions = -1, -1
         try:
             while True:
-                newest = desk.wait(revision, _PING_S)
-                text = f"data: {newest}\n\n" if newest != revision else ": \n\n"
+                newest = desk.wait(versions, _PING_S)
+                text = "data: {} {}\n\n".format(*newest) if newest != versions else ": \n\n"
                 self.wfile.write(text.encode())
                 self.wfile.flush()
-                revision = newest
+                versions = newest
         except OSError:  # the browser left
             return
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002  # of the library
         """Print nothing: addresses hold the token."""
+
+
+def _change_jobs(workbench: Workbench, content: bytes) -> list[str]:
+    """Do what the page asks of the jobs; return sentences.
+
+    Raises:
+        ValidationError: the request is none of this version's page.
+        WorkbenchError: what is asked for cannot be.
+    """
+    asked, jobs = _JobRequest.model_validate_json(content), workbench.jobs
+    if asked.do == "add":
+        job = jobs.add(asked.verb, workbench.desk.subject, workbench.desk.state, asked.other)
+        return [f"job {job.number}: mbw {job.verb} waits for its turn", *job.remarks]
+    if asked.do == "cancel":
+        jobs.cancel(asked.number)
+        return [f"job {asked.number} is cancelled"]
+    if asked.do == "show":
+        jobs.show(asked.number)
+        return [f"the result of job {asked.number} is shown"]
+    jobs.resume(asked.number)
+    return [f"job {asked.number} goes on"]
 
 
 def _equal(first: str, second: str) -> bool:

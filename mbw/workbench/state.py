@@ -160,18 +160,25 @@ class SessionState:
         return structure_hash(self.edits)
 
     @property
+    def machine_key(self) -> str:
+        """Hash of the machine and its tests, whatever the page looks at."""
+        return _hash([self.format, self.campaign, self.model, self.coordinates, self.structure])
+
+    @property
     def key(self) -> str:
         """Hash of everything that the page's numbers depend on."""
         view = self.view
-        content = [self.format, self.campaign, self.model, self.coordinates, self.structure]
-        text = json.dumps([*content, view.reference, view.channel, view.mode])
-        return hashlib.sha256(text.encode()).hexdigest()
+        return _hash([self.machine_key, view.reference, view.channel, view.mode])
 
 
 def structure_hash(edits: Sequence[MachineEdit]) -> str:
     """Return a hash of edits."""
-    text = json.dumps([edit.model_dump() for edit in edits])
-    return hashlib.sha256(text.encode()).hexdigest()
+    return _hash([edit.model_dump() for edit in edits])
+
+
+def _hash(content: object) -> str:
+    """Return a hash of what JSON can hold."""
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 @dataclass(frozen=True)

@@ -212,11 +212,13 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
         for folder in (folder_beside(source, suffix), path)  # what was opened counts
         if _is_result_of(source, folder, file)
     }
-    tuned = read_result(folders["tuned"]) if "tuned" in folders else None
-    band = band or (None if tuned is None else tuned.summary.band)
-    session = open_session(source, band)
+    tuned = read_result(folders["tuned"]).summary if "tuned" in folders else None
+    session = open_session(source, band or (None if tuned is None else tuned.band))
     campaign = session.campaign.leave_out_after()
     rows = input_rows(session)
+    remarks = campaign.remarks
+    if tuned is not None and (changed := _changed_files(tuned.inputs, rows)):
+        remarks += (f"{folders['tuned']} was made before {', '.join(changed)} changed",)
     subject = WorkbenchSubject(
         path=path,
         source=source,
@@ -230,11 +232,26 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
             _hash(hash_files(mjcf_files(session.model.machine.source), source.parent)),
         ),
         source_content=source.read_bytes(),
-        tuned=None if tuned is None else tuned.summary,
         result=path if path.is_dir() and path in folders.values() else None,
+        remarks=remarks,
     )
-    remarks = list(campaign.remarks)
-    stored: dict[str, StoredFrfs] = {}
+    return show_results(subject, folders)
+
+
+def show_results(subject: WorkbenchSubject, folders: Mapping[str, Path]) -> WorkbenchSubject:
+    """Return a subject with results of earlier verbs, in place of those of the same verb.
+
+    Args:
+        subject: a campaign.
+        folders: of results by ``tuned``, ``diagnosed`` and ``modes``.
+
+    Raises:
+        InputError: a result cannot be read.
+    """
+    if subject.campaign is None:
+        return subject
+    tuned, modes = subject.tuned, subject.measured_modes
+    stored, remarks = dict(subject.stored), list(subject.remarks)
     readers: dict[str, Callable[[], HeldOutResult]] = {
         "tuned": lambda: read_held_out(folders["tuned"] / TUNED_MJCF),
         "diagnosed": lambda: read_held_out(folders["diagnosed"] / AUGMENTED),
@@ -249,11 +266,16 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
             )
         else:
             stored[name] = frfs
-    if tuned is not None and (changed := _changed_files(tuned.summary.inputs, rows)):
-        remarks.append(f"{folders['tuned']} was made before {', '.join(changed)} changed")
-    modes = read_measured_modes(folders["modes"], campaign) if "modes" in folders else None
+    if "tuned" in folders:
+        tuned = read_result(folders["tuned"]).summary
+    if "modes" in folders:
+        modes = read_measured_modes(folders["modes"], subject.campaign)
     return replace(
-        subject, stored=stored, measured_modes=modes, remarks=tuple(dict.fromkeys(remarks))
+        subject,
+        tuned=tuned,
+        stored=stored,
+        measured_modes=modes,
+        remarks=tuple(dict.fromkeys(remarks)),
     )
 
 
@@ -271,7 +293,11 @@ def _read_frfs(result: HeldOutResult, subject: WorkbenchSubject) -> StoredFrfs |
     lines, frfs = result.freq_hz, result.levels["sensors"]
     if lines.shape != subject.freq_hz.shape or not np.allclose(lines, subject.freq_hz, rtol=1e-9):
         return None
-    labels = zip(frfs.tests, frfs.outputs, strict=True)
+    # A copy of the campaign names files, and hits where sites moved, in other ways.
+    names = tuple(dict.fromkeys(frfs.tests))
+    shown = subject.tests if len(names) == len(subject.tests) else names
+    test_of = dict(zip(names, shown, strict=True))
+    labels = zip(map(test_of.__getitem__, frfs.tests), frfs.outputs, strict=True)
     return StoredFrfs({label: column for column, label in enumerate(labels)}, frfs.tuned)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.words.file_access import temporary_folder
 from mbw.workbench.desk import Desk
+from mbw.workbench.jobs import JobQueue
 from mbw.workbench.server import PageServer, Workbench
 from mbw.workbench.state_log import log_path, open_log
 
@@ -21,12 +22,14 @@ def serve(subject, name="work", budget=None, **tasks):
     with temporary_folder() as place, open_log(path, first) as log:
         desk = Desk(subject, log, place, budget)
         bound = {key: lambda task=task: task(desk) for key, task in tasks.items()}
-        with PageServer(Workbench(desk, bound)) as server:
+        jobs = JobQueue(path.with_suffix(".jobs"), desk.adopt)
+        with PageServer(Workbench(desk, jobs, bound)) as server:
             thread = threading.Thread(target=server.serve_forever, daemon=True)
             thread.start()
             yield server
             server.shutdown()
             thread.join(10)
+        jobs.close()
 
 
 def frame_parts(frame):

@@ -1,0 +1,150 @@
+"""Jobs of the workbench: verbs of the command line on a copy of what the page shows."""
+
+import json
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+from campaign_folder import write_folder
+from small_machine import MJCF
+from workbench_server import Browser, frame_parts, serve
+
+from identification.words import UsageError
+from mbw.workbench.jobs import JobQueue
+from mbw.workbench.subject import open_subject
+
+MOVED = {"head_tx.stiffness": 0.2}
+
+
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory):
+    return open_subject(write_folder(tmp_path_factory.mktemp("jobs") / "campaign"), None, None)
+
+
+@pytest.fixture
+def queue(tmp_path):
+    queue = JobQueue(tmp_path / "jobs")
+    yield queue
+    queue.close()
+
+
+def status(queue, number):
+    return next(job for job in queue.list_jobs() if job["number"] == number)["status"]
+
+
+def wait(condition):
+    end = time.monotonic() + 120
+    while not (result := condition()):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    return result
+
+
+def started(queue, number):
+    """The process group of a job that has begun to speak or is at work."""
+    wait(lambda: status(queue, number) == "running")
+    return queue._jobs[number].pid
+
+
+def test_a_tuning_of_what_the_page_shows_becomes_its_curve(subject, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with serve(subject) as server:
+        browser, desk = Browser(server), server.workbench.desk
+        move = {"revision": 0, "action": {"do": "move", "values": MOVED}}
+        moved, _ = frame_parts(browser.ask("POST", "/act", move)[2])
+        assert browser.ask("POST", "/jobs", {"do": "add", "verb": "tune"})[0] == 200
+        assert browser.ask("POST", "/jobs", {"do": "add", "verb": "identify"})[0] == 200
+
+        def jobs():
+            rows = json.loads(browser.ask("GET", "/jobs")[2])["jobs"]
+            running = [row["number"] for row in rows if row["status"] == "running"]
+            assert len(running) <= 1
+            return rows if all(row["status"] == "done" for row in rows) else None
+
+        second, first = wait(jobs)
+        assert (first["verb"], first["key"]) == ("tune", moved["machine"])
+        assert "tuned: error" in first["log"]
+        wait(lambda: desk.plant.subject.measured_modes is not None)
+        assert desk.wait((1, 0), 0.0) == (1, 2)
+        header, arrays = frame_parts(browser.ask("GET", "/frame")[2])
+        assert header["x"] == MOVED
+        error = np.abs(arrays["tuned"] - arrays["measured"]).max()
+        assert error < 0.1 * np.abs(arrays["current"] - arrays["measured"]).max()
+        assert any("mac" in row for row in header["modes"])
+        code, headers, page = browser.ask("GET", "/result/1")
+        assert (code, page[:15]) == (200, b"<!DOCTYPE html>")
+        assert headers["Content-Security-Policy"].startswith("sandbox allow-scripts;")
+        assert browser.ask("GET", "/result/1", Cookie=None)[0] == 403
+        assert browser.ask("GET", f"/result/{second['number']}")[0] == 404
+        assert browser.ask("POST", "/jobs", {"do": "add", "verb": "rm"})[0] == 400
+
+
+def test_waiting_jobs_leave_the_queue_and_running_ones_are_interrupted(queue, subject):
+    state = subject.first_state()
+    first, second = (queue.add("diagnose", subject, state).number for _ in range(2))
+    started(queue, first)
+    assert status(queue, second) == "waiting"
+    queue.cancel(second)
+    queue.cancel(first)
+    wait(lambda: queue._jobs[first].code is not None)
+    assert (status(queue, first), status(queue, second)) == ("cancelled", "cancelled")
+    queue.resume(first)
+    started(queue, first)
+    with pytest.raises(UsageError, match=f"job {first} is running"):
+        queue.resume(first)
+    queue.cancel(first)
+    with pytest.raises(UsageError, match="is cancelled"):
+        queue.cancel(second)
+
+
+def test_a_job_outlives_its_server_and_the_next_one_brings_its_result(subject, tmp_path):
+    folder, brought = tmp_path / "jobs", []
+    killed = JobQueue(folder)
+    number = killed.add("predict", subject, subject.first_state()).number
+    waiting = killed.add("predict", subject, subject.first_state()).number
+    started(killed, number)
+    killed._is_open = False  # its thread ends as in a killed process: nothing is interrupted
+    killed._thread.join(5)
+    queue = JobQueue(folder, lambda job, out: brought.append((job.number, out)))
+    wait(lambda: len(brought) == 2)
+    assert [each for each, _ in brought] == [number, waiting]
+    assert queue.page(number) == brought[0][1] / "predict.html"
+    assert queue.page(number).is_file()
+    queue.close()
+
+
+def test_a_killed_job_is_interrupted_and_a_closed_queue_interrupts_its_own(subject, tmp_path):
+    queue = JobQueue(tmp_path / "jobs")
+    number = queue.add("diagnose", subject, subject.first_state()).number
+    os.killpg(started(queue, number), signal.SIGKILL)
+    wait(lambda: status(queue, number) == "interrupted")
+    queue.resume(number)
+    pid = started(queue, number)
+    queue.close()
+    wait(lambda: not _is_alive(pid))
+    again = JobQueue(tmp_path / "jobs")
+    assert status(again, number) == "interrupted"
+    again.close()
+
+
+def _is_alive(pid):
+    try:
+        os.killpg(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_what_cannot_run_is_refused_in_a_sentence(queue, subject, tmp_path):
+    state = subject.first_state()
+    (tmp_path / "pair.xml").write_text(MJCF, encoding="utf-8")
+    alone = open_subject(tmp_path / "pair.xml", None, None)
+    with pytest.raises(UsageError, match="open a campaign"):
+        queue.add("tune", alone, alone.first_state())
+    with pytest.raises(UsageError, match="nowhere is not there: name the campaign after"):
+        queue.add("compare", subject, state, "nowhere")
+    with pytest.raises(UsageError, match="there is no job 7"):
+        queue.cancel(7)
+    assert queue.list_jobs() == []
