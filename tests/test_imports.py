@@ -35,7 +35,7 @@ ONLY_BEHIND = {
     "truth": {"truth", "mbw/blind"},
 }
 PACKAGES = sorted({name.split(".")[0] for name in MAY_IMPORT})
-SHOWS_OTHER_VERBS = {"report", "demo", "blind", "compare", "open"}
+SHOWS_OTHER_VERBS = {"report", "demo", "blind", "compare", "open", "workbench"}
 WORDS_MAY_IMPORT = {"numpy", "identification"}
 
 

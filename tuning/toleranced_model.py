@@ -97,7 +97,8 @@ MACHINE_LOCATIONS = ("joint:", "tendon:", "body:")
 
 def machine_alone(model: Model) -> Model:
     """Return a model without the Parts of the measurement: sensors, hammer and their channels."""
-    parts = [part for part in model.parts if part.location.startswith(MACHINE_LOCATIONS)]
+    places = (*MACHINE_LOCATIONS, "pair:")
+    parts = [part for part in model.parts if part.location.startswith(places)]
     return Model(model.machine, tuple(parts))
 
 

@@ -30,6 +30,7 @@ from mbw.results.diagnosed_schema import (
     StepsRow,
 )
 from mbw.results.fault_rows import FaultRow
+from mbw.results.stored_causes import store_causes
 from tuning import gap_at_bodies, predict
 from tuning.files.input_files import input_rows
 from tuning.files.plant_folder import PlantRow
@@ -103,6 +104,9 @@ def collect_result(
         plant=plant,
     )
     arrays = {"freq_hz": freq, **frfs, **machine_arrays}
+    if diagnosis.after is not None and diagnosis.parameters is not None:
+        refit = diagnosis.after.refit
+        arrays |= store_causes(refit.session, diagnosis.parameters.theta, refit.causes)
     return StoredDiagnosis(verdict, diagnosis.evidence, shown, arrays)
 
 

@@ -15,11 +15,12 @@ from mbw.output_folder import ResultOptions, default_folder
 from mbw.report.verb import run as write_report
 from mbw.workbench.desk import Desk
 from mbw.workbench.jobs import JobQueue
+from mbw.workbench.opening import open_subject
 from mbw.workbench.saving import save_state
 from mbw.workbench.server import HOST, PageServer, Workbench
 from mbw.workbench.state import SessionState
 from mbw.workbench.state_log import log_path, open_log
-from mbw.workbench.subject import WorkbenchSubject, open_subject
+from mbw.workbench.subject import WorkbenchSubject
 
 
 class OpenedState(ResultFile):

@@ -9,10 +9,11 @@ from identification.words import UsageError
 from mbw.workbench.edited_makers import EditedMakers
 from mbw.workbench.edits import MachineEdit, delay_loops
 from mbw.workbench.jobs import Job
+from mbw.workbench.opening import show_results
 from mbw.workbench.state import Action, History, Look, Move, SessionState, View, apply, check_move
 from mbw.workbench.state_log import StateLog
 from mbw.workbench.state_study import StateStudy
-from mbw.workbench.subject import WorkbenchSubject, show_results
+from mbw.workbench.subject import WorkbenchSubject
 
 _SHOWN = {"tune": "tuned", "diagnose": "diagnosed", "identify": "modes"}  # results by verb
 

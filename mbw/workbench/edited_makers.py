@@ -26,7 +26,8 @@ class EditedMakers:
     """
 
     def __init__(self, subject: WorkbenchSubject, folder: Path) -> None:
-        self.plain, self._folder = FrameMaker(subject), folder
+        self._subject, self._folder = subject, folder
+        self.plain = FrameMaker(subject.with_causes())
         self._kept: OrderedDict[tuple[MachineEdit, ...], FrameMaker] = OrderedDict()
 
     def of(self, state: SessionState) -> FrameMaker:
@@ -43,8 +44,8 @@ class EditedMakers:
         if edits not in self._kept:
             folder = self._place(edits)
             folder.mkdir(exist_ok=True)
-            subject = edit_subject(self.plain.subject, edits, folder)
-            self._kept[edits] = FrameMaker(subject, nominal=self.plain)
+            subject = edit_subject(self._subject, edits, folder)
+            self._kept[edits] = FrameMaker(subject.with_causes(), nominal=self.plain)
             while len(self._kept) > _MAX_MAKERS:
                 oldest, _ = self._kept.popitem(last=False)
                 shutil.rmtree(self._place(oldest), ignore_errors=True)

@@ -20,7 +20,7 @@ export function createJobs(place, adders, session, machine) {
   function compare() {
     const field = create("input", {type: "text", autocomplete: "off"}), go = create("button", {type: "submit", textContent: "Compare"});
     const form = create("form", {className: "words"}, create("label", {}, "with the campaign ", field), go);
-    form.onsubmit = event => { event.preventDefault(); form.remove(); ask({do: "add", verb: "compare", other: field.value}); };
+    form.onsubmit = event => { event.preventDefault(); form.remove(); ask({do: "add", verb: "compare", partner: field.value}); };
     place.prepend(form);
     field.focus();
   }

@@ -29,11 +29,11 @@ Status = Literal["waiting", "running", "done", "failed", "cancelled", "interrupt
 PAGES = {"tune": "report.html", "diagnose": "report.html", "predict": "predict.html"}
 _FITS = ("tune", "diagnose")  # they can resume; blind goes on by itself
 _OF_CAMPAIGNS = ("tune", "diagnose", "identify", "compare")  # verbs that need measurements
-_JOB, _LOG, _EXIT = "job.json", "log.txt", "exit.txt"
+_JOB, _SAID, _EXIT = "job.json", "log.txt", "exit.txt"
 # Its exit code is written when it ends, whether or not the server is there to see it.
 # The shell outlives Ctrl-C, which goes to all of its group.
 _RUN = 'trap : INT; nice -n 10 "$@" > log.txt 2>&1; echo $? > exit.tmp; mv exit.tmp exit.txt'
-_LOG_BYTES = 4000  # of the end of a log that the page shows
+_SHOWN_BYTES = 4000  # of the end of a log that the page shows
 _OPENED_CODES = (0, 4)  # exit codes with a result: done, and done with a doubt
 _POLL_S = 0.5
 
@@ -46,7 +46,7 @@ class Job(BaseModel):
         verb: of the command line.
         key: hash of the machine that it was made from.
         band: lowest and highest frequency line of the page [Hz].
-        other: second campaign of a comparison; empty for other verbs.
+        partner: second campaign of a comparison; empty for partner verbs.
         status: what has become of it.
         code: exit code; None before its end.
         pid: process group; None before its start.
@@ -57,7 +57,7 @@ class Job(BaseModel):
     verb: Verb
     key: str
     band: tuple[float, float]
-    other: str = ""
+    partner: str = ""
     status: Status = "waiting"
     code: int | None = None
     pid: int | None = None
@@ -66,7 +66,7 @@ class Job(BaseModel):
 
 @dataclass(eq=False)
 class JobQueue:
-    """Jobs of one state's log, run one after the other by a thread.
+    """Jobs of one state's log, run one after the partner by a thread.
 
     Args:
         folder: of all jobs; created.
@@ -100,7 +100,7 @@ class JobQueue:
         ]
 
     def add(
-        self, verb: Verb, subject: WorkbenchSubject, state: SessionState, other: str = ""
+        self, verb: Verb, subject: WorkbenchSubject, state: SessionState, partner: str = ""
     ) -> Job:
         """Write the input of a job from a state, and let it wait for its turn.
 
@@ -112,8 +112,8 @@ class JobQueue:
             raise UsageError(f"jobs need Linux or macOS: save the model, and run mbw {verb} on it")
         if verb in _OF_CAMPAIGNS and subject.campaign is None:
             raise UsageError(f"mbw {verb} needs measurements: open a campaign")
-        if verb == "compare" and not Path(other).expanduser().exists():
-            raise UsageError(f"{other or 'no campaign'} is not there: name the campaign after")
+        if verb == "compare" and not Path(partner).expanduser().exists():
+            raise UsageError(f"{partner or 'no campaign'} is not there: name the campaign after")
         with self._changed:
             number = max(self._jobs, default=0) + 1
             lines = subject.freq_hz
@@ -122,7 +122,7 @@ class JobQueue:
                 verb=verb,
                 key=state.machine_key,
                 band=(float(lines[0]), float(lines[-1])),
-                other=other,
+                partner=partner,
             )
             place = self._place(job) / "input"
             sentences = save_state(subject, state, ResultOptions(place))
@@ -236,7 +236,7 @@ class JobQueue:
         place = self._place(job)
         source = "input" if job.verb in _OF_CAMPAIGNS else f"input/{SAVED_MODEL}"
         words = [sys.executable, "-m", "mbw", job.verb, source]
-        words += [str(Path(job.other).expanduser().absolute())] if job.other else []
+        words += [str(Path(job.partner).expanduser().absolute())] if job.partner else []
         words += ["--out", "out", "--overwrite"]
         if job.verb in _FITS:  # on the lines of the page, so that their curves fit into it
             words += ["--band", *map(str, job.band)]
@@ -295,9 +295,9 @@ class JobQueue:
     def _read_log(self, job: Job) -> str:
         """Return the end of what a job said."""
         try:
-            with (self._place(job) / _LOG).open("rb") as file:
+            with (self._place(job) / _SAID).open("rb") as file:
                 file.seek(0, os.SEEK_END)
-                file.seek(max(0, file.tell() - _LOG_BYTES))
+                file.seek(max(0, file.tell() - _SHOWN_BYTES))
                 return file.read().decode("utf-8", "replace")
         except OSError:
             return ""

@@ -130,6 +130,7 @@ async function show(frame, isPreview) {
   writeFigures(frame); writeModes(frame);
   if (!isPreview) {
     sliders.show(frame.x);
+    showCauses(frame.x);
     byId("undo").disabled = !frame.undo; byId("redo").disabled = !frame.redo;
     byId("as-drawn").disabled = !Object.keys(frame.x).length;
     writeStudy(frame.key);
@@ -161,6 +162,21 @@ async function writeStudy(key) {
   dispatchEvent(new CustomEvent("studied", {detail: {key}}));
 }
 
+// Causes of the verdict: a box switches each on and off where the model can have it.
+byId("verdict").hidden = !session.verdict;
+byId("headline").textContent = session.verdict?.headline ?? "";
+const boxes = (session.verdict?.causes ?? []).map((cause, k) => {
+  const names = Object.keys(cause.moves), box = create("input", {type: "checkbox", disabled: !names.length});
+  box.onchange = () => act({do: "move", values: Object.fromEntries(names.map(name => [name, box.checked ? cause.moves[name] : 0]))});
+  const label = create("label", {}, box, create("b", {className: "number", textContent: k + 1}), ` ${(100 * cause.probability).toFixed(0)} % ${cause.name}`);
+  byId("cause-rows").append(create("div", {className: "edit"}, label, create("p", {className: "soft", textContent: [cause.sizes, cause.means].filter(Boolean).join(". ")}),
+    ...(names.length ? [] : [create("p", {className: "soft", textContent: "not among those of the fit, or no term of the equation of motion: it cannot be switched here"})])));
+  return {box, names};
+});
+function showCauses(x) {
+  for (const {box, names} of boxes) box.checked = names.length > 0 && names.every(name => x[name]);
+}
+
 function say(text, isError = false) {
   byId("status").textContent = text;
   byId("status").className = isError ? "warn" : text ? "note" : "";
@@ -173,6 +189,8 @@ byId("redo").onclick = () => act({do: "redo"});
 byId("as-drawn").onclick = () => act({do: "move", values: Object.fromEntries(Object.keys(newest.x).map(name => [name, 0]))});
 byId("as-tuned").onclick = () => act({do: "move", values: session.tuned});
 byId("as-tuned").hidden = !Object.keys(session.tuned).length;
+byId("as-diagnosed").onclick = () => act({do: "move", values: session.diagnosed});
+byId("as-diagnosed").hidden = !Object.keys(session.diagnosed).length;
 byId("save").onclick = () => { say("Saving and reading back …"); run("save"); };
 byId("export").onclick = () => { say("Writing the page …"); run("export"); };
 byId("export").hidden = !session.has_page;

@@ -37,7 +37,7 @@ export function createScene(canvas, marks, onPick) {
 
   const buffer = (kind, array) => { const b = gl.createBuffer(); gl.bindBuffer(kind, b); gl.bufferData(kind, array, gl.STATIC_DRAW); return b; };
   const loose = gl.createBuffer();  // lines whose ends move apart
-  let data = {stages: [], points: [], edits: []}, centres = new Float32Array(0), meshes = [], lines = [], dots = [], middle = [0, 0, 0], size = 0;
+  let data = {stages: [], points: [], marks: []}, centres = new Float32Array(0), meshes = [], lines = [], dots = [], middle = [0, 0, 0], size = 0;
 
   function setMachine(next) {
     for (const mesh of meshes) for (const name of ["vertices", "triangles", "edges"]) gl.deleteBuffer(mesh[name]);
@@ -51,10 +51,10 @@ export function createScene(canvas, marks, onPick) {
     lines = data.lines.map(line => ({...line, points: floats(line.points)}));
     // Sensors, hits, additions and names lie over the picture as elements of the page.
     dots.forEach(({dot}) => dot.remove());
-    dots = [...data.points, ...data.edits].map(point => {
+    dots = [...data.points, ...data.marks].map(point => {
       const dot = document.createElement("i");
       dot.className = point.kind;
-      if (point.kind === "edit") dot.title = dot.textContent = point.name;
+      if (point.kind === "edit" || point.kind === "cause") dot.title = dot.textContent = point.name;
       marks.prepend(dot);
       return {...point, dot};
     });

@@ -18,18 +18,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Annotated, Any, Literal
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import ValidationError
 
 from identification.words import WorkbenchError
 from mbw.page.html import read_asset
 from mbw.workbench.desk import Desk, StaleRevisionError
-from mbw.workbench.edits import MachineEdit
-from mbw.workbench.jobs import JobQueue, Verb
+from mbw.workbench.jobs import JobQueue
+from mbw.workbench.requests import ActRequest, JobRequest, PreviewRequest
 from mbw.workbench.session_data import scene_data, session_data
-from mbw.workbench.state import Action, History
+from mbw.workbench.state import History
 
 HOST = "127.0.0.1"
 _ASSETS = {
@@ -54,26 +54,6 @@ _HEADERS = {
 _MAX_REQUEST_BYTES = 2**18  # values of some thousand parameters
 _PING_S = 10.0  # between signs of life of a connection for events
 _IDLE_S = 120.0  # after which a connection without a request is closed
-
-
-class _Act(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-    revision: int
-    action: Action
-
-
-class _Preview(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-    values: dict[str, FiniteFloat] = {}
-    edit: MachineEdit | None = None
-
-
-class _JobRequest(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-    do: Literal["add", "cancel", "resume", "show"]
-    verb: Verb = "tune"
-    other: Annotated[str, Field(max_length=4096)] = ""
-    number: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,14 +176,16 @@ class _Handler(BaseHTTPRequestHandler):
         workbench, task = self.server.workbench, self.path.removeprefix("/")
         try:
             if task == "act":
-                asked = _Act.model_validate_json(content)
+                asked = ActRequest.model_validate_json(content)
                 self._send_frame(*workbench.desk.act(asked.revision, asked.action))
             elif task == "preview":
-                wanted = _Preview.model_validate_json(content)
+                wanted = PreviewRequest.model_validate_json(content)
                 frame = workbench.desk.preview(wanted.values, wanted.edit)
                 self._send(200, frame, "application/octet-stream")
             elif task == "jobs":
-                self._send_json(200, {"sentences": _change_jobs(workbench, content)})
+                request = JobRequest.model_validate_json(content)
+                sentences = request.run(workbench.jobs, workbench.desk)
+                self._send_json(200, {"sentences": sentences})
             elif task in workbench.tasks:
                 self._send_json(200, {"sentences": workbench.tasks[task]()})
             else:
@@ -330,27 +312,6 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002  # of the library
         """Print nothing: addresses hold the token."""
-
-
-def _change_jobs(workbench: Workbench, content: bytes) -> list[str]:
-    """Do what the page asks of the jobs; return sentences.
-
-    Raises:
-        ValidationError: the request is none of this version's page.
-        WorkbenchError: what is asked for cannot be.
-    """
-    asked, jobs = _JobRequest.model_validate_json(content), workbench.jobs
-    if asked.do == "add":
-        job = jobs.add(asked.verb, workbench.desk.subject, workbench.desk.state, asked.other)
-        return [f"job {job.number}: mbw {job.verb} waits for its turn", *job.remarks]
-    if asked.do == "cancel":
-        jobs.cancel(asked.number)
-        return [f"job {asked.number} is cancelled"]
-    if asked.do == "show":
-        jobs.show(asked.number)
-        return [f"the result of job {asked.number} is shown"]
-    jobs.resume(asked.number)
-    return [f"job {asked.number} goes on"]
 
 
 def _equal(first: str, second: str) -> bool:

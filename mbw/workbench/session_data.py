@@ -15,6 +15,7 @@ from mbw.workbench.subject import WorkbenchSubject, port_labels
 def session_data(subject: WorkbenchSubject, plant: StateStudy) -> dict[str, Any]:
     """Return names, parameters, channels and lines of a subject, as JSON can hold them."""
     machine, campaign = subject.model.machine, subject.campaign
+    diagnosed = plant.subject.diagnosed_x()
     labels = port_labels(machine.layout)
     measured = (
         {}
@@ -42,6 +43,8 @@ def session_data(subject: WorkbenchSubject, plant: StateStudy) -> dict[str, Any]
         "freq": [float(f"{value:.7g}") for value in subject.freq_hz.tolist()],
         "parameters": _parameter_rows(subject),
         "tuned": subject.tuned_x(),
+        "diagnosed": diagnosed,
+        "verdict": None if subject.verdict is None else subject.verdict.describe(diagnosed),
         "curves": [*(["measured"] if measured else []), "drawn", *subject.stored, "current"],
         "logarithmic": campaign is None,
         "has_page": subject.result is not None,
@@ -114,4 +117,6 @@ def scene_data(subject: WorkbenchSubject, plain: WorkbenchSubject) -> dict[str, 
         for edit in subject.edits
         if not isinstance(edit, AddedDelay)
     ]
-    return {**data, "edits": marks}
+    if subject.verdict is not None:
+        marks += subject.verdict.list_marks(machine)
+    return {**data, "marks": marks}

@@ -19,7 +19,8 @@ from unittest import mock
 
 import numpy as np
 
-from mbw.workbench.subject import StoredFrfs, WorkbenchSubject, open_subject
+from mbw.workbench.opening import open_subject
+from mbw.workbench.subject import StoredFrfs, WorkbenchSubject
 from tests.helpers.browser import Tab, open_tab
 from tests.helpers.workbench_server import serve
 from tuning import modes_in_band, predict

@@ -15,8 +15,8 @@ from unittest import mock
 from typer.testing import CliRunner
 
 from mbw.command import app
+from mbw.workbench.opening import open_subject
 from mbw.workbench.state import Look, Move
-from mbw.workbench.subject import open_subject
 from tests.docs.results import ROOT
 from tests.helpers.browser import open_tab
 from tests.helpers.workbench_server import serve

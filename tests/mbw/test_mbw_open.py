@@ -18,17 +18,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_machine import MJCF
 from typer.testing import CliRunner
-from workbench_server import Browser, frame_parts, serve
+from workbench_server import Browser, diagnose_rotor, frame_parts, serve
 
 from identification.words import InputError, UsageError
 from mbmodel import Evaluator, FrfRequest, model_modes, parse_input, parse_output
 from mbw.command import app
 from mbw.output_folder import ResultOptions
+from mbw.workbench.edited_makers import EditedMakers
+from mbw.workbench.edits import AddedMass
 from mbw.workbench.frames import FrameMaker
+from mbw.workbench.opening import open_subject
 from mbw.workbench.saving import save_state
 from mbw.workbench.state import History, Look, Move, Redo, SessionState, Undo, View, apply
 from mbw.workbench.state_log import log_path, open_log
-from mbw.workbench.subject import open_subject
 from tuning import channel_gaps, open_session, predict, summarise_gaps
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost
 
@@ -208,18 +210,46 @@ def test_a_folder_of_results_begins_as_tuned_with_its_curves_and_modes(results):
     assert len(shown) > 3
 
 
-def test_a_diagnosed_folder_shows_the_model_with_its_causes(campaign, tmp_path):
-    out = tmp_path / "diagnosed"
-    run = CliRunner().invoke(app, ["diagnose", str(campaign), "--out", str(out), "--quiet"])
-    assert run.exit_code in (0, 4), run.output
-    subject = open_subject(out, None, None)
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory):
+    return diagnose_rotor(tmp_path_factory.mktemp("diagnosed"))
+
+
+def test_a_diagnosed_folder_shows_the_model_with_its_causes(diagnosed):
+    subject = open_subject(diagnosed, None, None)
     _, arrays = frame_parts(FrameMaker(subject).make(subject.first_state()))
-    shown = json.loads((out / "diagnosis.json").read_text("utf-8"))
-    with np.load(out / "diagnosis.npz") as stored:
-        values = stored[(shown["plant"] or {}).get("held_out") or "retuned"]
+    shown = json.loads((diagnosed / "diagnosis.json").read_text("utf-8"))
+    with np.load(diagnosed / "diagnosis.npz") as stored:
+        values = stored[shown["plant"]["held_out"]]
     label = subject.first_state().view.channel
     column = [row["output"] for row in shown["channels"]].index(label)
     np.testing.assert_allclose(complexes(arrays["diagnosed"]), values[:, column], rtol=1e-5)
+
+
+def test_a_cause_is_switched_off_and_on(diagnosed, tmp_path):
+    """The page begins at the fit of the diagnosis; without its cause the gap is there again."""
+    subject = open_subject(diagnosed, None, None)
+    makers, state = EditedMakers(subject, tmp_path), subject.first_state()
+    verdict = json.loads((diagnosed / "verdict.json").read_text("utf-8"))
+    (row,) = [r for r in verdict["causes"] if r["effect"] == "gyroscopic"]
+    shown = subject.verdict.describe(subject.diagnosed_x())
+    (cause,) = [each for each in shown["causes"] if "gyroscopic" in each["name"]]
+    (name,) = cause["moves"]
+    assert (cause["moves"][name], dict(state.coordinates)[name]) == (1.0, 1.0)
+    (mark,) = subject.verdict.list_marks(subject.model.machine)
+    assert subject.model.machine.layout.bodies[mark["stage"]] == row["location"][len("body:") :]
+    gaps = {
+        share: frame_parts(makers.of(moved).make(moved))[0]["gap"]["excess"]
+        for share in (0.0, 0.5, 1.0)
+        for moved in [state.move({name: share})]
+    }
+    assert gaps[1.0] == pytest.approx(verdict["gap"]["after"]["excess"], rel=0.1)
+    assert gaps[0.0] > 1.5 * gaps[1.0]
+    assert gaps[0.0] > gaps[0.5] > gaps[1.0]
+    heavier = state.add(AddedMass(name="mass1", body="stage1", mass=1.0))
+    header, _ = frame_parts(makers.of(heavier).make(heavier))
+    assert header["x"][name] == 1.0
+    assert makers.of(heavier).subject.limits[name] == (0.0, 1.5)
 
 
 def test_kept_frames_stay_within_their_bytes(campaign):

@@ -21,6 +21,7 @@ from mbw.command import app
 from mbw.output_folder import ResultOptions
 from mbw.workbench.edited_makers import EditedMakers
 from mbw.workbench.edits import AddedAppendage, AddedDelay, AddedMass, AddedSpring
+from mbw.workbench.opening import open_subject
 from mbw.workbench.saving import save_state
 from mbw.workbench.state import (
     History,
@@ -36,7 +37,6 @@ from mbw.workbench.state import (
 )
 from mbw.workbench.state_log import open_log
 from mbw.workbench.state_study import StateStudy
-from mbw.workbench.subject import open_subject
 from tuning import open_session, predict
 
 POINT = (0.1, -0.05, 0.2)
@@ -257,7 +257,7 @@ def test_the_page_tries_sizes_out_and_undoes_what_was_added(campaign, tmp_path, 
         act({"do": "put", "edit": APPENDAGE.model_dump()})
         act({"do": "look", "channel": "appendage1:+tx"})
         scene = json.loads(browser.ask("GET", "/scene")[2])
-        assert [mark["name"] for mark in scene["edits"]] == ["mass1", "appendage1"]
+        assert [mark["name"] for mark in scene["marks"]] == ["mass1", "appendage1"]
         assert "appendage1" in scene["stages"]
         undone, _ = frame_parts(act({"do": "undo"}))
         assert undone["view"]["channel"] == first["view"]["channel"]

@@ -13,7 +13,7 @@ from workbench_server import Browser, frame_parts, serve
 
 from identification.words import UsageError
 from mbw.workbench.jobs import JobQueue
-from mbw.workbench.subject import open_subject
+from mbw.workbench.opening import open_subject
 
 MOVED = {"head_tx.stiffness": 0.2}
 

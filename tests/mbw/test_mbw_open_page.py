@@ -8,13 +8,13 @@ from browser import CHROMIUM, open_tab
 from campaign_folder import write_folder
 from small_machine import MJCF
 from typer.testing import CliRunner
-from workbench_server import serve
+from workbench_server import diagnose_rotor, serve
 
 from mbw.command import app
 from mbw.output_folder import ResultOptions
+from mbw.workbench.opening import open_subject
 from mbw.workbench.saving import save_state
 from mbw.workbench.state import Move
-from mbw.workbench.subject import open_subject
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium")
 READY = "document.documentElement?.dataset.ready"
@@ -173,6 +173,25 @@ def test_an_appendage_is_added_tried_out_by_its_slider_and_undone(page):
     page.run(f"{undo}.click()")
     page.wait("!document.querySelector('.edit')")
     assert page.run("document.querySelectorAll('#mode-rows tr').length") == modes
+
+
+def test_a_box_switches_a_cause_off_and_the_gap_comes_back(tab, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    subject = open_subject(diagnose_rotor(tmp_path), None, None)
+    excess, box = "Number(document.querySelectorAll('#figures strong')[1].textContent.slice(2))", ""
+    with serve(subject) as server:
+        tab.show(server.address)
+        tab.wait(READY)
+        assert "spinning rotor" in tab.run("document.getElementById('headline').textContent")
+        box = "document.querySelector('#cause-rows input')"
+        assert tab.run(f"{box}.checked")
+        whole = tab.run(excess)
+        tab.run(f"{box}.click()")
+        tab.wait(f"{excess} > {1.5 * whole}")
+        tab.run("document.getElementById('as-diagnosed').click()")
+        tab.wait(f"{excess} === {whole} && {box}.checked")
+        tab.wait("document.querySelector('#marks i.cause')?.textContent === '1'")
+        assert tab.run("FAULTS") == []
 
 
 @pytest.mark.parametrize("look", LOOKS)

@@ -1,0 +1,197 @@
+"""Opening of a campaign, a model, or a folder of results for the workbench."""
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from identification.readers.campaign_toml import find_campaign_file
+from identification.words import (
+    InputError,
+    Tolerance,
+)
+from identification.words.file_access import real_path
+from mbmodel import load_machine, machine_model, mjcf_files, model_modes
+from mbw.output_folder import folder_beside, source_of
+from mbw.results.diagnosed_files import read_result as read_diagnosis
+from mbw.results.identified_files import MODES_JSON
+from mbw.results.measured_modes import read_measured_modes
+from mbw.workbench.causes import ShownVerdict
+from mbw.workbench.subject import StoredFrfs, WorkbenchSubject
+from tuning import open_session, parametrise, read_result
+from tuning.files.input_files import hash_files, input_rows
+from tuning.files.plant_folder import AUGMENTED, SHOWN, VERDICT, HeldOutResult, read_held_out
+from tuning.files.result import TUNED_JSON, TUNED_MJCF
+from tuning.files.schema import InputRow
+
+N_LINES = 801  # of a model without a test, evenly spaced on a logarithmic axis
+_RESULT_FILES = {"tuned": TUNED_JSON, "diagnosed": VERDICT, "modes": MODES_JSON}
+
+
+def open_subject(path: Path, band: tuple[float, float] | None, key: str | None) -> WorkbenchSubject:
+    """Read a campaign, a model, or a folder of results with the campaign that it was made from.
+
+    Args:
+        path: folder or campaign.toml, MJCF, or folder of ``mbw tune``, ``diagnose``, ``identify``.
+        band: lowest and highest frequency [Hz]; None for the verb's own choice.
+        key: keyframe of a model that was opened; None for its default.
+
+    Raises:
+        InputError: the path is none of these, or cannot be read.
+    """
+    if path.is_file() and path.suffix == ".xml":
+        return _open_model(path, band, key)
+    file = next((f for f in _RESULT_FILES.values() if (path / f).is_file()), None)
+    if file is None:
+        if path.suffix != ".toml" and not (path / "campaign.toml").is_file():
+            raise InputError(
+                f"{path} is no campaign, model or folder of results: name a folder with a "
+                "campaign.toml, an MJCF (.xml), or a folder that mbw tune, diagnose or identify "
+                "wrote"
+            )
+        return _open_campaign(path, find_campaign_file(path), band)
+    source = source_of(path, file)
+    if source is None or not source.is_file():
+        where = "the folder does not name it" if source is None else source
+        raise InputError(f"{path}: its campaign is missing ({where}): open the campaign itself")
+    if source.suffix != ".toml":
+        raise InputError(f"{path} was made from a model alone: open {source}")
+    return _open_campaign(path, source, band)
+
+
+def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -> WorkbenchSubject:
+    """Open a model alone: everything varies that a campaign could tune of it."""
+    machine = load_machine(path, key=key)
+    model = machine_model(machine)
+    poles = model_modes(model, model.drawn).poles
+    moving = np.abs(poles[poles.imag > 0]) / (2 * np.pi)
+    if not model.parameters or not moving.size:
+        raise InputError(f"{path}: nothing of this machine oscillates: add springs to its joints")
+    low, high = band or (0.3 * float(moving.min()), 1.15 * float(moving.max()))
+    return WorkbenchSubject(
+        path=path,
+        source=path,
+        model=model,
+        parametrisation=parametrise(model, Tolerance()),
+        campaign=None,
+        freq_hz=np.geomspace(low, high, N_LINES),
+        quantity="accelerance",
+        hashes=("", _hash(hash_files(mjcf_files(path), path.parent))),
+        source_content=path.read_bytes(),
+        remarks=machine.remarks,
+    )
+
+
+def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -> WorkbenchSubject:
+    """Open a campaign with the results that were made from it, here or beside it."""
+    folders = {
+        suffix: folder
+        for suffix, file in _RESULT_FILES.items()
+        for folder in (folder_beside(source, suffix), path)  # what was opened counts
+        if _is_result_of(source, folder, file)
+    }
+    tuned = read_result(folders["tuned"]).summary if "tuned" in folders else None
+    session = open_session(source, band or (None if tuned is None else tuned.band))
+    campaign = session.campaign.leave_out_after()
+    rows = input_rows(session)
+    remarks = campaign.remarks
+    if tuned is not None and (changed := _changed_files(tuned.inputs, rows)):
+        remarks += (f"{folders['tuned']} was made before {', '.join(changed)} changed",)
+    subject = WorkbenchSubject(
+        path=path,
+        source=source,
+        model=session.model,
+        parametrisation=session.parametrisation,
+        campaign=campaign,
+        freq_hz=campaign.freq_hz,
+        quantity=campaign.tests[0].estimate.frf.quantity,
+        hashes=(
+            _hash(rows),
+            _hash(hash_files(mjcf_files(session.model.machine.source), source.parent)),
+        ),
+        source_content=source.read_bytes(),
+        result=path if path.is_dir() and path in folders.values() else None,
+        remarks=remarks,
+    )
+    return show_results(subject, folders)
+
+
+def show_results(subject: WorkbenchSubject, folders: Mapping[str, Path]) -> WorkbenchSubject:
+    """Return a subject with results of earlier verbs, in place of those of the same verb.
+
+    Args:
+        subject: a campaign.
+        folders: of results by ``tuned``, ``diagnosed`` and ``modes``.
+
+    Raises:
+        InputError: a result cannot be read.
+    """
+    if subject.campaign is None:
+        return subject
+    tuned, modes = subject.tuned, subject.measured_modes
+    stored, remarks = dict(subject.stored), list(subject.remarks)
+    readers: dict[str, Callable[[], HeldOutResult]] = {
+        "tuned": lambda: read_held_out(folders["tuned"] / TUNED_MJCF),
+        "diagnosed": lambda: read_held_out(folders["diagnosed"] / AUGMENTED),
+    }
+    for name, read in readers.items():
+        if name not in folders:
+            continue
+        frfs = _read_frfs(read(), subject)
+        if frfs is None:
+            remarks.append(
+                f"{folders[name]} has other frequency lines, and its curves are not shown"
+            )
+        else:
+            stored[name] = frfs
+    if "tuned" in folders:
+        tuned = read_result(folders["tuned"]).summary
+    verdict = subject.verdict
+    if "diagnosed" in folders:
+        verdict = ShownVerdict.of(read_diagnosis(folders["diagnosed"]))
+    if "modes" in folders:
+        modes = read_measured_modes(folders["modes"], subject.campaign)
+    return replace(
+        subject,
+        tuned=tuned,
+        stored=stored,
+        measured_modes=modes,
+        verdict=verdict,
+        remarks=tuple(dict.fromkeys(remarks)),
+    )
+
+
+def _is_result_of(source: Path, folder: Path, file: str) -> bool:
+    """Return whether a folder holds a result that was made from this campaign."""
+    needed = {VERDICT: SHOWN}.get(file, file)
+    if not all((folder / name).is_file() for name in (file, needed)):
+        return False
+    made_from = source_of(folder, file)
+    return made_from is not None and real_path(made_from) == real_path(source)
+
+
+def _read_frfs(result: HeldOutResult, subject: WorkbenchSubject) -> StoredFrfs | None:
+    """Return the FRFs of a result at the sensors; None if its lines are not the campaign's."""
+    lines, frfs = result.freq_hz, result.levels["sensors"]
+    if lines.shape != subject.freq_hz.shape or not np.allclose(lines, subject.freq_hz, rtol=1e-9):
+        return None
+    # A copy of the campaign names files, and hits where sites moved, in other ways.
+    names = tuple(dict.fromkeys(frfs.tests))
+    shown = subject.tests if len(names) == len(subject.tests) else names
+    test_of = dict(zip(names, shown, strict=True))
+    labels = zip(map(test_of.__getitem__, frfs.tests), frfs.outputs, strict=True)
+    return StoredFrfs({label: column for column, label in enumerate(labels)}, frfs.tuned)
+
+
+def _changed_files(then: Iterable[InputRow], now: Iterable[InputRow]) -> list[str]:
+    """Return the files whose content changed since a result was made."""
+    hashes = {row.file: row.sha256 for row in now}
+    return [row.file for row in then if hashes.get(row.file, row.sha256) != row.sha256]
+
+
+def _hash(rows: Iterable[InputRow]) -> str:
+    """Return one hash of all files."""
+    text = "".join(f"{row.file} {row.sha256}\n" for row in rows)
+    return hashlib.sha256(text.encode()).hexdigest()

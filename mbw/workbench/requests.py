@@ -1,0 +1,59 @@
+"""Bodies of the requests of the workbench's page."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+
+from mbw.workbench.desk import Desk
+from mbw.workbench.edits import MachineEdit
+from mbw.workbench.jobs import JobQueue, Verb
+from mbw.workbench.state import Action
+
+
+class _Request(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class ActRequest(_Request):
+    """An action of a browser that shows a revision."""
+
+    revision: int
+    action: Action
+
+
+class PreviewRequest(_Request):
+    """Changes that are shown before they count."""
+
+    values: dict[str, FiniteFloat] = {}
+    edit: MachineEdit | None = None
+
+
+class JobRequest(_Request):
+    """What the page asks of the jobs."""
+
+    do: Literal["add", "cancel", "resume", "show"]
+    verb: Verb = "tune"
+    partner: Annotated[str, Field(max_length=4096)] = ""
+    number: int = 0
+
+    def run(self, jobs: JobQueue, desk: Desk) -> list[str]:
+        """Do it, and return sentences.
+
+        Args:
+            jobs: all jobs.
+            desk: whose state a new job takes.
+
+        Raises:
+            WorkbenchError: what is asked for cannot be.
+        """
+        if self.do == "add":
+            job = jobs.add(self.verb, desk.subject, desk.state, self.partner)
+            return [f"job {job.number}: mbw {job.verb} waits for its turn", *job.remarks]
+        if self.do == "cancel":
+            jobs.cancel(self.number)
+            return [f"job {self.number} is cancelled"]
+        if self.do == "show":
+            jobs.show(self.number)
+            return [f"the result of job {self.number} is shown"]
+        jobs.resume(self.number)
+        return [f"job {self.number} goes on"]
