@@ -145,9 +145,13 @@ class Tab:
                 windowsVirtualKeyCode=code,
             )  # fmt: skip
 
+    def shot(self):
+        """What the tab shows as PNG."""
+        return base64.b64decode(self.send("Page.captureScreenshot")["data"])
+
     def picture(self, path):
         """Write what the tab shows as PNG."""
-        path.write_bytes(base64.b64decode(self.send("Page.captureScreenshot")["data"]))
+        path.write_bytes(self.shot())
 
 
 @contextmanager

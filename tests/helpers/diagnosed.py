@@ -40,6 +40,17 @@ def diagnosed(name: str, folder: Path) -> Path:
     return result
 
 
+def diagnose_rotor(place):
+    """Folder of mbw diagnose of a machine with a spinning rotor that its drawing lacks."""
+    drawn(place, 72_013, "gyroscopic", ratio=6.0, lines=161)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(refit_round, "load_catalogue", lambda: {"gyroscopic": EFFECTS["gyroscopic"]})
+        words = ["diagnose", str(place / "campaign"), "--out", str(place / "result"), "--quiet"]
+        run = RUNNER.invoke(app, words)
+    assert run.exit_code in (0, 4), run.output
+    return place / "result"
+
+
 def lead_of(page: str) -> str:
     """The first sentences of a page, without the explanations of their words."""
     found = re.search(r'<p class="lead">(.*?)</p>', page, re.DOTALL)

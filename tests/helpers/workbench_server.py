@@ -6,14 +6,8 @@ import threading
 from contextlib import contextmanager
 
 import numpy as np
-import pytest
-from drawn import drawn
-from typer.testing import CliRunner
 
-from diagnosis import EFFECTS
-from diagnosis.search import refit_round
 from identification.words.file_access import temporary_folder
-from mbw.command import app
 from mbw.workbench.desk import Desk
 from mbw.workbench.jobs import JobQueue
 from mbw.workbench.server import PageServer, Workbench
@@ -36,17 +30,6 @@ def serve(subject, name="work", budget=None, **tasks):
             server.shutdown()
             thread.join(10)
         jobs.close()
-
-
-def diagnose_rotor(place):
-    """Folder of mbw diagnose of a machine with a spinning rotor that its drawing lacks."""
-    drawn(place, 72_013, "gyroscopic", ratio=6.0, lines=161)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(refit_round, "load_catalogue", lambda: {"gyroscopic": EFFECTS["gyroscopic"]})
-        words = ["diagnose", str(place / "campaign"), "--out", str(place / "result"), "--quiet"]
-        run = CliRunner().invoke(app, words)
-    assert run.exit_code in (0, 4), run.output
-    return place / "result"
 
 
 def frame_parts(frame):

@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from campaign_folder import write_folder
+from diagnosed import diagnose_rotor
 from hypothesis import given
 from hypothesis import strategies as st
 from small_machine import MJCF
 from typer.testing import CliRunner
-from workbench_server import Browser, diagnose_rotor, frame_parts, serve
+from workbench_server import Browser, frame_parts, serve
 
 from identification.words import InputError, UsageError
 from mbmodel import Evaluator, FrfRequest, model_modes, parse_input, parse_output

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, open_tab
 from campaign_folder import write_folder
+from diagnosed import diagnose_rotor
 from small_machine import MJCF
 from typer.testing import CliRunner
-from workbench_server import diagnose_rotor, serve
+from workbench_server import serve
 
 from mbw.command import app
 from mbw.output_folder import ResultOptions
