@@ -139,11 +139,15 @@ export function createScene(canvas, marks, onPick) {
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.edges); gl.drawElements(gl.LINES, mesh.nEdges, gl.UNSIGNED_INT, 0);
     }
     strokes(lines.flatMap(line => line.stages.slice(1).flatMap((_, k) => [k, k + 1].map(e => moved(Array.from(line.points.slice(3 * e, 3 * e + 3)), line.stages[e])))), rgba(css.ink));
-    if (frames) ["#d03a3a", "#2f8f4e", "#3a6fd0"].forEach((colour, k) => strokes(data.stages.flatMap((_, stage) => {
-      const centre = Array.from(centres.subarray(3 * stage, 3 * stage + 3)), end = centre.slice();
-      end[k] += 0.09 * size;
-      return [moved(centre, stage), moved(end, stage)];
-    }), rgba(colour)));
+    if (frames) ["#d03a3a", "#2f8f4e", "#3a6fd0"].forEach((colour, k) => strokes([
+      ...data.stages.flatMap((_, stage) => {
+        const centre = Array.from(centres.subarray(3 * stage, 3 * stage + 3)), end = centre.slice();
+        end[k] += 0.09 * size;
+        return [moved(centre, stage), moved(end, stage)];
+      }),
+      ...data.points.filter(point => point.kind !== "site").flatMap(({place, stage, axes}) =>  // sensors and hits, along their own axes
+        [moved(place, stage), moved(add(place, axes.slice(3 * k, 3 * k + 3), 0.035 * size), stage)]),
+    ], rgba(colour)));
     mark(look);
     if (isSlow === null) {
       gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));  // waits for the picture

@@ -105,7 +105,9 @@ def scene_data(subject: WorkbenchSubject, plain: WorkbenchSubject) -> dict[str, 
     """
     machine, layout = subject.model.machine, plain.model.machine.layout
     at_rest = np.zeros((0, 6 * len(machine.layout.bodies)), complex)
-    data = picture_data(machine.layout, machine_geometry(machine), at_rest)
+    data: dict[str, Any] = picture_data(machine.layout, machine_geometry(machine), at_rest)
+    for point, axes in zip(data["points"], machine.layout.axes, strict=True):
+        point["axes"] = np.round(axes.T, 6).ravel().tolist()
     bodies = machine.layout.bodies
     marks = [
         {

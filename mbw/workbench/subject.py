@@ -16,15 +16,12 @@ from identification.words import (
     Real,
 )
 from mbmodel import Model
-from mbw.results.identified_files import MODES_JSON
 from mbw.site_kinds import hammer_sites, sensor_sites
 from mbw.workbench.causes import ShownVerdict
 from mbw.workbench.edits import MachineEdit
 from mbw.workbench.state import SessionState, View
 from tuning import Parametrisation, TunedFile
 from tuning.files.plant_folder import VERDICT
-from tuning.files.result import TUNED_JSON
-
 
 
 @dataclass(frozen=True, eq=False)

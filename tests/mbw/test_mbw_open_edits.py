@@ -259,6 +259,7 @@ def test_the_page_tries_sizes_out_and_undoes_what_was_added(campaign, tmp_path, 
         scene = json.loads(browser.ask("GET", "/scene")[2])
         assert [mark["name"] for mark in scene["marks"]] == ["mass1", "appendage1"]
         assert "appendage1" in scene["stages"]
+        assert scene["points"][0]["axes"] == [1, 0, 0, 0, 1, 0, 0, 0, 1]
         undone, _ = frame_parts(act({"do": "undo"}))
         assert undone["view"]["channel"] == first["view"]["channel"]
         wrong = {**MASS.model_dump(), "body": "arm"}
