@@ -2,6 +2,7 @@
 
 from identification.words import Campaign, Dof
 from mbmodel import (
+    AddedPart,
     ChannelPart,
     HammerGainPart,
     HammerPart,
@@ -18,6 +19,7 @@ from mbmodel import (
     spring_parts,
 )
 from mbmodel.parts import AttachedPart, ToleranceKind
+from mbmodel.parts.change_rows import RowNames, fit_part
 
 
 def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
@@ -134,4 +136,10 @@ def rebuild_for_machine(model: Model, machine: Machine) -> Model:
         ),
     )
     by_parameters = {part.parameters: part for part in parts}
+    names = RowNames.of(model.machine), RowNames.of(machine)
+    by_parameters |= {  # causes that a machine before a change has
+        part.parameters: fit_part(part, *names)
+        for part in model.parts
+        if isinstance(part, AddedPart)
+    }
     return Model(machine, tuple(by_parameters[part.parameters] for part in model.parts))

@@ -19,19 +19,9 @@ from diagnosis import Hypothesis
 from diagnosis.levels.law_hypothesis import LawPart
 from identification.words import Complex, Condition, Real
 from mbmodel import AddedPart, Change, Machine, Parameter
-from mbmodel.parts import Slot
+from mbmodel.parts.change_rows import RowNames, fit_part
 from tuning import Session
 
-# What the rows of left and right count: bodies in six directions, joint coordinates, or neither.
-_SPACES: dict[Slot, tuple[str, str]] = {
-    "body": ("bodies", "bodies"),
-    "joint": ("joints", "joints"),
-    "path": ("bodies", "joints"),
-    "sensor": ("", "bodies"),
-    "hammer": ("", "bodies"),
-    "input": ("", ""),
-    "output": ("", ""),
-}
 _TERM_ARRAYS = ("left", "right", "core", "shape")
 
 
@@ -43,8 +33,7 @@ class StoredCause:
         effect: of the catalogue.
         location: its place.
         terms: of the equation of motion at the fitted size; empty if it is no such term.
-        bodies: names of the bodies whose motions the terms count.
-        joints: names of the joint coordinates that they count.
+        rows: names of the bodies and joints whose motions the terms count.
         shares: part of it that acts in each test, by file and reference; empty if all of it acts
             in every one.
         values: fitted values of the tolerances that it releases [SI], by name.
@@ -53,8 +42,7 @@ class StoredCause:
     effect: str
     location: str
     terms: tuple[Change, ...]
-    bodies: tuple[str, ...]
-    joints: tuple[str, ...]
+    rows: RowNames
     shares: Mapping[tuple[str, str], float]
     values: Mapping[str, float]
 
@@ -65,40 +53,15 @@ class StoredCause:
             share: name of the parameter.
             machine: that gets the cause; it may have other bodies and joints beside.
         """
-        terms = (self._fit_to(machine, term) for term in self.terms)
-        slopes = tuple(replace(term, core=term.core[None]) for term in terms)
+        slopes = tuple(replace(term, core=term.core[None]) for term in self.terms)
         parameter = Parameter(share, 0.0, "1", positive=False)
         when = self._act if self.shares else None
-        return AddedPart.linear(self.location, (parameter,), slopes, when)
+        part = AddedPart.linear(self.location, (parameter,), slopes, when)
+        return fit_part(part, self.rows, RowNames.of(machine))
 
     def _act(self, condition: Condition) -> float:
         """Return the part that acts in a test."""
         return self.shares.get((condition.test, str(condition.reference)), 0.0)
-
-    def _fit_to(self, machine: Machine, term: Change) -> Change:
-        """Return a term whose rows are those of a machine."""
-        names = {
-            "bodies": (_six_times(self.bodies), _six_times(machine.layout.bodies)),
-            "joints": (list(self.joints), list(machine.coordinates)),
-        }
-
-        def place(matrix: Real, space: str) -> Real:
-            if not space:
-                return matrix
-            kept, wanted = names[space]
-            placed = np.zeros((len(wanted), matrix.shape[1]))
-            for row, name in zip(matrix, kept, strict=True):
-                if name in wanted:  # a direction that is rigid as drawn does not move
-                    placed[wanted.index(name)] = row
-            return placed
-
-        left, right = _SPACES[term.slot]
-        return replace(term, left=place(term.left, left), right=place(term.right, right))
-
-
-def _six_times(bodies: tuple[str, ...]) -> list[str]:
-    """Return a name for each motion of each body."""
-    return [f"{body} {axis}" for body in bodies for axis in range(6)]
 
 
 def store_causes(session: Session, theta: Real, causes: Sequence[Hypothesis]) -> dict[str, Any]:
@@ -193,8 +156,7 @@ def _read_cause(arrays: Mapping[str, Any], key: str) -> StoredCause:
         effect,
         location,
         tuple(terms),
-        tuple(map(str, arrays["fit_bodies"])),
-        tuple(map(str, arrays["fit_joints"])),
+        RowNames(tuple(map(str, arrays["fit_bodies"])), tuple(map(str, arrays["fit_joints"]))),
         dict(zip(tests, shares.tolist(), strict=True)) if shares.size else {},
         {name: values[name] for name in released},
     )

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis import build_verdict, diagnose
+from diagnosis import EFFECTS, build_verdict, diagnose
 from diagnosis.known_cause_bound import refit_true_cause
+from diagnosis.refits.refitting import add_hypothesis
 from identification import Fault, estimate_bending_shape
 from tests.helpers.drawn import drawn
-from tuning import rebuild_for_machine
+from tuning import predict, rebuild_for_machine
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +71,20 @@ def test_the_same_parts_are_made_for_another_machine(case):
     assert after.stiffness[:nv, :nv] == pytest.approx(before.stiffness)
     assert after.mass[:nv, :nv] == pytest.approx(before.mass)
     assert not after.mass[:nv, nv:].any()
+
+
+@pytest.mark.parametrize("effect", ["parallel_path", "appendage", "feedback_delay", "drift"])
+def test_causes_of_the_machine_before_stay_on_the_wider_machine(case, effect):
+    """A state before a change may have causes, and a body may bend after it."""
+    found, _ = case
+    (bending,) = found.present.causes
+    cause = next(each for each in EFFECTS[effect](found.scene) if each.parts)
+    session = add_hypothesis(found.scene.session, cause)
+    theta = np.array([p.drawn or 0.3 for p in session.model.parameters])
+    wider = rebuild_for_machine(session.model, bending.reform(session.model.machine))
+    assert wider.parameters == session.model.parameters
+    campaign = session.campaign
+    for got, wanted in zip(
+        predict(wider, theta, campaign), predict(session.model, theta, campaign), strict=True
+    ):
+        np.testing.assert_allclose(got, wanted, rtol=1e-5, atol=1e-7 * np.abs(wanted).max())
