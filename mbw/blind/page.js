@@ -1,7 +1,7 @@
 // Grades of a blind test: success rates by groups, reliability, confusion matrix, all cases.
 const SHOWN = ["effect_first", "place_first", "both", "where_first", "false_alarm", "unknown_rejected"];
 const state = {split: "all"};
-const LAYOUT = {font: FONT, paper_bgcolor: "white", plot_bgcolor: "white", margin: {l: 60, r: 12, t: 30, b: 44}};
+const LAYOUT = {font: FONT, paper_bgcolor: PAPER, plot_bgcolor: PAPER, margin: {l: 60, r: 12, t: 30, b: 44}};
 
 function groups() {
   const scores = DATA.verdicts;
@@ -31,7 +31,7 @@ function rates() {
       offsetgroup: String(k), marker: {color: "rgba(0,0,0,0)", line: {color: GREY, width: 2}}});
   });
   Plotly.react("rates", traces, {...LAYOUT, barmode: "group", height: 380,
-    yaxis: {range: [0, 1.12], tickformat: ".0%", gridcolor: "#eef1f5"}, xaxis: {type: "category", automargin: true},
+    yaxis: {range: [0, 1.12], tickformat: ".0%", gridcolor: GRID}, xaxis: {type: "category", automargin: true},
     legend: {orientation: "h", y: 1.14}}, CONFIG);
   press(byId("split"));
 }
@@ -52,7 +52,7 @@ function confusion() {
   const matrix = DATA.verdicts.confusion.effects, rows = Object.keys(matrix).sort();
   const columns = [...new Set(rows.flatMap(r => Object.keys(matrix[r])))].sort();
   const z = rows.map(r => columns.map(c => matrix[r][c] || 0));
-  Plotly.react("confusion", [{type: "heatmap", x: columns, y: rows, z, colorscale: [[0, "#ffffff"], [1, BLUE]],
+  Plotly.react("confusion", [{type: "heatmap", x: columns, y: rows, z, colorscale: [[0, PAPER], [1, BLUE]],
     showscale: false, text: z.map(r => r.map(v => v || "")), texttemplate: "%{text}", xgap: 1, ygap: 1}],
     {...LAYOUT, height: Math.max(420, 80 + 18 * rows.length), xaxis: {tickangle: -50, type: "category", automargin: true},
      yaxis: {autorange: "reversed", type: "category", automargin: true}}, CONFIG);

@@ -1,5 +1,5 @@
 // Places of a machine in the 3-D picture, of which one is marked.
-const PLACES = DATA.places, PALE = "#c3c9d2";
+const PLACES = DATA.places;
 
 function looks(place) {
   return MESHES.map(mesh => {

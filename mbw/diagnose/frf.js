@@ -19,7 +19,7 @@ function frf() {
     data.push(...bodeTraces(FREQ, values, name, line));
   }
   if (Math.max(...noise) > 10 ** logAxis(sizes).range[0]) data.unshift({type: "scatter", mode: "lines", x: FREQ, y: noise, name: "noise",
-    line: {color: "#b9c0cb", width: 1}, hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>noise</extra>"});
+    line: {color: PALE, width: 1}, hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>noise</extra>"});
   Plotly.react("frf", data, {...PLOT, height: Math.min(800, Math.max(560, 12 * ROWS.length)), margin: {l: 70, r: 16, t: 58, b: 44},
     xaxis: {title: {text: "frequency / Hz", standoff: 4}, range: [FREQ[0], FREQ[LINES - 1]], gridcolor: GRID, zeroline: false, ticks: "outside", anchor: "y2"},
     ...bodeAxes(sizes, DATA.frf.quantity + " / (" + channel.unit + ")"),

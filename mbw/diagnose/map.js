@@ -9,7 +9,7 @@ function marks() {
   SIDES.forEach((_, s) => shapes.push({type: "rect", xref: s ? "x2" : "x", x0: chosen.test - 0.5, x1: chosen.test + 0.5, y0: row - 0.5, y1: row + 0.5,
     line: {color: ORANGE, width: 2}}));
   ROWS.forEach((r, k) => { if (k && r.body !== ROWS[k - 1].body) shapes.push({type: "line", xref: "paper", x0: 0, x1: 1, y0: k - 0.5, y1: k - 0.5,
-    line: {color: "#667085", width: 1}}); });
+    line: {color: SOFT, width: 1}}); });
   return shapes;
 }
 

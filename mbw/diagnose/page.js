@@ -20,7 +20,7 @@ function gapBars() {
     showlegend: false, error_x: {type: "data", symmetric: false, array: [ends[k][1] - r.excess], arrayminus: [r.excess - ends[k][0]], color: INK, thickness: 1.5, width: 5}}); });
   const notes = rows.map((r, k) => ({x: Math.log10(Math.max(1, r.excess, ends[k][1])), y: r.name, text: text[k], xanchor: "left", showarrow: false, xshift: 10, align: "left"}));
   Plotly.newPlot(place, data, {...PLOT, showlegend: false, height: 66 + 40 * rows.length, margin: {l: 110, r: room, t: 8, b: 40}, annotations: [...notes,
-      {x: 0, y: 1, yref: "paper", yanchor: "top", text: "noise", textangle: -90, showarrow: false, xanchor: "right", font: {size: 11, color: "#667085"}}],
+      {x: 0, y: 1, yref: "paper", yanchor: "top", text: "noise", textangle: -90, showarrow: false, xanchor: "right", font: {size: 11, color: SOFT}}],
     shapes: [{type: "line", x0: 1, x1: 1, yref: "paper", y0: 0, y1: 1, line: {color: INK, width: 1.5, dash: "dot"}}],
     xaxis: {type: "log", range: [Math.log10(least), Math.log10(top * 1.1)], gridcolor: GRID, zeroline: false, tickvals: TICKS, title: {text: "excess: gap over noise", standoff: 6}},
     yaxis: {autorange: "reversed", ticksuffix: " ", showgrid: false, zeroline: false}}, BARE);

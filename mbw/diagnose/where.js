@@ -1,5 +1,5 @@
 // Location: probabilities of places and free forces as bars, the chosen place on the machine.
-const PLACES = DATA.places, PALE = "#c3c9d2", MILD = "#f3cfa3";
+const PLACES = DATA.places, MILD = "#f3cfa3";
 
 // Return colour and opacity of each mesh; the bodies of the shown place stand out.
 function looks(place) {
@@ -48,6 +48,6 @@ looks(PLACES[0]).forEach((look, k) => Object.assign(MESHES[k], look));
 PICTURE.link = PLACES[0].line;
 PLACES[0].points.forEach((place, k) => PICTURE.points.push({name: PLACES[0].name, stage: -1, place, kind: "place"}));
 byId("film").append(element("span", "◆ ", {style: "color:" + PURPLE}), element("span", "the place, a link as a line ", {className: "soft"}),
-  element("span", "● ", {style: "color:#c8201d"}), element("span", "sensor ", {className: "soft"}), element("span", "◆ "), element("span", "hammer", {className: "soft"}));
+  element("span", "● ", {style: "color:var(--bad)"}), element("span", "sensor ", {className: "soft"}), element("span", "◆ "), element("span", "hammer", {className: "soft"}));
 start();
 showPlace(0);

@@ -6,7 +6,6 @@ const COHERENCE = floats(DATA.frf.coherence), HAS_COHERENCE = integers(DATA.frf.
 const AS_SOLID = floats(DATA.frf.as_solid), HAS_SOLID = integers(DATA.frf.has_solid);
 const PARTICIPATION = floats(MODEL.participation), LOWER = floats(MODEL.lower), UPPER = floats(MODEL.upper);
 const ERRORS = Object.fromEntries(Object.entries(DATA.error).map(([name, text]) => [name, floats(text)]));
-const GREEN = "#2f8f4e";
 const times = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
 const over = ([a, b], [c, d]) => { const size = c * c + d * d; return [(a * c + b * d) / size, (b * c - a * d) / size]; };
 
@@ -54,7 +53,7 @@ function frf() {
     const measured = stored(MEASURED, cell), start = LINES * cell;
     sizes.push(measured.map(v => Math.hypot(...v) || null), Array.from(NOISE.slice(start, start + LINES), v => v || null));
     data.push({type: "scatter", mode: "lines", x: FREQ, y: NOISE.slice(start, start + LINES), name: "noise, one standard deviation",
-      line: {color: "#b9c0cb", width: 1}, hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>noise</extra>"});
+      line: {color: PALE, width: 1}, hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>noise</extra>"});
     data.push({type: "scatter", mode: "lines", x: FREQ, y: measured.map((v, k) => Math.hypot(v[0] - synthesised[k][0], v[1] - synthesised[k][1])), name: "difference",
       line: {color: "#f0c596", width: 1}, visible: "legendonly", hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>difference</extra>"});
     data.push(...curves(measured, "measured", {color: INK, width: 1.8}));
@@ -176,7 +175,7 @@ function macPlot(id, text, columns, titles, pairs) {
 function comacPlot(id, source, title) {
   const values = floats(source.values), known = integers(source.known), shown = Array.from(values.keys()).filter(k => known[k]);
   if (!shown.length) return;
-  const lack = shown.map(k => 1 - values[k]), color = lack.map(v => v > 0.2 ? "#b42318" : v > 0.05 ? ORANGE : "#7fb2e0");
+  const lack = shown.map(k => 1 - values[k]), color = lack.map(v => v > 0.2 ? RED : v > 0.05 ? ORANGE : BLUE);
   Plotly.newPlot(id, [{type: "bar", x: shown.map((_, i) => i), y: lack, marker: {color}, customdata: shown.map(k => [OUTPUTS[k], DATA.bodies[k], values[k]]),
     hovertemplate: "%{customdata[0]} on %{customdata[1]}: COMAC %{customdata[2]:.4f}<extra></extra>"}],
     {...PLOT, height: 250, margin: {l: 60, r: 10, t: 30, b: 60}, bargap: 0.25, title: {text: title, font: {size: 13}, x: 0.02, y: 0.98},

@@ -1,6 +1,5 @@
 // Hits of raw records: averages of each reference, spectral densities of force and motion.
 Object.assign(state, {hits: 0, channel: 0, signal: "record"});
-const RED = "#b0413e";
 const KIND = {accelerance: ["acceleration", "m/s²", "rad/s²"], mobility: ["velocity", "m/s", "rad/s"], receptance: ["displacement", "m", "rad"]};
 const turns = name => /:[+-]r/.test(name);
 const short = value => String(Number(value.toPrecision(3)));
@@ -74,12 +73,12 @@ function hitsPlot() {
     force.push(density(row.noise, floats(row.noise.force), "y", "noise before the hits", noise));
     motion.push({...density(row.noise, column(row.noise), "y2", "noise before the hits", noise), showlegend: false});
   }
-  force.push(density(row.densities, floats(row.densities.force), "y", "force " + row.reference, {color: "#b0413e", width: 1.5}));
+  force.push(density(row.densities, floats(row.densities.force), "y", "force " + row.reference, {color: RED, width: 1.5}));
   motion.push(density(row.densities, column(row.densities), "y2", "motion " + output, {color: BLUE, width: 1.5}));
   for (const trace of [...force, ...motion]) trace.legendgroup = trace.name;
   const y = {type: "log", gridcolor: GRID, zeroline: false, exponentformat: "power"}, last = floats(row.densities.freq);
   const unit = (turns(output) ? radians : metres) + "/√Hz", pushes = turns(row.reference) ? ["moment", "N m"] : ["force", "N"];
-  const band = {type: "rect", layer: "below", xref: "x", yref: "paper", x0: FREQ[0], x1: FREQ[LINES - 1], y0: 0, y1: 1, fillcolor: "#f2f6fb", line: {width: 0}};
+  const band = {type: "rect", layer: "below", xref: "x", yref: "paper", x0: FREQ[0], x1: FREQ[LINES - 1], y0: 0, y1: 1, fillcolor: hue("hover"), line: {width: 0}};
   Plotly.react("hits-plot", [...force, ...motion], {...PLOT, height: 460, margin: {l: 76, r: 12, t: 34, b: 44}, shapes: [band],
     xaxis: {title: {text: "frequency / Hz; shaded: the band of the modes", standoff: 4}, range: [0, last[last.length - 1]], gridcolor: GRID, zeroline: false, ticks: "outside", anchor: "y2"},
     yaxis: {...y, domain: [0.54, 1], ...logAxis(force.map(t => t.y)), title: {text: pushes[0] + " / (" + pushes[1] + "/√Hz)"}},
@@ -106,7 +105,7 @@ function hitsTime() {
   const trace = (y, axis, name, color) => ({type: "scatter", mode: "lines", x, y, yaxis: axis, name, line: {color, width: 1.2}, hovertemplate: "%{x:.5g} s: %{y:.4g}<extra>" + escaped(name) + "</extra>"});
   const mark = (time, color) => ({type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1, layer: "below", line: {color, width: 1, dash: "dot"}});
   Plotly.react("hits-time", [trace(floats(source.force), "y", push[0] + " " + row.reference, RED), trace(channelOf(source), "y2", motion[0] + " " + output, BLUE)],
-    {...PLOT, height: 380, margin: {l: 76, r: 12, t: 34, b: 44}, shapes: isWhole ? [...source.kept.map(t => mark(t, INK)), ...source.rejected.map(t => mark(t, "#d0d5dd"))] : [],
+    {...PLOT, height: 380, margin: {l: 76, r: 12, t: 34, b: 44}, shapes: isWhole ? [...source.kept.map(t => mark(t, INK)), ...source.rejected.map(t => mark(t, PALE))] : [],
     xaxis: {title: {text: "time in record " + source.number + " / s" + (isWhole ? "; dotted: hits, grey where left out" : ""), standoff: 4}, range: [x[0], last], gridcolor: GRID, zeroline: false, ticks: "outside", anchor: "y2"},
     yaxis: {domain: [0.54, 1], gridcolor: GRID, title: {text: push[0] + " / " + push[1]}}, yaxis2: {domain: [0, 0.46], gridcolor: GRID, title: {text: motion[0] + " / " + motion[1]}},
     legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG);

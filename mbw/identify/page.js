@@ -78,9 +78,9 @@ function complexity() {
   const values = OUTPUTS.map((_, k) => entry(state.mode, k)), reach = 1.1 * Math.max(...values.map(v => Math.hypot(...v))) || 1;
   const x = [], y = [];
   values.forEach(([re, im]) => { x.push(0, re, null); y.push(0, im, null); });
-  const axis = {range: [-reach, reach], zeroline: true, zerolinecolor: "#c6ccd6", gridcolor: GRID, nticks: 4, tickfont: {size: 9}, showticklabels: false};
+  const axis = {range: [-reach, reach], zeroline: true, zerolinecolor: PALE, gridcolor: GRID, nticks: 4, tickfont: {size: 9}, showticklabels: false};
   Plotly.react("complexity", [
-    {type: "scatter", mode: "lines", x, y, line: {color: "#b9cfe6", width: 1}, hoverinfo: "skip"},
+    {type: "scatter", mode: "lines", x, y, line: {color: PALE, width: 1}, hoverinfo: "skip"},
     {type: "scatter", mode: "markers", x: values.map(v => v[0]), y: values.map(v => v[1]), marker: {color: BLUE, size: 4}, text: OUTPUTS,
      hovertemplate: "%{text}: %{x:.3g} + %{y:.3g} i<extra></extra>"}],
     {...PLOT, height: 230, margin: {l: 22, r: 6, t: 6, b: 24}, showlegend: false,
@@ -91,8 +91,8 @@ function complexity() {
 // ---- indicators ----------------------------------------------------------------------------
 
 const KINDS = [
-  ["negative or too high damping", "#e3a59f", "x-thin", 4, "legendonly"], ["new pole", "#c4cad4", "circle", 3, true],
-  ["frequency stable", "#98a2b3", "circle-open", 5, true], ["frequency and damping stable", "#7fb2e0", "circle-open", 6, true],
+  ["negative or too high damping", "#e3a59f", "x-thin", 4, "legendonly"], ["new pole", PALE, "circle", 3, true],
+  ["frequency stable", GREY, "circle-open", 5, true], ["frequency and damping stable", BLUE, "circle-open", 6, true],
   ["stable, participation too", BLUE, "circle", 5, true]];
 
 function diagram() {
@@ -106,7 +106,7 @@ function diagram() {
   });
 }
 
-const SHADES = [INK, BLUE, ORANGE, "#2f8f4e", "#7a5aa6", GREY];
+const SHADES = [INK, BLUE, ORANGE, GREEN, PURPLE, GREY];
 
 function values(text, axis, name) {
   const all = floats(text), n = FREQ.length;

@@ -70,7 +70,7 @@ function reconstruction() {
   }
   const [words, isGood] = verdictOf(row), unit = DATA.quantity + " / (" + UNITS.motion[grid[0][0]] + "/" + UNITS.force[state.solidInp] + ")";
   annotations.push({xref: "paper", yref: "paper", x: 0, y: 1, yshift: 24, xanchor: "left", yanchor: "bottom", showarrow: false, text: escaped(row.body + ": " + words),
-    font: {size: 12, color: isGood === null ? FONT.color : "white"}, bgcolor: isGood === null ? "#eef1f5" : isGood ? "#2f7d4a" : "#b42318", borderpad: 4});
+    font: {size: 12, color: isGood === null ? FONT.color : "#ffffff"}, bgcolor: isGood === null ? GRID : isGood ? "#2f7d4a" : "#b42318", borderpad: 4});
   annotations.push({xref: "paper", yref: "paper", x: 0, xshift: -58, y: 0.5, textangle: -90, xanchor: "center", showarrow: false, text: escaped(isMagnitude ? unit : "phase / °")});
   Plotly.react("solid-grid", data, {...PLOT, ...layout, height, margin: {l: 76, r: 12, t: head, b: foot}, annotations, hovermode: "x",
     legend: {orientation: "h", x: 1, y: 1, yref: "paper", xanchor: "right", yanchor: "bottom", uirevision: "kept"}}, width > 1 ? CONFIG : BARE);

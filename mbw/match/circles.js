@@ -55,7 +55,7 @@ function lines(at, inside) {
     x.push(value[0]); y.push(value[1]); text.push(digits(NYQUIST.freq[first + k]) + " Hz");
   }
   return {type: "scatter", mode: "markers", x, y, text, name: inside ? "measured, fitted" : "measured, beside the fit",
-    marker: {size: inside ? 6 : 5, color: inside ? BLUE : "white", line: {color: inside ? BLUE : GREY, width: 1}}, hovertemplate: "%{text}<extra></extra>"};
+    marker: {size: inside ? 6 : 5, color: inside ? BLUE : PAPER, line: {color: inside ? BLUE : GREY, width: 1}}, hovertemplate: "%{text}<extra></extra>"};
 }
 
 // The circle, its natural frequency and its half-power points, with their frequencies beside them.

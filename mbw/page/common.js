@@ -1,12 +1,14 @@
 // Shared by all pages: colours, settings of plotly, numbers packed as base64.
-const BLUE = "#1f6fb8", ORANGE = "#d9822b", INK = "#30343b", GREY = "#98a2b3", PURPLE = "#7b1fa2";
-const HUES = ["#1f6fb8", "#d9822b", "#2f8f4e", "#b0413e", "#7a5aa6", "#8a6d3b", "#c2569b", "#5d6673", "#9aa52c", "#22a0ae"];
+const hue = name => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+const BLUE = hue("tuned"), ORANGE = hue("drawn"), INK = hue("measured"), GREY = hue("noise"), GREEN = hue("diagnosed"), RED = hue("bad"), PALE = hue("pale"), PURPLE = hue("violet");
+const PAPER = hue("paper"), GRID = hue("grid"), SOFT = hue("soft");
+const HUES = [BLUE, ORANGE, "#2f8f4e", "#b0413e", "#7a5aa6", "#8a6d3b", "#c2569b", "#5d6673", "#9aa52c", "#22a0ae"];
 const CONFIG = {displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d"]};
-const FONT = {family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: "#1d2430"};
-const PLOT = {font: FONT, paper_bgcolor: "white", plot_bgcolor: "white"};
+const FONT = {family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: hue("ink")};
+const PLOT = {font: FONT, paper_bgcolor: PAPER, plot_bgcolor: PAPER};
 const BARE = {...CONFIG, displayModeBar: false};
-const GRID = "#eef1f5";
-const BLUES = [[0, "#f7f9fb"], [0.15, "#dbe8f5"], [0.5, "#7fb2e0"], [1, "#134b82"]];
+const BLUES = [[0, hue("hover")], [0.15, PAPER === "#ffffff" ? "#dbe8f5" : "#23466b"], [0.5, PAPER === "#ffffff" ? "#7fb2e0" : "#3f86c8"], [1, hue("deep")]];
+matchMedia("screen and (prefers-color-scheme: dark)").addEventListener("change", () => location.reload());
 
 function bytes(text) {
   const raw = atob(text), array = new Uint8Array(raw.length);
@@ -48,3 +50,10 @@ function logAxis(list) {  // range of a logarithmic axis; single dips do not det
   const range = [Math.log10(low) - 0.2, Math.log10(top) + 0.15], span = range[1] - range[0];
   return {range, dtick: span > 9 ? 2 : span > 1.3 ? 1 : "D1"};
 }
+
+// Names for readers of the screen, and the keyboard in what scrolls, once the page is built.
+addEventListener("load", () => {
+  document.querySelectorAll("nav").forEach((bar, k) => { bar.setAttribute("aria-label", bar.getAttribute("aria-label") ?? `choices ${k + 1}`); });
+  document.querySelectorAll("select, input").forEach(field => { if (!field.labels?.length && !field.title) field.setAttribute("aria-label", field.getAttribute("aria-label") ?? (field.placeholder || field.id || "choice")); });
+  document.querySelectorAll("div, table").forEach(box => { if (/auto|scroll/.test(getComputedStyle(box).overflow) && box.tabIndex < 0) box.tabIndex = 0; });
+});

@@ -172,7 +172,7 @@ function traces() {
   lines(sharp, {line: {color: "rgba(120,130,145,0.7)", width: 1}}, false);
   const legs = tendons();
   if (legs.stages.length) lines(legs, {line: {color: PICTURE.lines[0].colour, width: 6}, text: legs.names, hoverinfo: "text"}, true);
-  for (const [kind, color, symbol, size] of [["site", "#8d95a3", "circle", 2], ["sensor", "#c8201d", "circle", 4], ["hammer", "#111827", "diamond", 5], ["place", PURPLE, "diamond", 11]]) {
+  for (const [kind, color, symbol, size] of [["site", GREY, "circle", 2], ["sensor", RED, "circle", 4], ["hammer", INK, "diamond", 5], ["place", PURPLE, "diamond", 11]]) {
     const set = sites(kind);
     if (set.names.length) add({type: "scatter3d", mode: "markers", name: kind, marker: {color, symbol, size, line: {width: 0}},
       text: set.names, hovertemplate: kind + " %{text}<extra></extra>", hoverinfo: undefined}, set.places, k => set.stages[k], true);
@@ -181,8 +181,8 @@ function traces() {
     line: {color: PURPLE, width: 9}});
   if (SENSORS) for (const lines of [true, false]) {
     MOVING.push({number: list.length, at: (_, factor) => tips(state.mode, phase, factor, lines)});
-    list.push({...tips(0, 0, 0, lines), type: "scatter3d", mode: lines ? "lines" : "markers", showlegend: false, line: {color: "#c8201d", width: 4},
-      marker: {color: "#c8201d", size: 4, line: {width: 0}}, text: SENSORS.names, hoverinfo: lines ? "skip" : undefined,
+    list.push({...tips(0, 0, 0, lines), type: "scatter3d", mode: lines ? "lines" : "markers", showlegend: false, line: {color: RED, width: 4},
+      marker: {color: RED, size: 4, line: {width: 0}}, text: SENSORS.names, hoverinfo: lines ? "skip" : undefined,
       hovertemplate: lines ? undefined : "%{text}<extra></extra>"});
   }
   return list;
@@ -193,7 +193,7 @@ function scene() {
   const half = span.map(v => Math.max(0.56 * v + 0.04 * widest, 0.15 * widest));
   const axis = (k, name) => ({range: [0, 1].map(e => (EXTENT.low[k] + EXTENT.high[k]) / 2 + (e ? 1 : -1) * half[k]),
     title: {text: name + " / m", font: {size: 11}}, tickfont: {size: 10}, nticks: 5, showbackground: false,
-    gridcolor: "#eef1f5", zerolinecolor: "#d5dae2", showspikes: false, autorange: false});
+    gridcolor: GRID, zerolinecolor: PALE, showspikes: false, autorange: false});
   const mean = Math.cbrt(half[0] * half[1] * half[2]), far = distance(span.map(v => v / 4 / mean));
   return {xaxis: axis(0, "x"), yaxis: axis(1, "y"), zaxis: axis(2, "z"), aspectmode: "manual", aspectratio: {x: half[0] / mean, y: half[1] / mean, z: half[2] / mean}, dragmode: "turntable",
     camera: {eye: {x: far * LOOK[0], y: far * LOOK[1], z: far * LOOK[2]}, center: {x: 0, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}};
@@ -234,7 +234,7 @@ function absent() {
 
 function start() {
   if (!hasWebGl()) { absent(); return; }
-  const layout = {scene: scene(), margin: {l: 0, r: 0, t: 0, b: 0}, font: FONT, paper_bgcolor: "white", uirevision: "keep"};
+  const layout = {scene: scene(), margin: {l: 0, r: 0, t: 0, b: 0}, font: FONT, paper_bgcolor: PAPER, uirevision: "keep"};
   return Plotly.newPlot("picture", traces(), layout, {...CONFIG, modeBarButtonsToRemove: ["tableRotation", "resetCameraLastSave3d"]})
     .then(() => { drawn = true; watch(); show(); requestAnimationFrame(step); }, absent);
 }
@@ -285,8 +285,8 @@ function film() {
   const note = element("span", "", {className: "gap"});
   const key = element("span", undefined, {className: "soft"});
   const dot = color => element("span", "● ", {style: "color:" + color});
-  if (SENSORS) key.append(dot("#c8201d"), "measured at the sensor ");
-  if (PICTURE.points.some(p => p.kind === "sensor")) key.append(dot("#c8201d"), "sensor ");
+  if (SENSORS) key.append(dot(RED), "measured at the sensor ");
+  if (PICTURE.points.some(p => p.kind === "sensor")) key.append(dot(RED), "sensor ");
   if (PICTURE.points.some(p => p.kind === "hammer")) key.append(element("span", "◆ "), "hammer");
   byId("film").append(play, label2, note, key);
   if (PICTURE.boxed.length)

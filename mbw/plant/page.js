@@ -43,7 +43,7 @@ function bars(place, rows, unit, isAdverse) {
   const data = [{type: "bar", orientation: "h", y: names.map((_, k) => k), x: values, text: values.map(v => (unit === "%" ? v.toFixed(1) : (v > 0 ? "+" : "") + v.toPrecision(3)) + " " + unit),
     textposition: "outside", cliponaxis: false, marker: {color: values.map(v => isAdverse(v) ? ORANGE : BLUE)}, hovertext: names, hovertemplate: "%{hovertext}: %{text}<extra></extra>"}];
   const layout = {...PLOT, height: 60 + 24 * names.length, margin: {l: 10, r: 10, t: 4, b: 30}, bargap: 0.35, showlegend: false,
-    xaxis: {gridcolor: GRID, zerolinecolor: "#98a2b3", range: [low < 0 ? low - room : 0, top > 0 ? top + room : 0], ticksuffix: unit === "%" ? " %" : ""},
+    xaxis: {gridcolor: GRID, zerolinecolor: GREY, range: [low < 0 ? low - room : 0, top > 0 ? top + room : 0], ticksuffix: unit === "%" ? " %" : ""},
     yaxis: {tickvals: names.map((_, k) => k), ticktext: names.map(n => escaped(n) + " "), range: [names.length - 0.5, -0.5], automargin: true, showgrid: false, zeroline: false}};
   Plotly.react(place, data, layout, BARE);
 }
@@ -107,7 +107,7 @@ function struts() {
     data.push({...marker, x: [locus.best[0]], y: [locus.best[1]], marker: {color, size: 10, symbol: "circle-open", line: {color, width: 2}}});
     if (!k) data.push({...marker, x: [locus.x[0]], y: [locus.y[0]], marker: {color: INK, size: 10, symbol: "x-thin", line: {color: INK, width: 2}}});
   });
-  const axis = {gridcolor: GRID, zerolinecolor: "#98a2b3"};
+  const axis = {gridcolor: GRID, zerolinecolor: GREY};
   Plotly.react("locus", data, {...PLOT, height: 420, margin: {l: 60, r: 10, t: 8, b: 46}, legend: {orientation: "h", y: -0.18},
     xaxis: {...axis, title: {text: "real part / Hz", standoff: 4}}, yaxis: {...axis, rangemode: "tozero", title: {text: "imaginary part / Hz"}}}, CONFIG);
   const frames = DATA.struts.frames;

@@ -53,16 +53,16 @@ function heat() {
   const low = z.reduce((m, row) => Math.min(m, ...row), 0), signed = low < -1, most = signed ? Math.max(100, -low) : 100;
   const shapes = [];
   if (!whole) source.owners.forEach((owner, r) => { if (r && kin(owner) !== kin(source.owners[r - 1])) shapes.push({type: "line", xref: "paper",
-    x0: 0, x1: 1, y0: r - 0.5, y1: r - 0.5, line: {color: "#667085", width: 1}}); });
+    x0: 0, x1: 1, y0: r - 0.5, y1: r - 0.5, line: {color: SOFT, width: 1}}); });
   const row = names.length > 80 ? 14 : 17;
-  const layout = {height: Math.max(220, 110 + row * names.length), margin: {l: 20, r: 10, t: 8, b: 74}, font: FONT, paper_bgcolor: "white",
-    plot_bgcolor: "white", shapes,
+  const layout = {height: Math.max(220, 110 + row * names.length), margin: {l: 20, r: 10, t: 8, b: 74}, font: FONT, paper_bgcolor: PAPER,
+    plot_bgcolor: PAPER, shapes,
     xaxis: {tickvals: COLUMNS.map((_, k) => k), ticktext: COLUMNS.map(k => tick(MODES[k])), tickangle: -90, tickfont: {size: 10},
       title: {text: "modes, frequency / Hz", standoff: 10}, automargin: true, showgrid: false, zeroline: false, range: [-0.5, Math.max(n, 8) - 0.5]},
     yaxis: {tickvals: names.map((_, k) => k), ticktext: names, range: [names.length - 0.5, -0.5], automargin: true, showgrid: false,
       zeroline: false, tickfont: {size: row - 6}}};
   const trace = {type: "heatmap", z, xgap: 1, ygap: 1, zmin: signed ? -most : 0, zmax: most, zmid: signed ? 0 : undefined,
-    colorscale: signed ? [[0, "#b42318"], [0.5, "#f7f9fb"], [1, "#134b82"]] : [[0, "#f7f9fb"], [0.1, "#dbe8f5"], [0.4, "#7fb2e0"], [1, "#134b82"]],
+    colorscale: signed ? [[0, RED], [0.5, hue("hover")], [1, hue("deep")]] : [[0, hue("hover")], [0.1, BLUES[1][1]], [0.4, BLUES[2][1]], [1, hue("deep")]],
     colorbar: {ticksuffix: " %", thickness: 12, len: 200, lenmode: "pixels", y: 1, yanchor: "top", outlinewidth: 0},
     customdata: z.map((values, r) => values.map((_, k) => [names[r], COLUMNS[k] + 1, MODES[COLUMNS[k]].frequency.toPrecision(5)])),
     hovertemplate: "%{customdata[0]}, mode %{customdata[1]}, %{customdata[2]} Hz: %{z:.1f} %<extra></extra>"};
@@ -111,7 +111,7 @@ function bode() {
 
 // Return short lines at the natural frequencies above the phase: before in grey, after in black.
 function ticks() {
-  const last = FREQ[FREQ.length - 1], rows = [[BODE.frequencies, 0.328, "#8d99ae"], [MODES.filter(m => /\d/.test(damping(m))).map(m => m.frequency), 0.303, "#1d2733"]];
+  const last = FREQ[FREQ.length - 1], rows = [[BODE.frequencies, 0.328, GREY], [MODES.filter(m => /\d/.test(damping(m))).map(m => m.frequency), 0.303, INK]];
   return rows.flatMap(([frequencies, low, color]) => frequencies.filter(f => f >= FREQ[0] && f <= last).map(f =>
     ({type: "line", xref: "x", yref: "paper", x0: f, x1: f, y0: low, y1: low + 0.024, line: {color, width: 1.5}})));
 }
@@ -164,7 +164,7 @@ function stateSpace() {
   const curves = [polar(exact), polar(states)], rest = Array.from(floats(check.difference), size => size > 0 ? size : null);
   const data = [...bodeTraces(freq, curves[0], "equation of motion", {color: HUES[0], width: 2.5}),
     ...bodeTraces(freq, curves[1], "state space", {color: HUES[1], width: 1.4, dash: "dash"}),
-    {type: "scatter", mode: "lines", x: freq, y: rest, name: "difference", line: {color: "#8d99ae", width: 1.2},
+    {type: "scatter", mode: "lines", x: freq, y: rest, name: "difference", line: {color: GREY, width: 1.2},
       hovertemplate: "%{x:.5g} Hz: %{y:.4g}<extra>difference</extra>"}];
   const axes = bodeAxes([...curves.map(c => c.size), rest], check.quantity + " / (" + check.unit + ")");
   const layout = {...PLOT, height: 460, margin: {l: 76, r: 12, t: 34, b: 46}, title: {text: check.label, font: {size: 14}},

@@ -44,7 +44,7 @@ function draw() {
   const traces = [], layout = {
     grid: {rows: rows.length, columns: columns.length, pattern: "independent", xgap, ygap: 0.16},
     height: 60 + 175 * rows.length, margin: {l: 62, r: 12, t: 48, b: 44}, showlegend: false, font: FONT,
-    paper_bgcolor: "white", plot_bgcolor: "white", annotations: []
+    paper_bgcolor: PAPER, plot_bgcolor: PAPER, annotations: []
   };
   const channelOf = (direction, reference) => chosen.find(x => x.direction === direction && x.reference === reference);
   const unitOf = (direction, reference) => channelOf(direction, reference)?.unit ?? "";
@@ -52,9 +52,9 @@ function draw() {
     const channel = channelOf(direction, reference), unit = unitOf(direction, reference);
     const n = r * columns.length + c + 1, tag = n === 1 ? "" : String(n);
     const last = r === rows.length - 1;
-    layout["xaxis" + tag] = {showgrid: true, gridcolor: "#eef1f5", ticks: "outside", showticklabels: last,
+    layout["xaxis" + tag] = {showgrid: true, gridcolor: GRID, ticks: "outside", showticklabels: last,
       matches: n === 1 ? undefined : "x", title: last ? {text: "Hz", standoff: 4} : undefined, zeroline: false};
-    layout["yaxis" + tag] = {type: state.view === "phase" ? "linear" : "log", gridcolor: "#eef1f5", zeroline: false, tickfont: {size: 10},
+    layout["yaxis" + tag] = {type: state.view === "phase" ? "linear" : "log", gridcolor: GRID, zeroline: false, tickfont: {size: 10},
       exponentformat: "power", title: c === 0 || unit !== unitOf(direction, columns[0]) ?
       {text: direction + " / " + (state.view === "phase" ? "°" : unit), standoff: 4, font: {size: 11}} : undefined};
     if (state.view !== "phase" && channel) Object.assign(layout["yaxis" + tag], decades(channel.i));
@@ -97,21 +97,21 @@ if (DATA.files.length > 1) {
 const space = document.createElement("span"); space.className = "gap"; nav.append(space);
 nav.append(button("view", "magnitude"), button("view", "phase"));
 const keys = document.createElement("span");
-keys.innerHTML = '<i class="key" style="border-color:#30343b"></i>measured<i class="key" style="border-color:#d9822b;' +
-  'border-top-style:dashed"></i>as drawn<i class="key" style="border-color:#1f6fb8"></i>tuned' +
+keys.innerHTML = '<i class="key" style="border-color:var(--measured)"></i>measured<i class="key" style="border-color:var(--drawn);' +
+  'border-top-style:dashed"></i>as drawn<i class="key" style="border-color:var(--tuned)"></i>tuned' +
   (DEVIATION ? '<i class="key band"></i>95 % of the tuned model' : '') +
-  '<i class="key" style="border-color:#98a2b3;border-top-style:dotted"></i>noise';
+  '<i class="key" style="border-color:var(--noise);border-top-style:dotted"></i>noise';
 nav.append(keys);
 draw();
 
-const small = {height: 280, margin: {l: 60, r: 12, t: 40, b: 40}, font: FONT, paper_bgcolor: "white", plot_bgcolor: "white"};
+const small = {height: 280, margin: {l: 60, r: 12, t: 40, b: 40}, font: FONT, paper_bgcolor: PAPER, plot_bgcolor: PAPER};
 Plotly.newPlot("gap", DATA.gap.map(g => ({type: "bar", name: g.name, x: ["at the sensors", "at the centres of mass"], y: g.error,
   marker: {color: g.color}, text: g.error.map(v => v === null ? "" : v.toPrecision(2)), textposition: "outside",
   cliponaxis: false, hovertemplate: g.name + " %{y:.3g}<extra></extra>"})),
-  {...small, title: {text: "Error", x: 0.02, font: {size: 14}}, barmode: "group", yaxis: {gridcolor: "#eef1f5", rangemode: "tozero"},
+  {...small, title: {text: "Error", x: 0.02, font: {size: 14}}, barmode: "group", yaxis: {gridcolor: GRID, rangemode: "tozero"},
    legend: {orientation: "h", y: 1.16, x: 0.2}}, {...CONFIG, displayModeBar: false});
 Plotly.newPlot("where", [{type: "bar", orientation: "h", y: DATA.where.map(w => w.body).reverse(),
   x: DATA.where.map(w => 100 * w.share).reverse(), marker: {color: BLUE}, text: DATA.where.map(w =>
   "excess " + w.excess.toPrecision(2)).reverse(), textposition: "auto", hovertemplate: "%{x:.0f} %<extra></extra>"}],
   {...small, margin: {l: 120, r: 20, t: 40, b: 40}, title: {text: "Share of the remaining gap, by body", x: 0.02, font: {size: 14}},
-   xaxis: {ticksuffix: " %", gridcolor: "#eef1f5", rangemode: "tozero"}}, {...CONFIG, displayModeBar: false});
+   xaxis: {ticksuffix: " %", gridcolor: GRID, rangemode: "tozero"}}, {...CONFIG, displayModeBar: false});

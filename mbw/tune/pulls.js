@@ -2,7 +2,7 @@
 
 function pulls() {
   const {points, kinds, trouble, bound} = DATA.pulls;
-  const last = kinds.length - 1, seen = kinds.map(() => 0), red = "#b42318";
+  const last = kinds.length - 1, seen = kinds.map(() => 0), red = RED;
   // Offsets by the golden ratio keep points of one kind apart.
   const at = points.map(p => last - p.kind + 0.62 * ((0.618034 * seen[p.kind]++) % 1 - 0.5));
   // Where a pull would squash all others, the axis is logarithmic beyond the implausible ones.
@@ -22,17 +22,17 @@ function pulls() {
     if (labelled.length < 4 && apart && Math.abs(p.pull) > 2) labelled.push(k);
   });
   Plotly.newPlot("pulls", [{type: "scatter", mode: "markers", x: across, y: at,
-    marker: {size: 7, color: points.map((p, k) => p.vague ? "white" : colours[k]), opacity: 0.8, line: {color: colours, width: 1}},
+    marker: {size: 7, color: points.map((p, k) => p.vague ? PAPER : colours[k]), opacity: 0.8, line: {color: colours, width: 1}},
     text: points.map(p => "<b>" + escaped(p.name) + "</b> " + p.pull.toFixed(1) + "<br>" + escaped(p.text)),
     hovertemplate: "%{text}<extra></extra>"}], {
-    height: 76 + 34 * kinds.length, margin: {l: 20, r: 12, t: 8, b: 42}, font: FONT, paper_bgcolor: "white", plot_bgcolor: "white",
+    height: 76 + 34 * kinds.length, margin: {l: 20, r: 12, t: 8, b: 42}, font: FONT, paper_bgcolor: PAPER, plot_bgcolor: PAPER,
     showlegend: false, hoverlabel: {align: "left"},
-    xaxis: {range: [-reach, reach], gridcolor: "#eef1f5", zerolinecolor: GREY, 
+    xaxis: {range: [-reach, reach], gridcolor: GRID, zerolinecolor: GREY, 
       ...(wide ? {tickvals: steps.map(place), ticktext: steps.map(x => (x > 0 ? "+" : "") + x)} : {}), tickangle: 0,
       title: {text: "pull / prior standard deviations" + (wide ? ", logarithmic beyond " + trouble : ""), standoff: 4}},
     yaxis: {range: [-0.6, last + 0.6], tickvals: kinds.map((_, k) => last - k), ticktext: kinds, automargin: true, showgrid: false, zeroline: false},
     shapes: [...kinds.slice(1).map((_, k) => ({type: "line", xref: "paper", x0: 0, x1: 1, y0: k + 0.5, y1: k + 0.5,
-      line: {color: "#eef1f5", width: 1}, layer: "below"})),
+      line: {color: GRID, width: 1}, layer: "below"})),
       ...[-1, 1].flatMap(s => [line(s * bound, GREY, "4px,3px"), line(s * trouble, red, "4px,3px")])],
     annotations: labelled.map(k => ({x: across[k], y: at[k], text: escaped(label(points[k])), showarrow: false, font: {size: 11},
       ...beside(points[k]), bgcolor: "rgba(255,255,255,.75)"}))
