@@ -22,6 +22,8 @@ from mbw.workbench.state import SessionState
 from mbw.workbench.state_log import log_path, open_log
 from mbw.workbench.subject import WorkbenchSubject
 
+_USUAL_STATE = "work"  # whose name the folder of a saved model leaves out
+
 
 class OpenedState(ResultFile):
     """State of the workbench when it ended.
@@ -68,7 +70,8 @@ def run_options(  # noqa: PLR0913  # one for each option
             SCREEN.say(log.remark)
         desk = Desk(subject, log, place, budget)
         outputs = ResultOptions(out, overwrite=overwrite)
-        tasks = {"save": lambda: save_state(desk.subject, desk.state, outputs)}
+        suffix = "opened" if state == _USUAL_STATE else f"opened-{state}"
+        tasks = {"save": lambda: save_state(desk.subject, desk.state, outputs, suffix)}
         if subject.result is not None:
             tasks["export"] = lambda: [_export(subject, out, overwrite=overwrite)]
 

@@ -78,7 +78,7 @@ def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -
         campaign=None,
         freq_hz=np.geomspace(low, high, N_LINES),
         quantity="accelerance",
-        hashes=("", _hash(hash_files(mjcf_files(path), path.parent))),
+        hashes=("", _hash(hash_files(mjcf_files(path), path.parent), key or "")),
         source_content=path.read_bytes(),
         remarks=machine.remarks,
     )
@@ -191,7 +191,7 @@ def _changed_files(then: Iterable[InputRow], now: Iterable[InputRow]) -> list[st
     return [row.file for row in then if hashes.get(row.file, row.sha256) != row.sha256]
 
 
-def _hash(rows: Iterable[InputRow]) -> str:
-    """Return one hash of all files."""
-    text = "".join(f"{row.file} {row.sha256}\n" for row in rows)
+def _hash(rows: Iterable[InputRow], key: str = "") -> str:
+    """Return one hash of all files, and of the keyframe that is read of them."""
+    text = "".join(f"{row.file} {row.sha256}\n" for row in rows) + key
     return hashlib.sha256(text.encode()).hexdigest()

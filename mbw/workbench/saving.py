@@ -16,7 +16,9 @@ from tuning.files.states_campaign import CAMPAIGN, write_campaign_with_model
 SAVED_MODEL = "model.xml"
 
 
-def save_state(subject: WorkbenchSubject, state: SessionState, outputs: ResultOptions) -> list[str]:
+def save_state(
+    subject: WorkbenchSubject, state: SessionState, outputs: ResultOptions, suffix: str = "opened"
+) -> list[str]:
     """Write a state as MJCF, and as campaign.toml if there are tests, and read both back.
 
     The file is compared with the machine in memory, and its FRFs with those of the state.
@@ -25,6 +27,7 @@ def save_state(subject: WorkbenchSubject, state: SessionState, outputs: ResultOp
         subject: model and tests.
         state: what is saved.
         outputs: folder, and whether files of another campaign or model may be replaced.
+        suffix: of the default folder beside the source.
 
     Returns:
         Sentences: where the files are, and what an MJCF cannot hold.
@@ -40,7 +43,7 @@ def save_state(subject: WorkbenchSubject, state: SessionState, outputs: ResultOp
     theta = varies.theta(state.x(varies.names))
     names = (SAVED_MODEL,) if subject.campaign is None else (SAVED_MODEL, CAMPAIGN)
     sources = {path.resolve().parent for path in (subject.source, model.machine.source)}
-    with outputs.open("open", subject.source, "opened", names) as output:
+    with outputs.open("open", subject.source, suffix, names) as output:
         if output.path.resolve() in sources:
             raise UsageError(f"{output.path} holds what was opened: name another folder with --out")
         with output.write() as place:

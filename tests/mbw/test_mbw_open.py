@@ -470,3 +470,14 @@ def test_the_command_serves_until_ctrl_c_and_keeps_its_state(campaign, tmp_path)
         assert list(json.loads((tmp_path / "end.json").read_text())["parameters"]) == [
             "base_tx.stiffness"
         ]
+
+
+def test_another_keyframe_is_another_state_and_another_state_has_another_folder(tmp_path):
+    model = tmp_path / "model.xml"
+    keys = '<keyframe><key name="up" qpos="0 0 0 0 0 0.1"/></keyframe></mujoco>'
+    model.write_text(MJCF.replace("</mujoco>", keys), encoding="utf-8")
+    plain, raised = (open_subject(model, None, key) for key in (None, "up"))
+    paths = [log_path(model, "work", each.first_state()) for each in (plain, raised)]
+    assert paths[0] != paths[1]
+    save_state(plain, plain.first_state(), ResultOptions(None), "opened-heavy")
+    assert (tmp_path / "model-opened-heavy" / "model.xml").is_file()
