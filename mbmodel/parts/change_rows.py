@@ -65,7 +65,11 @@ def fit_change(change: Change, before: RowNames, after: RowNames) -> Change:
 
 def _place_rows(matrix: Real, before: Sequence[str], after: Sequence[str], space: str) -> Real:
     """Return a matrix with each row at the place of its name; (n_after, n_column)."""
-    if not space or before == after:
+    if not space:
+        return matrix
+    if len(before) != len(matrix):
+        raise ValueError(f"{len(matrix)} rows for {len(before)} motions")
+    if before == after:
         return matrix
     placed = np.zeros((len(after), matrix.shape[1]))
     place_of = {name: number for number, name in enumerate(after)}

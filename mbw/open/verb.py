@@ -69,6 +69,8 @@ def run_options(  # noqa: PLR0913  # one for each option
         if log.remark:
             SCREEN.say(log.remark)
         desk = Desk(subject, log, place, budget)
+        if desk.remark:
+            SCREEN.say(desk.remark)
         outputs = ResultOptions(out, overwrite=overwrite)
         suffix = "opened" if state == _USUAL_STATE else f"opened-{state}"
         tasks = {"save": lambda: save_state(desk.subject, desk.state, outputs, suffix)}
@@ -80,6 +82,7 @@ def run_options(  # noqa: PLR0913  # one for each option
 
         jobs = JobQueue(log.path.with_suffix(".jobs"), desk.adopt)
         with _start_server(Workbench(desk, jobs, tasks, announce), port) as server:
+            jobs.begin()
             SCREEN.say(f"workbench of {subject.name}: {server.address}")
             SCREEN.say(f"actions are kept in {log.path}; Ctrl-C ends the workbench")
             if browser:

@@ -17,9 +17,9 @@ import numpy as np
 
 from diagnosis import Hypothesis
 from diagnosis.levels.law_hypothesis import LawPart
-from identification.words import Complex, Condition, Real
+from identification.words import Complex, Condition, InputError, Real
 from mbmodel import AddedPart, Change, Machine, Parameter
-from mbmodel.parts.change_rows import RowNames, fit_part
+from mbmodel.parts.change_rows import RowNames, fit_change, fit_part
 from tuning import Session
 
 _TERM_ARRAYS = ("left", "right", "core", "shape")
@@ -119,15 +119,29 @@ def _list_terms(
     return terms, acting[0]
 
 
-def read_causes(arrays: Mapping[str, Any]) -> tuple[StoredCause, ...]:
+def read_causes(
+    arrays: Mapping[str, Any], tests: Sequence[tuple[str, str]]
+) -> tuple[StoredCause, ...]:
     """Return the causes of a fit from the arrays of a diagnosis; none in files of earlier versions.
 
     Args:
         arrays: content of diagnosis.npz.
+        tests: file and reference of each test of the campaign that gets them; where there are as
+            many as the fit had, they are those of the fit, whatever their names.
+
+    Raises:
+        InputError: the arrays do not belong together.
     """
     causes: list[StoredCause] = []
-    while (key := f"cause{len(causes)}.site") in arrays:
-        causes.append(_read_cause(arrays, key.removesuffix(".site")))
+    try:
+        if "fit_tests" in arrays and len(tests) != len(arrays["fit_tests"]):
+            tests = [(str(file), str(reference)) for file, reference in arrays["fit_tests"]]
+        while (key := f"cause{len(causes)}.site") in arrays:
+            causes.append(_read_cause(arrays, key.removesuffix(".site"), tests))
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        raise InputError(
+            f"diagnosis.npz is damaged where it holds causes ({error}): diagnose again"
+        ) from error
     return tuple(causes)
 
 
@@ -139,24 +153,32 @@ def read_fitted_values(arrays: Mapping[str, Any]) -> dict[str, float]:
     return dict(zip(names, arrays["fit_values"].tolist(), strict=True))
 
 
-def _read_cause(arrays: Mapping[str, Any], key: str) -> StoredCause:
+def _read_cause(
+    arrays: Mapping[str, Any], key: str, tests: Sequence[tuple[str, str]]
+) -> StoredCause:
     """Return one cause."""
     effect, location = map(str, arrays[f"{key}.site"])
     values = read_fitted_values(arrays)
-    tests = [(str(file), str(reference)) for file, reference in arrays["fit_tests"]]
+    rows = RowNames(tuple(map(str, arrays["fit_bodies"])), tuple(map(str, arrays["fit_joints"])))
     freq_hz = np.asarray(arrays["freq_hz"], float)
     terms = []
     for k, (slot, point) in enumerate(arrays[f"{key}.terms"].tolist()):
         left, right, core, shape = (arrays[f"{key}.{k}.{name}"] for name in _TERM_ARRAYS)
+        if not all(np.isfinite(each).all() for each in (left, right, core, shape)):
+            raise ValueError("a number is not finite")
         kept = _interpolate(freq_hz, shape) if shape.size else None
-        terms.append(Change(slot, left, right, core, point, kept, f"{effect}@{location}"))
+        term = Change(slot, left, right, core, point, kept, f"{effect}@{location}")
+        fit_change(term, rows, rows)  # refuses rows that are not those of the machine
+        if core.shape != (3, left.shape[1], right.shape[1]):
+            raise ValueError(f"a term is {core.shape}")
+        terms.append(term)
     shares = arrays[f"{key}.shares"]
     released = map(str, arrays[f"{key}.released"])
     return StoredCause(
         effect,
         location,
         tuple(terms),
-        RowNames(tuple(map(str, arrays["fit_bodies"])), tuple(map(str, arrays["fit_joints"]))),
+        rows,
         dict(zip(tests, shares.tolist(), strict=True)) if shares.size else {},
         {name: values[name] for name in released},
     )

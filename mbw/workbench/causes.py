@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.words import Tolerance
+from identification.words import Campaign, Tolerance
 from mbmodel import Machine, Model
 from mbw.diagnose.headline import lead
 from mbw.diagnose.sentences import cause_parameters
@@ -34,9 +34,15 @@ class ShownVerdict:
     causes: tuple[StoredCause, ...]
 
     @classmethod
-    def of(cls, diagnosis: StoredDiagnosis) -> "ShownVerdict":
-        """Return what the page shows of a diagnosis."""
-        return cls(diagnosis, read_causes(diagnosis.arrays))
+    def of(cls, diagnosis: StoredDiagnosis, campaign: Campaign) -> "ShownVerdict":
+        """Return what the page shows of a diagnosis.
+
+        Raises:
+            InputError: its arrays do not belong together.
+        """
+        conditions = (test.condition for test in campaign.tests)
+        tests = [(each.test, str(each.reference)) for each in conditions]
+        return cls(diagnosis, read_causes(diagnosis.arrays, tests))
 
     def fitted_values(self) -> dict[str, float]:
         """Return the parameters of the fit [SI], and the whole share of each cause, by name."""

@@ -5,12 +5,22 @@ from pathlib import Path
 from threading import Condition, Lock, RLock
 from typing import Any
 
-from identification.words import UsageError
+from identification.words import UsageError, shorten_names
 from mbw.workbench.edited_makers import EditedMakers
-from mbw.workbench.edits import MachineEdit, delay_loops
+from mbw.workbench.edits import MachineEdit, added_delays, check_delays
 from mbw.workbench.jobs import Job
 from mbw.workbench.opening import show_results
-from mbw.workbench.state import Action, History, Look, Move, SessionState, View, apply, check_move
+from mbw.workbench.state import (
+    Action,
+    History,
+    Look,
+    Move,
+    Put,
+    SessionState,
+    View,
+    apply,
+    check_move,
+)
 from mbw.workbench.state_log import StateLog
 from mbw.workbench.state_study import StateStudy
 from mbw.workbench.subject import WorkbenchSubject
@@ -39,7 +49,7 @@ class Desk:
         self._results, self._studies = 0, Lock()
         self._use(subject)
         self._history, self._changed = log.history, Condition(RLock())
-        self._check(self._history.state)  # refuses a log that names what is no more
+        self._make(self._history.state)  # refuses a log that looks at what is no more
 
     def _use(self, subject: WorkbenchSubject) -> None:
         """Make frames and studies of a subject from now on."""
@@ -69,10 +79,16 @@ class Desk:
         """Return the frame of a state."""
         return self._makers.of(state).make(state)
 
-    def _check(self, state: SessionState) -> bytes:
-        """Return the frame of a state that is to count; refuse one that cannot be."""
-        delay_loops(self.plant.loops, state.edits)
-        return self._make(state)
+    @property
+    def remark(self) -> str:
+        """Sentence on what of the state this machine does not have; empty if nothing."""
+        state, names = self._history.state, self.subject.parametrisation.names
+        gone = [name for name, _ in state.coordinates if name not in names]
+        loops = {loop.name for loop in self.plant.loops}
+        gone += [f"the delay of {name}" for name in added_delays(state.edits).keys() - loops]
+        if not gone:
+            return ""
+        return f"the state moves what is not there now, and does without it: {shorten_names(gone)}"
 
     @property
     def subject(self) -> WorkbenchSubject:
@@ -130,7 +146,9 @@ class Desk:
             if history.state.edits != self._history.state.edits:
                 actions += self._look_at_what_stays(history.state)
                 history = reduce(apply, actions, self._history)
-            frame = self._check(history.state)
+            if isinstance(action, Put):
+                check_delays(self.plant.loops, (action.edit,))
+            frame = self._make(history.state)  # before it counts: it may be impossible
             for each in actions:
                 self._log.append(each)
             self._history = history

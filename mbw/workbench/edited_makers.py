@@ -80,4 +80,10 @@ def edit_subject(
     if model.loops:
         loops = delay_loops(model.machine.loops, edits)
         model = Model(with_loops(model.machine, loops), model.parts)
-    return replace(subject, model=model, parametrisation=varies, edits=tuple(edits))
+    return replace(
+        subject,
+        model=model,
+        parametrisation=varies,
+        edits=tuple(edits),
+        unedited=subject.model,
+    )

@@ -6,11 +6,11 @@ const STEPS = 400, SPAN = 10;  // a slider reaches from a tenth of a size to ten
 const AXES = {x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1]};
 const ROUND = value => Number(value.toPrecision(1));
 
-// Kinds with their sizes: name, unit, and the first value for a body's mass and the middle of the band [Hz].
+// Kinds with their sizes: name, unit, the first value for a body's mass and the middle of the band [Hz], and the largest one.
 const KINDS = {
   mass: {label: "Mass", sizes: [["mass", "kg", mass => ROUND(0.05 * mass)]]},
   spring: {label: "Spring", sizes: [["stiffness", "N/m", (mass, hertz) => ROUND(0.1 * mass * (2 * Math.PI * hertz) ** 2)], ["damping", "N s/m", (mass, hertz) => ROUND(0.004 * mass * 2 * Math.PI * hertz)]]},
-  appendage: {label: "Appendage", sizes: [["mass", "kg", mass => ROUND(0.05 * mass)], ["frequency", "Hz", (_, hertz) => Number(hertz.toPrecision(2))], ["damping", "", () => 0.03]]},
+  appendage: {label: "Appendage", sizes: [["mass", "kg", mass => ROUND(0.05 * mass)], ["frequency", "Hz", (_, hertz) => Number(hertz.toPrecision(2))], ["damping", "", () => 0.03, 0.99]]},
   delay: {label: "Delay", sizes: [["delay", "s", () => 0.001]]},
 };
 
@@ -23,7 +23,8 @@ export function createEdits(place, adders, session, onPut, onPreview, onRemove) 
     const button = create("button", {type: "button", textContent: "+ " + label});
     button.onclick = () => {
       let number = 1;
-      while (shown.some(edit => edit.name === kind + number)) number++;
+      const taken = name => shown.some(edit => edit.name === name) || session.names.some(each => each === name || each.startsWith(name + "_"));
+      while (taken(kind + number)) number++;
       const body = bodies.at(-1), first = Object.fromEntries(sizes.map(([name, , start]) => [name, start(session.masses[body], middle)]));
       const where = kind === "delay" ? {loop: session.loops[0]} : {body, point: [0, 0, 0]};
       onPut({kind, name: kind + number, ...where, ...(kind === "spring" ? {to: "world", axis: AXES.z} : {}), ...first});
@@ -64,16 +65,16 @@ export function createEdits(place, adders, session, onPut, onPreview, onRemove) 
       });
       line.append(create("div", {className: "words soft"}, ...fields, "m from its centre of mass"));
     }
-    for (const [name, unit] of KINDS[edit.kind].sizes) line.append(addSize(edit, name, unit));
+    for (const size of KINDS[edit.kind].sizes) line.append(addSize(edit, ...size));
     return line;
   }
 
-  function addSize(edit, name, unit) {
-    const size = edit[name] || 1e-3, id = `${edit.name}-${name}`;
+  function addSize(edit, name, unit, start, largest = Infinity) {
+    const size = edit[name] || start(session.masses[edit.body] ?? 1, middle), id = `${edit.name}-${name}`;
     const slider = create("input", {type: "range", id, min: -STEPS, max: STEPS, step: 1, value: 0});
     const field = create("input", {type: "text", inputMode: "decimal", className: "value", value: fourDigits(edit[name]), autocomplete: "off"});
     field.setAttribute("aria-label", `${edit.name}: ${name}${unit ? " in " + unit : ""}`);
-    const valueAt = step => size * SPAN ** (Number(step) / STEPS);
+    const valueAt = step => Math.min(largest, size * SPAN ** (Number(step) / STEPS));
     slider.setAttribute("aria-valuetext", `${fourDigits(edit[name])} ${unit}`);
     slider.oninput = () => {
       const value = valueAt(slider.value);
@@ -84,7 +85,7 @@ export function createEdits(place, adders, session, onPut, onPreview, onRemove) 
     slider.onchange = () => onPut({...edit, [name]: Number(valueAt(slider.value).toPrecision(6))});
     field.onchange = () => {
       const value = Number(field.value.replace(",", "."));
-      if (Number.isFinite(value)) onPut({...edit, [name]: value});
+      if (field.value.trim() && Number.isFinite(value)) onPut({...edit, [name]: value});
       else field.value = fourDigits(edit[name]);
     };
     const track = create("div", {className: "track"}, slider);

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field
 
 from identification.words import ConvergenceError, InputError, Loop, UsageError
 from mbmodel import (
@@ -32,7 +32,9 @@ from mbmodel import (
 )
 from mbmodel.mounting.place import find_pose
 
-Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+_Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+Triple = tuple[_Coordinate, _Coordinate, _Coordinate]
+_MAX_SIZE_CHANGE = 1e-6  # of a mass or stiffness that is read back, relative to what was asked for
 _Size = Annotated[float, Field(gt=0, le=1e15, allow_inf_nan=False)]
 EDITED_MJCF = "model.xml"
 
@@ -112,6 +114,7 @@ class AddedAppendage(_AtBody):
                     "stiffness": self.mass * omega**2,
                     "damping": 2 * self.damping * omega * self.mass,
                     **dict.fromkeys(("armature", "frictionloss", "springref"), "0"),
+                    "springdamper": "0 0",
                     "limited": "false",
                 },
             )
@@ -160,22 +163,58 @@ def edit_machine(machine: Machine, edits: Sequence[MachineEdit], folder: Path) -
     if write_mjcf(machine.source, path, changes):  # a body of an included file
         write_mjcf(machine.source, path, changes, expanded=True)
     try:
-        return load_machine(path, key=machine.keyframe)
+        edited = load_machine(path, key=machine.keyframe)
     except (InputError, ConvergenceError) as error:
         text = str(error).replace(str(path), f"{machine.source.name} with what was added")
         raise type(error)(text) from error
+    _check_sizes(machine, edited, edits)
+    return edited
+
+
+def _check_sizes(machine: Machine, edited: Machine, edits: Sequence[MachineEdit]) -> None:
+    """Refuse an MJCF whose settings give additions other sizes, or change what was there.
+
+    Raises:
+        InputError: the sentence names the settings.
+    """
+    asked = sum(edit.mass for edit in edits if isinstance(edit, AddedMass | AddedAppendage))
+    before, after = (np.diag(each.body_mass)[::6].sum() for each in (machine, edited))
+    stiffness = {spring.name: spring.stiffness for spring in edited.springs}
+    wanted = {edit.name: edit.stiffness for edit in edits if isinstance(edit, AddedSpring)} | {
+        f"{edit.name}_x": edit.mass * (2 * np.pi * edit.frequency) ** 2
+        for edit in edits
+        if isinstance(edit, AddedAppendage)
+    }
+    if abs(after - before - asked) > _MAX_SIZE_CHANGE * after or any(
+        abs(stiffness.get(name, 0.0) - size) > _MAX_SIZE_CHANGE * size
+        for name, size in wanted.items()
+    ):
+        raise InputError(
+            f"{machine.source.name} gives what is added other masses or springs: take "
+            "settotalmass, boundmass, boundinertia or springdamper out of its compiler and classes"
+        )
+
+
+def added_delays(edits: Sequence[MachineEdit]) -> dict[str, float]:
+    """Return the delays that edits add to loops [s], by the loop's name."""
+    added: dict[str, float] = {}
+    for edit in edits:
+        if isinstance(edit, AddedDelay):
+            added[edit.loop] = added.get(edit.loop, 0.0) + edit.delay
+    return added
+
+
+def check_delays(loops: Sequence[Loop], edits: Sequence[MachineEdit]) -> None:
+    """Refuse delays of loops that are not there.
+
+    Raises:
+        UsageError: the sentence names the loop.
+    """
+    for name in added_delays(edits).keys() - {loop.name for loop in loops}:
+        raise UsageError(f"{name} is no control loop of this machine or of its budget")
 
 
 def delay_loops(loops: Sequence[Loop], edits: Sequence[MachineEdit]) -> tuple[Loop, ...]:
-    """Return loops with the delays that edits add.
-
-    Raises:
-        UsageError: an edit names no loop.
-    """
-    added = dict.fromkeys((loop.name for loop in loops), 0.0)
-    for edit in edits:
-        if isinstance(edit, AddedDelay):
-            if edit.loop not in added:
-                raise UsageError(f"{edit.name}: {edit.loop} is no control loop of this machine")
-            added[edit.loop] += edit.delay
-    return tuple(replace(loop, delay=loop.delay + added[loop.name]) for loop in loops)
+    """Return loops with the delays that edits add."""
+    added = added_delays(edits)
+    return tuple(replace(loop, delay=loop.delay + added.get(loop.name, 0.0)) for loop in loops)

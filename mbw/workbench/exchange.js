@@ -1,6 +1,6 @@
 // Exchange with the server: one request at a time; of previews, the newest wins.
 
-let revision = 0, busy = false, preview = null, show = () => {}, say = () => {};
+let revision = 0, busy = false, preview = null, isRefused = false, show = () => {}, say = () => {}, restore = () => {};
 const actions = [];
 
 export async function load(path) {
@@ -10,9 +10,9 @@ export async function load(path) {
   return content;
 }
 
-// Begin: show(frame, isPreview) draws a frame, say(text, isError) tells the user.
-export async function begin(onFrame, onMessage) {
-  show = onFrame; say = onMessage;
+// Begin: show(frame, isPreview) draws a frame, say(text, isError) tells the user, restore(frame) takes back what was typed.
+export async function begin(onFrame, onMessage, onRefusal) {
+  show = onFrame; say = onMessage; restore = onRefusal;
   await renew();
   const events = new EventSource("/events");
   let results = null;
@@ -41,7 +41,7 @@ export async function run(task, content = {}) {
   try {
     const answer = await post("/" + task, content);
     const told = await answer.json();
-    say(answer.ok ? told.sentences.join(". ") + "." : told.error, !answer.ok);
+    say(answer.ok ? told.sentences.map(text => text.replace(/\.$/, "")).join(". ") + "." : told.error, !answer.ok);
   } catch { say("The workbench does not answer: run mbw open again, then reload this page.", true); }
 }
 
@@ -52,7 +52,7 @@ async function work() {
     while (actions.length || preview) {
       if (actions.length) {
         const answer = await post("/act", {revision, action: actions.shift()});
-        if (answer.ok) await take(answer, false);
+        if (answer.ok) { await take(answer, false); if (isRefused) say(""); isRefused = false; }
         else await refuse(answer);
       } else {
         const change = preview;
@@ -70,6 +70,8 @@ async function refuse(answer) {
   say((await answer.json()).error, true);
   actions.length = 0;
   await renew();
+  isRefused = true;
+  restore();
 }
 
 async function renew() {

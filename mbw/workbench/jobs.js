@@ -3,7 +3,7 @@
 import {load, run} from "./exchange.js";
 import {create} from "./sliders.js";
 
-const POLL_MS = 1000, LINES = 14;
+const POLL_MS = 1000, IDLE_MS = 10000, LINES = 14;  // idle: another window may have begun one
 const WORDS = {tune: "Tune", diagnose: "Diagnose", identify: "Identify", predict: "Predict", blind: "Blind", compare: "Compare"};
 const ALONE = ["predict", "blind"];  // of a model without measurements
 const MARK = {waiting: "…", running: "▶", done: "✓", failed: "✕", cancelled: "–", interrupted: "‖"};
@@ -19,9 +19,13 @@ export function createJobs(place, adders, session, machine) {
 
   function compare() {
     const field = create("input", {type: "text", autocomplete: "off"}), go = create("button", {type: "submit", textContent: "Compare"});
-    const form = create("form", {className: "words"}, create("label", {}, "with the campaign ", field), go);
+    const back = create("button", {type: "button", textContent: "Back"});
+    const form = create("form", {className: "words", id: "compare-form"}, create("label", {}, "with the campaign ", field), go, back);
+    document.getElementById("compare-form")?.remove();
     form.onsubmit = event => { event.preventDefault(); form.remove(); ask({do: "add", verb: "compare", partner: field.value}); };
-    place.prepend(form);
+    form.onkeydown = event => { if (event.key === "Escape") form.remove(); };
+    back.onclick = () => form.remove();
+    place.before(form);
     field.focus();
   }
 
@@ -49,14 +53,14 @@ export function createJobs(place, adders, session, machine) {
     let jobs = [];
     try { ({jobs} = await load("/jobs")); } catch { return; }  // the page says elsewhere that the server is gone
     const text = JSON.stringify([jobs, machine()]);
-    if (text !== shown && !place.querySelector("form")) {
-      const opened = new Map([...place.querySelectorAll("details")].map((e, k) => [jobs.length - k, e.open]));
+    if (text !== shown) {
       const focused = place.contains(document.activeElement) ? document.activeElement.getAttribute("aria-label") : null;
       place.replaceChildren(...jobs.map(addRow));
       shown = text;
       if (focused) [...place.querySelectorAll("button")].find(e => e.getAttribute("aria-label") === focused)?.focus();
     }
-    if (jobs.some(job => job.status === "waiting" || job.status === "running")) timer = setTimeout(look, POLL_MS);
+    const isActive = jobs.some(job => ["waiting", "running"].includes(job.status) || (job.status === "cancelled" && job.code === null));
+    timer = setTimeout(look, isActive ? POLL_MS : IDLE_MS);
   }
   look();
   return {look};

@@ -1,7 +1,9 @@
 """Jobs of the workbench: the verbs of the command line, run on a copy of what the page shows.
 
-A job has a folder of its own, outside that of the campaign: ``input`` holds the model of its state
-and a campaign.toml that names the measurements, ``out`` the result, ``log.txt`` what the verb said.
+A job has a folder of its own, outside that of the campaign: ``input`` holds the model and a
+campaign.toml that names the measurements, ``out`` the result, ``log.txt`` what the verb said. Fits
+and comparisons begin at the drawing, with what was added to it: their priors are about it, and
+their values those of the page. Without additions they read the campaign itself.
 One job runs, the others wait. The process outlives its server: ``exit.txt`` holds its exit code,
 from which the next server goes on. Jobs are no part of a state and are never undone.
 """
@@ -11,22 +13,25 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Condition, Thread
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ValidationError
 
-from identification.words import UsageError, WorkbenchError
+from identification.words import UsageError
 from mbw.output_folder import ResultOptions
-from mbw.workbench.saving import SAVED_MODEL, save_state
+from mbw.workbench.saving import SAVED_MODEL, check_unchanged, save_state
 from mbw.workbench.state import SessionState
 from mbw.workbench.subject import WorkbenchSubject
 
 Verb = Literal["tune", "diagnose", "identify", "predict", "blind", "compare"]
 Status = Literal["waiting", "running", "done", "failed", "cancelled", "interrupted"]
-PAGES = {"tune": "report.html", "diagnose": "report.html", "predict": "predict.html"}
+PAGES: dict[Verb, str] = {
+    **{"tune": "report.html", "diagnose": "report.html", "predict": "predict.html"},
+    **{"identify": "identify.html", "compare": "page.html", "blind": "blind.html"},
+}
 _FITS = ("tune", "diagnose")  # they can resume; blind goes on by itself
 _OF_CAMPAIGNS = ("tune", "diagnose", "identify", "compare")  # verbs that need measurements
 _JOB, _SAID, _EXIT = "job.json", "log.txt", "exit.txt"
@@ -49,7 +54,9 @@ class Job(BaseModel):
         partner: second campaign of a comparison; empty for partner verbs.
         status: what has become of it.
         code: exit code; None before its end.
+        source: campaign that it reads in place of ``input``; empty for none.
         pid: process group; None before its start.
+        began: when the system says that this process began; another one may get its number.
         remarks: what the MJCF of its input cannot hold.
     """
 
@@ -60,7 +67,9 @@ class Job(BaseModel):
     partner: str = ""
     status: Status = "waiting"
     code: int | None = None
+    source: str = ""
     pid: int | None = None
+    began: str = ""
     remarks: tuple[str, ...] = ()
 
 
@@ -79,11 +88,15 @@ class JobQueue:
     _is_open: bool = True
 
     def __post_init__(self) -> None:
-        """Read the jobs that there are, and go on with them."""
+        """Read the jobs that there are."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self._jobs = {job.number: job for job in self._read_all()}
         self._thread = Thread(target=self._work, daemon=True)
+
+    def begin(self) -> "JobQueue":
+        """Run the jobs that there are, and those to come; return the queue."""
         self._thread.start()
+        return self
 
     def list_jobs(self) -> list[dict[str, object]]:
         """Return all jobs with the end of their log, the newest first."""
@@ -112,10 +125,12 @@ class JobQueue:
             raise UsageError(f"jobs need Linux or macOS: save the model, and run mbw {verb} on it")
         if verb in _OF_CAMPAIGNS and subject.campaign is None:
             raise UsageError(f"mbw {verb} needs measurements: open a campaign")
-        if verb == "compare" and not Path(partner).expanduser().exists():
+        if verb == "compare" and not _exists(partner):
             raise UsageError(f"{partner or 'no campaign'} is not there: name the campaign after")
+        check_unchanged(subject)
         with self._changed:
-            number = max(self._jobs, default=0) + 1
+            taken = (int(path.name) for path in self.folder.iterdir() if path.name.isdecimal())
+            number = max([0, *taken]) + 1
             lines = subject.freq_hz
             job = Job(
                 number=number,
@@ -124,11 +139,20 @@ class JobQueue:
                 band=(float(lines[0]), float(lines[-1])),
                 partner=partner,
             )
-            place = self._place(job) / "input"
-            sentences = save_state(subject, state, ResultOptions(place))
-            job = job.model_copy(update={"remarks": tuple(sentences[1:])})
-            self._keep(job)
+            self._keep(job.model_copy(update=self._write_input(job, subject, state)))
         return job
+
+    def _write_input(
+        self, job: Job, subject: WorkbenchSubject, state: SessionState
+    ) -> dict[str, Any]:
+        """Write the input of a job; return what its file says of it."""
+        is_from_drawing = job.verb in _OF_CAMPAIGNS
+        if is_from_drawing and not subject.edits:
+            return {"source": str(subject.source.absolute())}
+        if is_from_drawing:
+            state = replace(state, coordinates=())
+        sentences = save_state(subject, state, ResultOptions(self._place(job) / "input"))
+        return {"remarks": tuple(sentences[1:])}
 
     def cancel(self, number: int) -> None:
         """Take a waiting job off the queue, or interrupt the running one as Ctrl-C does.
@@ -142,7 +166,7 @@ class JobQueue:
                 self._keep(job.model_copy(update={"status": "cancelled"}))
             elif job.pid is not None:
                 self._keep(job.model_copy(update={"status": "cancelled"}))
-                _send_interrupt(job.pid)
+                _send_interrupt(job)
 
     def resume(self, number: int) -> None:
         """Let a job that was cancelled, interrupted or failed wait for another turn.
@@ -152,7 +176,7 @@ class JobQueue:
         """
         with self._changed:
             job = self._get(number, ("cancelled", "interrupted", "failed"))
-            if job.pid is not None and self._is_running(job):
+            if job.pid is not None and _is_running(job, self._place(job)):
                 raise UsageError(f"job {number} has not ended yet: try again in a moment")
             (self._place(job) / _EXIT).unlink(missing_ok=True)
             self._keep(job.model_copy(update={"status": "waiting", "code": None, "pid": None}))
@@ -183,10 +207,11 @@ class JobQueue:
             self._is_open = False
             for job in self._jobs.values():
                 if job.status == "running" and job.pid is not None:
-                    _send_interrupt(job.pid)
+                    _send_interrupt(job)
                     self._keep(job.model_copy(update={"status": "interrupted"}))
             self._changed.notify_all()
-        self._thread.join(10)
+        if self._thread.is_alive():
+            self._thread.join(10)
 
     def _get(self, number: int, allowed: tuple[Status, ...]) -> Job:
         """Return a job of one of some statuses."""
@@ -199,33 +224,41 @@ class JobQueue:
 
     def _work(self) -> None:
         """Run the jobs in turn until the queue closes."""
-        while True:
+        while self._is_open:
             with self._changed:
-                if not self._is_open:
-                    return
                 active = [job for job in self._jobs.values() if self._is_active(job)]
                 waiting = [job for job in self._jobs.values() if job.status == "waiting"]
-                if active:
-                    job = active[0]
-                elif waiting:
-                    job = self._start(waiting[0])
-                else:
+                if not active and not waiting:
                     self._changed.wait()
                     continue
-                self._changed.wait_for(lambda: not self._is_open, _POLL_S)
-                if not self._is_open or self._is_running(job):
-                    continue
-                job = self._end(self._jobs[job.number])
-            if job.status == "done":
-                self._hand_over(job)
+                job = (active or waiting)[0]
+            try:
+                self._go_on(job)
+            except Exception as error:  # of one job: the others go on
+                failed = {"status": "failed", "remarks": (*job.remarks, str(error))}
+                with self._changed:
+                    self._jobs[job.number] = job.model_copy(update=failed)
+
+    def _go_on(self, job: Job) -> None:
+        """Start a job that waits, or look after the one that runs."""
+        with self._changed:
+            if job.status == "waiting":
+                job = self._start(job)
+            self._changed.wait_for(lambda: not self._is_open, _POLL_S)
+            if not self._is_open or _is_running(job, self._place(job)):
+                return
+            job = self._end(self._jobs[job.number])
+        if job.status == "done":
+            self._hand_over(job)
 
     def _hand_over(self, job: Job) -> None:
         """Hand the result of a job over; what is wrong with it stands with the job."""
         try:
             self.finish(job, self._place(job) / "out")
-        except WorkbenchError as error:
+        except Exception as error:  # whatever it is, the result itself is there
+            sentence = f"its result is not shown: {error}"
             with self._changed:
-                self._keep(job.model_copy(update={"remarks": (*job.remarks, str(error))}))
+                self._keep(job.model_copy(update={"remarks": (*job.remarks, sentence)}))
 
     def _is_active(self, job: Job) -> bool:
         """Return whether the process of a job has not been seen to end."""
@@ -234,7 +267,8 @@ class JobQueue:
     def _start(self, job: Job) -> Job:
         """Start the process of a job."""
         place = self._place(job)
-        source = "input" if job.verb in _OF_CAMPAIGNS else f"input/{SAVED_MODEL}"
+        source = job.source or ("input" if job.verb in _OF_CAMPAIGNS else f"input/{SAVED_MODEL}")
+        job = self._keep(job.model_copy(update={"status": "running"}))  # before its process
         words = [sys.executable, "-m", "mbw", job.verb, source]
         words += [str(Path(job.partner).expanduser().absolute())] if job.partner else []
         words += ["--out", "out", "--overwrite"]
@@ -246,17 +280,12 @@ class JobQueue:
             ["sh", "-c", _RUN, "job", *words], cwd=place, start_new_session=True
         )
         Thread(target=process.wait, daemon=True).start()  # leaves no process without a parent
-        return self._keep(job.model_copy(update={"status": "running", "pid": process.pid}))
-
-    def _is_running(self, job: Job) -> bool:
-        """Return whether the process of a job has not ended."""
-        if (self._place(job) / _EXIT).is_file() or job.pid is None:
-            return False
+        known = {"pid": process.pid, "began": _read_beginning(process.pid)}
         try:
-            os.killpg(job.pid, 0)
-        except (ProcessLookupError, PermissionError):  # ended, or another user has the number now
-            return False
-        return True
+            return self._keep(job.model_copy(update=known))
+        except OSError:
+            _send_interrupt(job.model_copy(update=known))  # nobody could end it later
+            raise
 
     def _end(self, job: Job) -> Job:
         """Return a job whose process has ended, with its exit code."""
@@ -306,9 +335,39 @@ class JobQueue:
         return self.folder / f"{job.number:04}"
 
 
-def _send_interrupt(pid: int) -> None:
-    """Interrupt a process group, if it is still there."""
+def _exists(path: str) -> bool:
+    """Return whether something lies at a path that a user typed."""
     try:
-        os.killpg(pid, signal.SIGINT)
+        return bool(path.strip()) and Path(path).expanduser().exists()
+    except (OSError, RuntimeError, ValueError):  # too long, another user's home, a null character
+        return False
+
+
+def _read_beginning(pid: int) -> str:
+    """Return when a process began, as the system says it; empty if it is not there."""
+    words = ["ps", "-o", "lstart=", "-p", str(pid)]
+    try:
+        return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[19]
+    except (OSError, IndexError):
+        pass
+    try:
+        return subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip()
+    except OSError:
+        return ""
+
+
+def _is_running(job: Job, place: Path) -> bool:
+    """Return whether the process of a job has not ended; its number may be another's by now."""
+    if (place / _EXIT).is_file() or job.pid is None:
+        return False
+    return bool(job.began) and _read_beginning(job.pid) == job.began
+
+
+def _send_interrupt(job: Job) -> None:
+    """Interrupt the process group of a job, if it is still there."""
+    if job.pid is None or not job.began or _read_beginning(job.pid) != job.began:
+        return
+    try:
+        os.killpg(job.pid, signal.SIGINT)
     except (ProcessLookupError, PermissionError):
         return

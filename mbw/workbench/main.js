@@ -146,7 +146,7 @@ async function writeStudy(key) {
   if (!session.has_study) return;
   byId("plant-age").textContent = "computing …";
   let study;
-  try { study = await load("/study"); } catch (error) { byId("plant-age").textContent = error.message; return; }
+  try { study = await load("/study"); } catch (error) { byId("plant-age").textContent = error.message; byId("plant-rows").replaceChildren(); return; }
   if (key !== newest.key) return;  // that of a later state is on its way
   byId("plant-age").textContent = study.sentences.join(". ");
   const number = (value, unit) => value === null || value === undefined ? "none" : value.toPrecision(4) + (unit ? " " + unit : "");
@@ -214,7 +214,7 @@ byId("remarks").hidden = !session.remarks.length;
 byId("remarks").querySelector("ul").append(...session.remarks.map(textContent => create("li", {textContent})));
 
 const asked = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
-await begin(show, say);
+await begin(show, say, () => edits.show(newest.edits));
 jobs = createJobs(byId("job-rows"), byId("verbs"), session, () => newest.machine);
 if (asked.reference && (asked.reference !== newest.view.reference || asked.channel !== newest.view.channel || Number(asked.mode) !== newest.view.mode))
   act({do: "look", reference: asked.reference, channel: asked.channel, mode: Number(asked.mode)});

@@ -1,6 +1,5 @@
 """Opening of a campaign, a model, or a folder of results for the workbench."""
 
-import hashlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from mbw.results.diagnosed_files import read_result as read_diagnosis
 from mbw.results.identified_files import MODES_JSON
 from mbw.results.measured_modes import read_measured_modes
 from mbw.workbench.causes import ShownVerdict
-from mbw.workbench.subject import StoredFrfs, WorkbenchSubject
+from mbw.workbench.subject import StoredFrfs, WorkbenchSubject, hash_rows
 from tuning import open_session, parametrise, read_result
 from tuning.files.input_files import hash_files, input_rows
 from tuning.files.plant_folder import AUGMENTED, SHOWN, VERDICT, HeldOutResult, read_held_out
@@ -78,7 +77,7 @@ def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -
         campaign=None,
         freq_hz=np.geomspace(low, high, N_LINES),
         quantity="accelerance",
-        hashes=("", _hash(hash_files(mjcf_files(path), path.parent), key or "")),
+        hashes=("", hash_rows(hash_files(mjcf_files(path), path.parent), key or "")),
         source_content=path.read_bytes(),
         remarks=machine.remarks,
     )
@@ -108,8 +107,8 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
         freq_hz=campaign.freq_hz,
         quantity=campaign.tests[0].estimate.frf.quantity,
         hashes=(
-            _hash(rows),
-            _hash(hash_files(mjcf_files(session.model.machine.source), source.parent)),
+            hash_rows(rows),
+            hash_rows(hash_files(mjcf_files(session.model.machine.source), source.parent)),
         ),
         source_content=source.read_bytes(),
         result=path if path.is_dir() and path in folders.values() else None,
@@ -150,7 +149,12 @@ def show_results(subject: WorkbenchSubject, folders: Mapping[str, Path]) -> Work
         tuned = read_result(folders["tuned"]).summary
     verdict = subject.verdict
     if "diagnosed" in folders:
-        verdict = ShownVerdict.of(read_diagnosis(folders["diagnosed"]))
+        verdict = ShownVerdict.of(read_diagnosis(folders["diagnosed"]), subject.campaign)
+        if not verdict.fitted_values():
+            remarks.append(
+                f"{folders['diagnosed']} is by an earlier version and does not hold its fit: "
+                "diagnose again to switch its causes"
+            )
     if "modes" in folders:
         modes = read_measured_modes(folders["modes"], subject.campaign)
     return replace(
@@ -189,9 +193,3 @@ def _changed_files(then: Iterable[InputRow], now: Iterable[InputRow]) -> list[st
     """Return the files whose content changed since a result was made."""
     hashes = {row.file: row.sha256 for row in now}
     return [row.file for row in then if hashes.get(row.file, row.sha256) != row.sha256]
-
-
-def _hash(rows: Iterable[InputRow], key: str = "") -> str:
-    """Return one hash of all files, and of the keyframe that is read of them."""
-    text = "".join(f"{row.file} {row.sha256}\n" for row in rows) + key
-    return hashlib.sha256(text.encode()).hexdigest()

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from mbw.workbench.desk import Desk
 from mbw.workbench.edits import MachineEdit
@@ -57,3 +57,17 @@ class JobRequest(_Request):
             return [f"the result of job {self.number} is shown"]
         jobs.resume(self.number)
         return [f"job {self.number} goes on"]
+
+
+def describe_wrong_request(error: ValidationError) -> tuple[int, str]:
+    """Return status and sentence for a request that cannot be: a size, or what no page sends.
+
+    Args:
+        error: of its body.
+    """
+    first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+    place = [str(part) for part in first["loc"]]
+    if "edit" in place and place[-1] != "edit":
+        what = first["msg"].removeprefix("Input ").removesuffix(".")
+        return 422, f"{place[-1]}: the value {what}"
+    return 400, "the request is none of this version's page: open the page again"

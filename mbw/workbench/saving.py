@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
-from identification.words import Real, UsageError
-from mbmodel import WrittenModel, write_model
+from identification.words import InputError, Real, UsageError
+from mbmodel import MjcfLack, WrittenModel, write_model
 from mbw.output_folder import ResultOptions
 from mbw.remarks import describe_not_in_mjcf
+from mbw.workbench.edits import added_delays
 from mbw.workbench.state import SessionState
 from mbw.workbench.subject import WorkbenchSubject
 from tuning import open_session, predict
@@ -37,9 +38,8 @@ def save_state(
             changed on the disk.
         InputError: the folder cannot be written, or holds files of another campaign.
     """
+    check_unchanged(subject)
     varies, model = subject.parametrisation, subject.model
-    if subject.source.read_bytes() != subject.source_content:
-        raise UsageError(f"{subject.source} has changed since it was opened: open it again")
     theta = varies.theta(state.x(varies.names))
     names = (SAVED_MODEL,) if subject.campaign is None else (SAVED_MODEL, CAMPAIGN)
     sources = {path.resolve().parent for path in (subject.source, model.machine.source)}
@@ -50,8 +50,28 @@ def save_state(
             folder = final_folder(place)
             written = write_model(model, theta, place / SAVED_MODEL, folder)
             if subject.campaign is not None:
-                write_campaign_with_model(subject.source, SAVED_MODEL, place, folder)
+                delays = added_delays(subject.edits)
+                write_campaign_with_model(subject.source, SAVED_MODEL, place, folder, delays)
         return _describe(subject, theta, written, output.path)
+
+
+def check_unchanged(subject: WorkbenchSubject) -> None:
+    """Refuse a subject whose files have changed on the disk since it was opened.
+
+    Raises:
+        UsageError: the sentence says what to do.
+    """
+    try:
+        is_same = subject.source.read_bytes() == subject.source_content and (
+            subject.campaign is None or subject.hash_campaign() == subject.hashes[0]
+        )
+    except (OSError, InputError):
+        is_same = False
+    if not is_same:
+        raise UsageError(
+            f"{subject.source}, or a file that it names, has changed since it was opened: open it "
+            "again"
+        )
 
 
 def _describe(
@@ -70,6 +90,13 @@ def _describe(
         )
     if written.difference:
         sentences.append(f"do not use {SAVED_MODEL}: it is not this machine ({written.difference})")
-    lacks = [str(lack) for lack in written.not_held]
+    if subject.campaign is None and added_delays(subject.edits):
+        sentences.append("delays are not saved: a model alone has no control loops")
+    is_elsewhere = subject.campaign is not None  # campaign.toml has the loops
+    lacks = [
+        str(lack)
+        for lack in written.not_held
+        if not (is_elsewhere and lack.reason == MjcfLack.LOOP)
+    ]
     missing = describe_not_in_mjcf(lacks, change, SAVED_MODEL)
-    return [*sentences, missing] if missing else sentences
+    return [*sentences, missing.replace("tuned ", "")] if missing else sentences

@@ -27,7 +27,12 @@ from identification.words import WorkbenchError
 from mbw.page.html import read_asset
 from mbw.workbench.desk import Desk, StaleRevisionError
 from mbw.workbench.jobs import JobQueue
-from mbw.workbench.requests import ActRequest, JobRequest, PreviewRequest
+from mbw.workbench.requests import (
+    ActRequest,
+    JobRequest,
+    PreviewRequest,
+    describe_wrong_request,
+)
 from mbw.workbench.session_data import scene_data, session_data
 from mbw.workbench.state import History
 
@@ -190,8 +195,8 @@ class _Handler(BaseHTTPRequestHandler):
                 self._send_json(200, {"sentences": workbench.tasks[task]()})
             else:
                 self._refuse(404, "the workbench has no such task: open its first page")
-        except ValidationError:
-            self._refuse(400, "the request is none of this version's page: open the page again")
+        except ValidationError as error:
+            self._refuse(*describe_wrong_request(error))
         except StaleRevisionError as error:
             self._refuse(409, str(error))
         except WorkbenchError as error:
@@ -266,7 +271,10 @@ class _Handler(BaseHTTPRequestHandler):
         if page is None:
             self._refuse(404, "this job has no page")
             return
-        alone = {"Content-Security-Policy": "sandbox allow-scripts; frame-ancestors 'none'"}
+        alone = {
+            "Content-Security-Policy": "sandbox allow-scripts; frame-ancestors 'none'",
+            "Cross-Origin-Opener-Policy": "unsafe-none",
+        }
         self._send(200, page.read_bytes(), "text/html; charset=utf-8", alone)
 
     def _send_data(self, compute: Callable[[], dict[str, Any]]) -> None:

@@ -51,10 +51,18 @@ def session_data(subject: WorkbenchSubject, plant: StateStudy) -> dict[str, Any]
         "has_measured_modes": subject.measured_modes is not None,
         "remarks": list(subject.remarks),
         "masses": _list_masses(plant.subject),
+        "names": _list_names(plant.subject),
         "structure": structure_hash(subject.edits),
         "loops": [loop.name for loop in plant.loops],
         "has_study": plant.is_wanted,
     }
+
+
+def _list_names(plain: WorkbenchSubject) -> list[str]:
+    """Return names that an addition cannot have."""
+    machine = plain.model.machine
+    springs = (spring.name for spring in machine.springs)
+    return [*machine.layout.bodies, *machine.layout.points, *springs, *machine.coordinates]
 
 
 def _list_masses(plain: WorkbenchSubject) -> dict[str, float]:

@@ -145,7 +145,7 @@ class SessionState:
 
     def remove(self, name: str) -> "SessionState":
         """Return the state without an edit; its springs are as stated if it comes back."""
-        beginnings = f"{name}.", f"{name}_"  # of the names of its parameters
+        beginnings = tuple(f"{name}{end}." for end in ("", "_x", "_y", "_z"))  # of its parameters
         return replace(
             self,
             edits=tuple(edit for edit in self.edits if edit.name != name),
@@ -234,6 +234,8 @@ def check_move(values: Mapping[str, float], limits: Mapping[str, tuple[float, fl
         UsageError: the sentence names the coordinate and what it may be.
     """
     for name, x in values.items():
+        if not x:
+            continue  # as drawn, also of a parameter that is no more
         if name not in limits:
             raise UsageError(f"{name} is no parameter of this model: open the page again")
         low, high = limits[name]

@@ -47,9 +47,20 @@ class StateLog:
     stream: TextIO
 
     def append(self, action: Action) -> None:
-        """Write an action to the disk."""
-        self.stream.write(ACTION.dump_json(action, exclude_none=True).decode() + "\n")
-        self.stream.flush()
+        """Write an action to the disk, whole or not at all.
+
+        Raises:
+            OSError: the disk takes nothing more.
+        """
+        number = self.stream.fileno()
+        size = os.fstat(number).st_size
+        content = ACTION.dump_json(action, exclude_none=True) + b"\n"
+        try:
+            while content:
+                content = content[os.write(number, content) :]
+        except OSError:
+            os.ftruncate(number, size)
+            raise
 
 
 def log_path(source: Path, name: str, first: SessionState) -> Path:

@@ -4,7 +4,6 @@ They take longer than a frame, and are computed for a state that rests.
 """
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +39,7 @@ class StateStudy:
     budget: Path | None = None
     _kept: dict[str, dict[str, Any]] = field(default_factory=dict)
 
-    @cached_property
+    @property
     def loops(self) -> tuple[Loop, ...]:
         """Loops whose margins are computed, without what edits add to them.
 
@@ -88,7 +87,8 @@ class StateStudy:
 
     def _compute(self, subject: WorkbenchSubject, state: SessionState) -> dict[str, Any]:
         """Return margins and errors of one state; the last few states are kept."""
-        name = f"{state.structure} {state.coordinates}"
+        content = b"" if self.budget is None else self.budget.read_bytes()
+        name = f"{state.structure} {state.coordinates} {hash(content)}"
         if name not in self._kept:
             if len(self._kept) > 50:
                 self._kept.clear()
@@ -129,7 +129,7 @@ def _margin_rows(plant: LoopPlant, theta: Real) -> dict[str, dict[str, Any]]:
     poles = plant.poles(theta, is_closed=True)
     growing = growing_pole(poles)
     if growing is not None:
-        hertz = abs(growing) / (2 * np.pi)
+        hertz = abs(growing.imag) / (2 * np.pi)
         return {name: {"unstable": float(hertz)} for name in names}
     margins = plant.margins(theta, plant.poles(theta, is_closed=False), poles)
     return dict(zip(names, map(_margin_row, margins.loops), strict=True))

@@ -1,5 +1,6 @@
 """Subject of the workbench: a model with its parameters, its tests, and earlier results."""
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,8 +21,10 @@ from mbw.site_kinds import hammer_sites, sensor_sites
 from mbw.workbench.causes import ShownVerdict
 from mbw.workbench.edits import MachineEdit
 from mbw.workbench.state import SessionState, View
-from tuning import Parametrisation, TunedFile
+from tuning import Parametrisation, Session, TunedFile
+from tuning.files.input_files import input_rows
 from tuning.files.plant_folder import VERDICT
+from tuning.files.schema import InputRow
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +61,7 @@ class WorkbenchSubject:
         remarks: findings on all of this, one sentence each.
         edits: what is added to the machine.
         verdict: of a diagnosis; None without one.
+        unedited: nominal model without what is added; None if this is it.
     """
 
     path: Path
@@ -76,6 +80,12 @@ class WorkbenchSubject:
     remarks: tuple[str, ...] = ()
     edits: tuple[MachineEdit, ...] = ()
     verdict: ShownVerdict | None = None
+    unedited: Model | None = None
+
+    @property
+    def drawn_model(self) -> Model:
+        """Nominal model without what is added."""
+        return self.unedited or self.model
 
     @property
     def name(self) -> str:
@@ -111,9 +121,15 @@ class WorkbenchSubject:
 
     def diagnosed_x(self) -> dict[str, float]:
         """Return the coordinates of the fit of a diagnosis; empty without one."""
-        if self.verdict is None:
-            return {}
-        return self.with_causes().coordinates(self.verdict.fitted_values())
+        fitted = {} if self.verdict is None else self.verdict.fitted_values()
+        return self.with_causes().coordinates(fitted) if fitted else {}
+
+    def hash_campaign(self) -> str:
+        """Return the hash of the files of the campaign as they are on the disk."""
+        if self.campaign is None:
+            return ""
+        session = Session(self.source, self.drawn_model, self.campaign, self.parametrisation)
+        return hash_rows(input_rows(session))
 
     def with_causes(self) -> Self:
         """Return the subject whose model has the causes of the verdict, to be switched on."""
@@ -148,8 +164,8 @@ class WorkbenchSubject:
         state = SessionState(*self.hashes, view)
         if self.result is None:
             return state
-        is_diagnosis = (self.result / VERDICT).is_file()
-        return state.move(self.diagnosed_x() if is_diagnosis else self.tuned_x())
+        diagnosed = self.diagnosed_x() if (self.result / VERDICT).is_file() else {}
+        return state.move(diagnosed or self.tuned_x())
 
 
 def _drive_channel(reference: object, outputs: Iterable[object]) -> object:
@@ -162,3 +178,14 @@ def port_labels(layout: Layout) -> list[str]:
     """Return the labels of all points along their axes, and of all bodies in six directions."""
     axes = [f"{point}:+t{axis}" for point in layout.points for axis in "xyz"]
     return [*axes, *map(str, layout.body_dofs())]
+
+
+def hash_rows(rows: Iterable[InputRow], key: str = "") -> str:
+    """Return one hash of all files, and of the keyframe that is read of them.
+
+    Args:
+        rows: files with their hashes.
+        key: name of the keyframe; empty for the default.
+    """
+    text = "".join(f"{row.file} {row.sha256}\n" for row in rows) + key
+    return hashlib.sha256(text.encode()).hexdigest()

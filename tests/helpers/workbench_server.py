@@ -22,7 +22,7 @@ def serve(subject, name="work", budget=None, **tasks):
     with temporary_folder() as place, open_log(path, first) as log:
         desk = Desk(subject, log, place, budget)
         bound = {key: lambda task=task: task(desk) for key, task in tasks.items()}
-        jobs = JobQueue(path.with_suffix(".jobs"), desk.adopt)
+        jobs = JobQueue(path.with_suffix(".jobs"), desk.adopt).begin()
         with PageServer(Workbench(desk, jobs, bound)) as server:
             thread = threading.Thread(target=server.serve_forever, daemon=True)
             thread.start()

@@ -1,6 +1,7 @@
 """The workbench without a browser: states, log, frames, saving, and who may ask the server."""
 
 import json
+import os
 import re
 import shutil
 import signal
@@ -118,6 +119,25 @@ def test_a_torn_last_line_is_named_and_left_out(tmp_path, torn):
         assert "cut off" in log.remark
         assert log.history.revision == 1
     assert path.read_bytes() == whole
+
+
+def test_an_action_that_the_disk_does_not_take_is_not_in_the_log(tmp_path, monkeypatch):
+    path, write = tmp_path / "work.jsonl", os.write
+    with open_log(path, FIRST) as log:
+        log.append(Move(values={"p": 1.0}))
+
+        def fill(number, content):
+            if len(content) > 5:
+                return write(number, content[:5])
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(os, "write", fill)
+        with pytest.raises(OSError, match="No space left"):
+            log.append(Move(values={"q": 2.0}))
+        monkeypatch.setattr(os, "write", write)
+        log.append(Move(values={"r": 3.0}))
+    with open_log(path, FIRST) as log:
+        assert dict(log.history.state.coordinates) == {"p": 1.0, "r": 3.0}
 
 
 def test_a_log_whose_first_line_was_cut_off_begins_anew(tmp_path):

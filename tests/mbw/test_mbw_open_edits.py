@@ -10,6 +10,7 @@ from budget_case import BUDGET, write_machine
 from campaign_folder import write_folder
 from hypothesis import given
 from hypothesis import strategies as st
+from servo_campaign import write_servo_campaign
 from small_machine import MJCF
 from typer.testing import CliRunner
 from workbench_server import Browser, frame_parts, serve
@@ -48,6 +49,15 @@ GROUNDED = SPRING.model_copy(update={"to": "world"})
 APPENDAGE = AddedAppendage(
     name="appendage1", body="head", point=POINT, mass=2.0, frequency=60.0, damping=0.04
 )
+
+
+LOOP = """
+[loop.pos]
+input = "servo"
+output = "acc1:+tx"
+delay = 3e-4
+controller = { zeros = [], poles = [-2000.0], gain = 10.0 }
+"""
 
 
 @pytest.fixture(scope="module")
@@ -159,12 +169,32 @@ def test_what_cannot_be_added_is_refused_in_a_sentence(makers, edit, words):
         makers.of(state)
 
 
-def test_a_delay_of_a_loop_that_is_not_there_is_refused(makers):
-    subject = makers.plain.subject
-    delay = AddedDelay(name="delay1", loop="servo", delay=1e-3)
-    late = replace(subject, edits=(delay,))
-    with pytest.raises(UsageError, match="servo is no control loop"):
-        StateStudy(subject).study(late, subject.first_state().add(delay))
+@pytest.mark.parametrize(
+    ("settings", "edit"),
+    [
+        ('<compiler settotalmass="200"/>', MASS),
+        ('<compiler boundmass="10"/>', MASS),
+        ('<compiler settotalmass="200"/>', APPENDAGE),
+    ],
+)
+def test_a_file_that_gives_additions_other_sizes_is_refused(tmp_path, settings, edit):
+    model = tmp_path / "pair.xml"
+    model.write_text(MJCF.replace("<worldbody>", f"{settings}<worldbody>"), encoding="utf-8")
+    subject = open_subject(model, (5.0, 165.0), None)
+    with pytest.raises(InputError, match="other masses or springs: take settotalmass"):
+        EditedMakers(subject, tmp_path).of(subject.first_state().add(edit))
+
+
+def test_a_default_class_does_not_change_an_appendage(tmp_path):
+    model = tmp_path / "pair.xml"
+    default = '<default><joint springdamper="0.05 1"/></default><worldbody>'
+    text = MJCF.replace(' damping="', ' springdamper="0 0" damping="')
+    text = text.replace("<worldbody>", default)
+    model.write_text(text, encoding="utf-8")
+    subject = open_subject(model, (5.0, 165.0), None)
+    edited = EditedMakers(subject, tmp_path).of(subject.first_state().add(APPENDAGE)).subject
+    stiffness = {s.name: s.stiffness for s in edited.model.machine.springs}["appendage1_x"]
+    assert stiffness == pytest.approx(2.0 * (2 * np.pi * 60.0) ** 2)
 
 
 # ---- states ------------------------------------------------------------------------------------
@@ -267,7 +297,13 @@ def test_the_page_tries_sizes_out_and_undoes_what_was_added(campaign, tmp_path, 
         late = {"kind": "delay", "name": "delay1", "loop": "servo", "delay": 0.001}
         assert b"no control loop" in act({"do": "put", "edit": late}, expected=422)
         wrong = {**MASS.model_dump(), "mass": -1.0}
-        act({"do": "put", "edit": wrong}, expected=400)
+        assert b"mass: the value should be greater than 0" in act(
+            {"do": "put", "edit": wrong}, expected=422
+        )
+        gone = {"do": "move", "values": {"gyroscopic@body:head.share": 0.0}}
+        act(gone)  # as drawn, also of a parameter that is no more
+        act({"do": "move", "values": {"gyroscopic@body:head.share": 1.0}}, expected=422)
+        act({"do": "undo"})
         assert frame_parts(act({"do": "undo"}))[0]["gap"] == first["gap"]
 
 
@@ -330,6 +366,26 @@ def test_a_delay_takes_its_time_off_the_delay_margin_until_the_loop_is_unstable(
     assert unstable["loops"][0]["current"]["unstable"] > 0
     assert unstable["errors"][0]["current"] is None
     assert "unstable" in unstable["sentences"][0]
+
+
+def test_a_delay_is_saved_with_its_loop(tmp_path):
+    place = write_servo_campaign(tmp_path)
+    with (place / "campaign.toml").open("a", encoding="utf-8") as file:
+        file.write(LOOP)
+    subject = open_subject(place, None, None)
+    makers = EditedMakers(subject, tmp_path)
+    state = subject.first_state().add(AddedDelay(name="delay1", loop="pos", delay=2e-4))
+    edited = makers.of(state).subject
+    assert len(save_state(edited, state, ResultOptions(tmp_path / "saved"))) == 1
+    saved = open_session(tmp_path / "saved", (edited.freq_hz[0], edited.freq_hz[-1]))
+    (loop,) = saved.model.machine.loops
+    assert loop.delay == pytest.approx(5e-4)
+    for read, meant in zip(
+        predict(saved.model, saved.model.drawn, saved.campaign),
+        predict(edited.model, edited.model.drawn, edited.campaign),
+        strict=True,
+    ):
+        np.testing.assert_allclose(read, meant, rtol=1e-8)
 
 
 def test_a_machine_without_loops_has_nothing_to_study(model_subject):

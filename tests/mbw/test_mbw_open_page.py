@@ -176,6 +176,19 @@ def test_an_appendage_is_added_tried_out_by_its_slider_and_undone(page):
     assert page.run("document.querySelectorAll('#mode-rows tr').length") == modes
 
 
+def test_a_size_that_cannot_be_is_refused_and_the_field_shows_the_model_again(page):
+    page.run(f"{ADD.format('Appendage')}.click()")
+    page.wait("document.getElementById('appendage1-damping')")
+    field = "document.getElementById('appendage1-damping').closest('.row').querySelector('.value')"
+    typed = "field => { field.value = '1.2'; field.dispatchEvent(new Event('change')); }"
+    page.run(f"({typed})({field})")
+    status = "document.getElementById('status').textContent"
+    page.wait(f"{status}.includes('damping: the value should be less than 1')")
+    page.wait(f"{field}.value === '0.03000'")
+    page.run("document.querySelector('.edit .reset').click()")
+    page.wait(f"!document.querySelector('.edit') && {status} === ''")
+
+
 def test_a_box_switches_a_cause_off_and_the_gap_comes_back(tab, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     subject = open_subject(diagnose_rotor(tmp_path), None, None)

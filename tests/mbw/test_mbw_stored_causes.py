@@ -6,6 +6,7 @@ from drawn import drawn
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.refits.refitting import add_hypothesis
+from identification.words import InputError
 from mbmodel import Model
 from mbw.results.stored_causes import read_causes, read_fitted_values, store_causes
 from tuning import predict
@@ -40,6 +41,10 @@ def fitted(scene, cause, seed):
     return session, np.array([values[p.name] for p in session.model.parameters])
 
 
+def names(campaign):
+    return [(test.condition.test, str(test.condition.reference)) for test in campaign.tests]
+
+
 def relative(first, second):
     return max(np.abs(a - b).max() / np.abs(b).max() for a, b in zip(first, second, strict=True))
 
@@ -51,7 +56,7 @@ def test_a_stored_cause_is_its_part_at_the_fit_and_nothing_without_a_share(scene
     for seed, cause in enumerate(causes):
         session, theta = fitted(scene, cause, seed)
         arrays = {"freq_hz": session.campaign.freq_hz} | store_causes(session, theta, (cause,))
-        (stored,) = read_causes(arrays)
+        (stored,) = read_causes(arrays, names(session.campaign))
         assert (stored.effect, stored.location) == (cause.effect, cause.location)
         fit = read_fitted_values(arrays)
         base = scene.session.model
@@ -70,11 +75,40 @@ def test_a_released_tolerance_is_stored_by_its_value(scene):
     cause = next(iter(EFFECTS["sensor_gain"](scene)))
     session, theta = fitted(scene, cause, 1)
     arrays = {"freq_hz": session.campaign.freq_hz} | store_causes(session, theta, (cause,))
-    (stored,) = read_causes(arrays)
+    (stored,) = read_causes(arrays, names(session.campaign))
     assert (stored.terms, list(stored.values)) == ((), list(cause.release))
     assert stored.values == {name: read_fitted_values(arrays)[name] for name in cause.release}
 
 
 def test_files_of_earlier_versions_have_none():
-    assert read_causes({"freq_hz": np.ones(3)}) == ()
+    assert read_causes({"freq_hz": np.ones(3)}, []) == ()
     assert read_fitted_values({}) == {}
+
+
+def test_a_drift_acts_in_the_tests_of_its_order_whatever_their_names(scene):
+    cause = next(iter(EFFECTS["drift"](scene)))
+    session, theta = fitted(scene, cause, 3)
+    arrays = {"freq_hz": session.campaign.freq_hz} | store_causes(session, theta, (cause,))
+    moved = [(f"../{file}", reference) for file, reference in names(session.campaign)]
+    there, copied = (read_causes(arrays, each)[0] for each in (names(session.campaign), moved))
+    assert list(there.shares.values()) == list(copied.shares.values())
+    assert list(copied.shares) == moved
+    assert any(there.shares.values())
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("cause0.0.left", lambda a: a[:-1]),
+        ("cause0.0.core", lambda a: np.full_like(a, np.nan)),
+        ("cause0.0.core", lambda a: a[:2]),
+        ("cause0.terms", lambda a: np.array([["wall", ""]])),
+        ("fit_values", lambda a: a[:3]),
+    ],
+)
+def test_damaged_arrays_are_named(scene, name, change):
+    cause = next(iter(EFFECTS["parallel_path"](scene)))
+    session, theta = fitted(scene, cause, 4)
+    arrays = {"freq_hz": session.campaign.freq_hz} | store_causes(session, theta, (cause,))
+    with pytest.raises(InputError, match="diagnose again"):
+        read_causes({**arrays, name: change(arrays[name])}, names(session.campaign))

@@ -6,7 +6,7 @@ that campaign.toml states must agree, since a campaign states it once for both.
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -125,7 +125,13 @@ def write_states_campaign(
     (place / CAMPAIGN).write_text(text, encoding="utf-8")
 
 
-def write_campaign_with_model(source: Path, model: str, place: Path, folder: Path) -> None:
+def write_campaign_with_model(
+    source: Path,
+    model: str,
+    place: Path,
+    folder: Path,
+    delays: Mapping[str, float] | None = None,
+) -> None:
     """Write the campaign.toml of a campaign with another model; its measurements stay.
 
     Args:
@@ -133,11 +139,16 @@ def write_campaign_with_model(source: Path, model: str, place: Path, folder: Pat
         model: file name of the model in the folder.
         place: existing folder into which the file is written.
         folder: where it is in the end, from which paths count.
+        delays: that are added to those of control loops [s], by the loop's name.
 
     Raises:
         InputError: campaign.toml cannot be read.
     """
-    text = _table_text({**_read_head(source, folder, {}), "model": model})
+    head = _read_head(source, folder, {})
+    for name, delay in (delays or {}).items():
+        loop = head["loop"][name]
+        loop["delay"] = float(loop.get("delay", 0.0)) + delay
+    text = _table_text({**head, "model": model})
     for stated in _list_tests(source):
         file = _relative(source.parent / str(stated["file"]), folder)
         text += "\n[[test]]\n" + _table_text(_move_model({**stated, "file": file}, source, folder))
