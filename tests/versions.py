@@ -51,7 +51,7 @@ def _try(version: str, python: str, package: Path, place: Path) -> None:
     _run(place, binaries / "python", "-I", "-c", "import mbworkbench")
     if package.suffix == ".whl":
         _run(place, binaries / "python", "-I", place / "readme.py")
-        _begin_demo(place, binaries / "mbw")
+        _begin_demo(environment, binaries / "mbw")
     print(f"Python {version}, {package.name}: {time.monotonic() - start:.0f} s", flush=True)
 
 
