@@ -7,7 +7,7 @@ from diagnosis.data_checks.check_data import check_data
 from diagnosis.data_checks.sensors import SensorChecks
 from diagnosis.decision.established import Present, describe_present
 from diagnosis.decision.held_out_check import admit_predictive_causes
-from diagnosis.estimates.gap_by_level import LevelGaps, estimate_gaps_by_level
+from diagnosis.estimates.gap_by_level import LevelGapRow, estimate_gaps_by_level
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, hold_out
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
@@ -40,7 +40,7 @@ class Diagnosis:
         twins: pairs of confounded causes.
         as_drawn: gap of the nominal model.
         gaps: gap of the null model and with all present causes, on held-out lines.
-        level_gaps: gap at each level of the hits; None for one level, or without a cause.
+        level_gaps: gap at each level of the hits and at one left out (``estimate_gaps_by_level``).
         gross_hypotheses: hypotheses of the proven faults.
         settings: thresholds and sizes of the search.
     """
@@ -55,7 +55,7 @@ class Diagnosis:
     twins: tuple[tuple[str, str], ...]
     as_drawn: Gap
     gaps: GapEstimates
-    level_gaps: LevelGaps | None = None
+    level_gaps: tuple[list[LevelGapRow], LevelGapRow | None] = ([], None)
     gross_hypotheses: tuple[Hypothesis, ...] = ()
     settings: DiagnosisSettings = SETTINGS
 

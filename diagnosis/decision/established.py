@@ -18,11 +18,11 @@ from typing import Literal
 import numpy as np
 
 from diagnosis.decision.closed_by_proven import find_closed_by_proven
+from diagnosis.decision.remaining_gap import RestRow, describe_rest
 from diagnosis.estimates.held_out_gap import GapEstimates
 from diagnosis.estimates.profiled_sizes import find_named_size
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.inference.evidence import Evidence, Key, read_site
-from diagnosis.inference.places import compute_force_shares
+from diagnosis.inference.evidence import Evidence, Key, NamedRow, read_site
 from diagnosis.inference.posterior import Posterior
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
@@ -32,26 +32,12 @@ from diagnosis.stated_values import Ends
 from tuning import is_gap_visible
 
 Word = Literal["none", "explained", "several", "partly", "unexplained"]
-Spread = Literal["local", "everywhere"]
 
 
-@dataclass(frozen=True)
-class Rest:
-    """Rest: the gap that remains with the present causes.
+class RemarkRow(NamedRow):
+    """Proven fault that is not established, with the part of the gap that it closes alone."""
 
-    Args:
-        excess: over the noise, on held-out lines.
-        model_error: relative error of the model at the sensors' points.
-        is_significant: whether it is more than next to nothing.
-        spread: ``local`` if a force at one place would explain much of it.
-        where: places by their share.
-    """
-
-    excess: float | None
-    model_error: float
-    is_significant: bool
-    spread: Spread
-    where: tuple[tuple[str, float], ...]
+    closed: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +49,7 @@ class Present:
         causes: probable causes, those that redundant channels prove first.
         closes: part of the gap that remains without it that each closes, by its key.
         established: keys of those that close enough.
-        remarks: part of the gap that each proven fault closes that is not established; None if
-            unknown.
+        remarks: proven faults that are not established.
         rest: what remains.
         intervals: 95 % intervals of the parameters of the causes that close enough, by their keys.
     """
@@ -73,8 +58,8 @@ class Present:
     causes: tuple[Hypothesis, ...]
     closes: Mapping[Key, float]
     established: tuple[Key, ...]
-    remarks: Mapping[Key, float | None]
-    rest: Rest
+    remarks: list[RemarkRow]
+    rest: RestRow
     intervals: Mapping[Key, Mapping[str, Ends]] = field(default_factory=dict)
 
 
@@ -155,22 +140,29 @@ def describe_present(
         if cause.key not in sizes or sizes[cause.key].excludes_no_effect
     )
     is_none = not established and is_nothing_missing(posterior)
-    rest = _describe_rest(evidence, refit, gaps, settings, is_none=is_none)
+    rest = describe_rest(evidence, refit, gaps, settings, is_none=is_none)
     if is_none:
         word: Word = "none"
     elif not established:
         word = "unexplained"
-    elif rest.is_significant or evidence.unknown:
+    elif rest.significant or evidence.unknown:
         word = "partly"
     else:
         word = "explained" if len(causes) == 1 else "several"
-    proven = ((fault.effect, fault.location, fault.dof) for fault in base.checks.faults)
     named = {read_site(cause.key) for cause in causes}
-    remarks = {
-        key: closes.get(key, _find_closed_alone(search, key))
-        for key in proven
+    proven = dict.fromkeys(
+        (fault.effect, fault.location, fault.dof) for fault in base.checks.faults
+    )
+    remarks = [
+        RemarkRow(
+            effect=key[0],
+            location=key[1],
+            dof=key[2],
+            closed=closes.get(key, _find_closed_alone(search, key)),
+        )
+        for key in dict.fromkeys(proven)
         if key not in established and read_site(key) not in named
-    }
+    ]
     intervals = {key: size.intervals for key, size in sizes.items()}
     return Present(word, causes, closes, established, remarks, rest, intervals)
 
@@ -212,30 +204,3 @@ def _find_closed_alone(search: Search, key: Key) -> float | None:
     if refit is None or search.null.gap <= 0:
         return None
     return float(1 - refit.gap / search.null.gap)
-
-
-def _describe_rest(
-    evidence: Evidence,
-    refit: Refit,
-    gaps: GapEstimates,
-    settings: DiagnosisSettings,
-    *,
-    is_none: bool,
-) -> Rest:
-    """Return the rest, which is not significant if nothing is missing."""
-    level = gaps.after or gaps.retuned
-    is_significant = not is_none
-    if gaps.after is not None:
-        interval = level.excess_interval()
-        least = 1.0 if interval is None else interval[0]
-        is_significant = any(map(is_gap_visible, (level.refit.gap, least**2 - 1)))
-    forces = evidence.rest_pushed if refit.causes else evidence.pushed
-    share = max((force.share for force in forces), default=0.0)
-    shares = sorted(compute_force_shares(forces).items(), key=lambda row: -row[1])
-    return Rest(
-        excess=level.gap.excess,
-        model_error=level.refit.floor,
-        is_significant=is_significant,
-        spread="local" if share >= settings.min_local_share else "everywhere",
-        where=tuple(shares),
-    )

@@ -87,7 +87,7 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, price: float) -> bo
     first, last = (_mean_cost(gap) for gap in (before, after))
     if first is None or last is None:
         return True
-    count = max(after.refit.count_independent(load_calibration()), len(after.starts))
+    count = max(after.refit.summary.count_independent(load_calibration()), len(after.starts))
     return count * (first - last) > price
 
 

@@ -226,7 +226,7 @@ def fit_parameters(
         stride = settings.schedule.stride // 2 * stride_factor
         thin = thin_lines(campaign, stride)
         confidence = estimate_confidence(model, thin, fitted, has_model_error=is_visible)
-        shared = refit.statistics.values / refit.statistics.effective_values
+        shared = refit.summary.values / refit.summary.effective_values
         confidence = replace(confidence, chi_square=max(confidence.chi_square, shared))
     return FittedParameters(
         fitted.parametrisation,

@@ -169,7 +169,7 @@ class _Profile:
         if name is None or not changes[name].max() > 0:
             return None
         component = int(changes[name].argmax())
-        count = refit.count_independent(load_calibration())
+        count = refit.summary.count_independent(load_calibration())
 
         def root(value: float) -> tuple[float, float]:
             at = np.where(np.array(varies.names) == name, value, x)

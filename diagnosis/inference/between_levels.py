@@ -3,11 +3,11 @@
 from math import log
 
 from diagnosis.inference.calibration import Calibration
-from diagnosis.inference.evidence import FitSummary
+from diagnosis.inference.evidence import FittedSet
 
 
 def compare_between_levels(
-    fitted: FitSummary, null: FitSummary, best: FitSummary, constants: Calibration
+    fitted: FittedSet, null: FittedSet, best: FittedSet, constants: Calibration
 ) -> float:
     """Return the gain in log likelihood from differences of residuals between levels [nats].
 

@@ -51,8 +51,8 @@ class Scored(NamedRow):
     gain: float
 
 
-class FitSummary:
-    """Objective of a fit, and its residual gap beyond the noise.
+class FittedSet(_Row):
+    """Set of causes, fitted at its own model-error floor; the empty set is the null model.
 
     Chi square, the mean square of the residual over the stated variance, exceeds one by the gap if
     that variance is right, which it is not with a few hits. Neighbouring lines share the gap, but
@@ -61,6 +61,7 @@ class FitSummary:
     than the lags, so that chi square counts too, less the error of a badly known variance.
 
     Args:
+        keys: causes of the set.
         chi_square: mean square of residual over noise; 1 is noise alone.
         floor: relative model error.
         serial: mean product of the residuals of neighbouring lines; None where lines share noise.
@@ -72,20 +73,26 @@ class FitSummary:
         values: number of values.
         level_excess: how far residuals depend on the level (``level_dependence``); None where no
             point was hit at several levels.
-        keys: causes of the fit; none of the null model.
+        effective_values: number of independent values in the residual.
+        shifts: shift of the tolerances that each cause releases [standard deviations of a single
+            one]; None for a cause that does not only release tolerances.
+        parameters: number of fitted parameters of each cause; none if empty.
     """
 
     keys: tuple[Key, ...]
     chi_square: float
     floor: float
-    serial: float | None
-    doubt: float
+    serial: float | None = None
+    doubt: float = 0.0
     cost: float
-    prior: float
+    prior: float = 0.0
     fitted_values: int
     noise_share: float
     values: int
-    level_excess: float | None
+    level_excess: float | None = None
+    effective_values: float
+    shifts: tuple[float | None, ...] = ()
+    parameters: tuple[int, ...] = ()
 
     @property
     def objective(self) -> float:
@@ -111,7 +118,7 @@ class FitSummary:
         return constants.count_independent(max(self.noise_share, without_gap), self.values)
 
     def is_material_step(
-        self, before: "FitSummary", min_closed: float, null: "FitSummary | None" = None
+        self, before: "FittedSet", min_closed: float, null: "FittedSet | None" = None
     ) -> bool:
         """Return whether one more cause closes so much of the gap that remains without it.
 
@@ -130,44 +137,6 @@ class FitSummary:
         if null is None or not is_gap_visible(null.gap):
             return False
         return closed >= min_closed * null.gap
-
-
-class FittedSet(_Row, FitSummary):
-    """Set of causes, fitted at its own model-error floor; the empty set is the null model.
-
-    Args:
-        keys: causes of the set.
-        floor: relative model error.
-        cost: -ln L at the floor, mean of all values [nats].
-        prior: cost of the tolerances, half the sum of their squared shifts [nats].
-        values: number of values.
-        fitted_values: number of values that the fit saw.
-        noise_share: mean share of the noise in the variance of a value.
-        effective_values: number of independent values in the residual.
-        chi_square: mean square of residual over noise; 1 is noise alone.
-        serial: mean product of the residuals of neighbouring lines; None where lines share noise.
-        doubt: excess of chi square over one that a badly known variance explains.
-        level_excess: how far residuals depend on the level (``level_dependence``); None where no
-            point was hit at several levels.
-        shifts: shift of the tolerances that each cause releases [standard deviations of a single
-            one]; None for a cause that does not only release tolerances.
-        parameters: number of fitted parameters of each cause; none if empty.
-    """
-
-    keys: tuple[Key, ...]
-    floor: float
-    cost: float
-    prior: float = 0.0
-    values: int
-    fitted_values: int
-    noise_share: float
-    effective_values: float
-    chi_square: float
-    serial: float | None = None
-    doubt: float = 0.0
-    level_excess: float | None = None
-    shifts: tuple[float | None, ...] = ()
-    parameters: tuple[int, ...] = ()
 
     @property
     def parameter_count(self) -> int:

@@ -72,7 +72,7 @@ def refit_laws(
     joints = list(dict.fromkeys(h.spring for h in hypotheses if h.spring is not None))
     if not joints or not is_gap_visible(current.gap):
         return []
-    first, remaining = null.level_excess, current.level_excess
+    first, remaining = null.summary.level_excess, current.summary.level_excess
     if first is not None and remaining is not None and remaining < settings.min_closed * first:
         return []
     tasks = [add_cause(current, free_each_level(about, joint, "level")) for joint in joints]
@@ -81,9 +81,10 @@ def refit_laws(
     nearby = replace(about, theta=_read_values(free[joint], about))
     effects = list(dict.fromkeys(h.effect for h in hypotheses if h.spring == joint))
     starts = _find_starts(nearby, free[joint], joint, effects)
-    best = min((rival.cost for rival in rivals), default=np.inf)
-    gain = current.cost - min(free[joint].cost, *(start.cost for start in starts))
-    if gain < LEVEL_SETTINGS.min_gain_share * (current.cost - best):
+    best = min((rival.summary.cost for rival in rivals), default=np.inf)
+    cost = current.summary.cost
+    gain = cost - min(free[joint].summary.cost, *(start.cost for start in starts))
+    if gain < LEVEL_SETTINGS.min_gain_share * (cost - best):
         return []
     laws = [_FittedLaw(start, nearby, start.floor) for start in starts]
     schedule = replace(settings.schedule, max_turns=LEVEL_SETTINGS.fits_per_turn)

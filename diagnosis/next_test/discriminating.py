@@ -120,8 +120,8 @@ def find_best_experiment(
     thin = thin_lines(campaign, settings.score_stride)
     before = {refit: _compute_measured_normal(refit, settings.score_stride) for refit, _ in rivals}
     leading = min((refit for refit, _ in rivals), key=lambda refit: refit.objective)
-    independent = leading.count_independent(load_calibration())
-    decisive_nats = settings.twin_nats * leading.values / independent
+    independent = leading.summary.count_independent(load_calibration())
+    decisive_nats = settings.twin_nats * leading.summary.values / independent
     best: tuple[Experiment, float] | None = None
     for group in list_experiments(campaign, [refit for refit, _ in rivals], settings):
         for experiment in group:

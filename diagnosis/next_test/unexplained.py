@@ -37,9 +37,9 @@ def propose_unexplained_test(diagnosis: Diagnosis) -> str:
 def list_first_mended(diagnosis: Diagnosis) -> list[Key]:
     """Return the present causes and the proven faults that would close enough of the gap."""
     faults = (
-        key
-        for key, closed in diagnosis.present.remarks.items()
-        if closed is not None and closed >= diagnosis.settings.min_closed
+        row.key
+        for row in diagnosis.present.remarks
+        if row.closed is not None and row.closed >= diagnosis.settings.min_closed
     )
     return [*(cause.key for cause in diagnosis.present.causes), *faults]
 

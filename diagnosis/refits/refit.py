@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.inference.evidence import FitSummary, FittedSet, Key
+from diagnosis.inference.evidence import FittedSet, Key
 from diagnosis.refits.level_dependence import measure_level_dependence
 from diagnosis.stated_values import Value
 from identification.words import Campaign, Real
@@ -15,7 +15,6 @@ from tuning import (
     Fit,
     Misfit,
     Parametrisation,
-    ResidualStatistics,
     Session,
     predict,
     residual_statistics,
@@ -25,60 +24,40 @@ from tuning import (
 
 
 @dataclass(frozen=True, eq=False)
-class Refit(FitSummary):
+class Refit:
     """Fit with a set of causes, at its own model-error floor.
 
     Args:
         hypothesis: the set of causes; None for the null model.
         session: campaign corrected for the causes, model with their Parts.
         fit: fitted parameters.
-        statistics: model error, noise share and independent values of its residual.
-        fitted_values: number of values that the fit saw.
-        serial: mean product of residuals of neighbouring lines; None where lines share noise.
-        doubt: excess of chi square over one that a badly known variance of the noise explains.
-        level_excess: how far its residuals depend on the level (``level_dependence``); None where
-            no point was hit at several levels.
+        summary: plain numbers of the fit, as the evidence keeps them.
     """
 
     hypothesis: Hypothesis | None
     session: Session
     fit: Fit
-    statistics: ResidualStatistics
-    fitted_values: int
-    serial: float | None = None
-    doubt: float = 0.0
-    level_excess: float | None = None
+    summary: FittedSet
 
     @property
-    def chi_square(self) -> float:  # type: ignore[override]
-        """Mean square of the residual over the noise."""
-        return self.statistics.chi_square
+    def keys(self) -> tuple[Key, ...]:
+        """Effect, location and direction of each cause."""
+        return tuple(cause.key for cause in self.causes)
 
     @property
-    def noise_share(self) -> float:  # type: ignore[override]
-        """Mean share of the noise in the variance of a value."""
-        return self.statistics.noise_share
-
-    @property
-    def values(self) -> int:  # type: ignore[override]
-        """Number of values."""
-        return self.statistics.values
-
-    @property
-    def floor(self) -> float:  # type: ignore[override]
+    def floor(self) -> float:
         """Relative model error."""
-        return self.statistics.floor
+        return self.summary.floor
 
     @property
-    def prior(self) -> float:  # type: ignore[override]
-        """Cost of the priors of tolerances, stiffness and damping, -ln of their density [nats]."""
-        x = self.fit.x
-        return float(x @ (self.fit.parametrisation.precision * x) / 2)
+    def gap(self) -> float:
+        """Mean square of the residual gap over that of the noise."""
+        return self.summary.gap
 
     @property
-    def cost(self) -> float:  # type: ignore[override]
-        """-ln L at the floor, mean of all values [nats]."""
-        return self.statistics.cost
+    def objective(self) -> float:
+        """Objective of the fit per value [nats]."""
+        return self.summary.objective
 
     @property
     def causes(self) -> tuple[Hypothesis, ...]:
@@ -86,11 +65,6 @@ class Refit(FitSummary):
         if self.hypothesis is None:
             return ()
         return self.hypothesis.members or (self.hypothesis,)
-
-    @property
-    def keys(self) -> tuple[Key, ...]:  # type: ignore[override]
-        """Effect, location and direction of each cause."""
-        return tuple(cause.key for cause in self.causes)
 
     def state_parameters(self, cause: Hypothesis) -> dict[str, Value]:
         """Return the parameters of a cause as the verdict states them."""
@@ -166,7 +140,7 @@ def map_values(parametrisation: Parametrisation, theta: Real) -> dict[str, float
 
 
 def describe_fit(session: Session, fit: Fit, stride: int, lags: Sequence[int]) -> Refit:
-    """Return a fit with the statistics of its residual.
+    """Return a fit with the statistics of its residual, before ``complete_refit`` adds its causes.
 
     Args:
         session: model, campaign and coordinates.
@@ -193,7 +167,14 @@ def describe_fit(session: Session, fit: Fit, stride: int, lags: Sequence[int]) -
     fitted_lines = len(thin_lines(session.campaign, stride).freq_hz)
     fitted_values = max(1, round(statistics.values * fitted_lines / len(counted.freq_hz)))
     excess = measure_level_dependence(predicted, counted)
-    return Refit(None, session, fit, statistics, fitted_values, serial, level_excess=excess)
+    summary = FittedSet(
+        keys=(),
+        fitted_values=fitted_values,
+        serial=serial,
+        level_excess=excess,
+        **vars(statistics),
+    )
+    return Refit(None, session, fit, summary)
 
 
 def mean_shared_part(campaign: Campaign) -> float:
@@ -210,24 +191,3 @@ def mean_shared_part(campaign: Campaign) -> float:
         for estimate in estimates
     ]
     return float(np.concatenate(parts).mean())
-
-
-def summarise_refit(refit: Refit) -> FittedSet:
-    """Return a refit as plain numbers."""
-    statistics = refit.statistics
-    return FittedSet(
-        keys=refit.keys,
-        floor=statistics.floor,
-        cost=statistics.cost,
-        prior=refit.prior,
-        values=statistics.values,
-        fitted_values=refit.fitted_values,
-        noise_share=statistics.noise_share,
-        effective_values=statistics.effective_values,
-        chi_square=statistics.chi_square,
-        serial=refit.serial,
-        doubt=refit.doubt,
-        level_excess=refit.level_excess,
-        shifts=tuple(refit.tolerance_shift(cause) for cause in refit.causes),
-        parameters=tuple(map(refit.count_parameters, refit.causes)),
-    )

@@ -159,14 +159,17 @@ def find_lags(scene: Scene) -> tuple[int, ...]:
 
 
 def complete_refit(refit: Refit, hypothesis: Hypothesis | None, session: Session) -> Refit:
-    """Return a refit with its hypothesis, its session, and the doubt about the noise's variance."""
-    return replace(
-        refit,
-        hypothesis=hypothesis,
-        session=session,
-        fit=replace(refit.fit, parametrisation=session.parametrisation),
-        doubt=load_calibration().hidden[find_variance_source(session.campaign)],
-    )
+    """Return a refit with its hypothesis and session, and what follows from these."""
+    fit = replace(refit.fit, parametrisation=session.parametrisation)
+    refit = replace(refit, hypothesis=hypothesis, session=session, fit=fit)
+    numbers = {
+        "keys": refit.keys,
+        "prior": float(fit.x @ (fit.parametrisation.precision * fit.x) / 2),
+        "doubt": load_calibration().hidden[find_variance_source(session.campaign)],
+        "shifts": tuple(map(refit.tolerance_shift, refit.causes)),
+        "parameters": tuple(map(refit.count_parameters, refit.causes)),
+    }
+    return replace(refit, summary=refit.summary.model_copy(update=numbers))
 
 
 def _name_causes(task: RefitTask) -> str:

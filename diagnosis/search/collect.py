@@ -3,7 +3,7 @@
 from diagnosis.inference.calibration import find_variance_source
 from diagnosis.inference.evidence import Evidence, ForceGain, Scored
 from diagnosis.null_model import Baseline
-from diagnosis.refits.refit import Refit, summarise_refit
+from diagnosis.refits.refit import Refit
 from diagnosis.search.fitted_sets import Search, find_interchangeable
 from diagnosis.search.refit_round import push_about
 from diagnosis.settings import DiagnosisSettings
@@ -36,8 +36,8 @@ def collect_evidence(
         proven=tuple(hypothesis.key for hypothesis in base.proven),
         small_faults=search.small_faults,
         unknown=base.checks.unknown,
-        null=summarise_refit(null),
-        sets=tuple(summarise_refit(refit) for refit in search.refits),
+        null=null.summary,
+        sets=tuple(refit.summary for refit in search.refits),
         pushed=push(null),
         rest_pushed=push(selected) if has_rest else (),
         hypotheses=len(best_gain),

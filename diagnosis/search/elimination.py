@@ -146,7 +146,7 @@ def _is_decided(search: Search, seen: Refit, refit: Refit, settings: DiagnosisSe
     if not has_law(refit):
         return False
     view = replace(search, null=refit, selected=refit, refits=())
-    is_material = seen.is_material_step(refit, settings.min_closed)
+    is_material = seen.summary.is_material_step(refit.summary, settings.min_closed)
     return is_material and is_more_probable(view, seen, refit)
 
 

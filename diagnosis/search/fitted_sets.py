@@ -14,7 +14,7 @@ from diagnosis.hypothesis import Scene
 from diagnosis.inference.calibration import find_variance_source, load_calibration
 from diagnosis.inference.evidence import Evidence, ForceGain, Key, Site, read_site
 from diagnosis.inference.posterior import Posterior, compute_log_odds, select_material_sets
-from diagnosis.refits.refit import Refit, summarise_refit
+from diagnosis.refits.refit import Refit
 from diagnosis.search.score_test import Score, compute_cosines
 from diagnosis.settings import DiagnosisSettings
 from identification.words import Complex, Real
@@ -56,13 +56,13 @@ class Search:
 def is_last_material(search: Search, refit: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether the last cause of a set is material."""
     before = search.refit_of(refit.keys[:-1]) or search.null
-    return refit.is_material_step(before, settings.min_closed, search.null)
+    return refit.summary.is_material_step(before.summary, settings.min_closed, search.null.summary)
 
 
 def is_material(search: Search, refit: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether each cause of a set is material beside the others."""
-    sets = [summarise_refit(candidate) for candidate in (*search.refits, refit)]
-    material = select_material_sets(summarise_refit(search.null), sets, settings)
+    sets = [candidate.summary for candidate in (*search.refits, refit)]
+    material = select_material_sets(search.null.summary, sets, settings)
     return refit.keys in {fitted.keys for fitted in material}
 
 
@@ -110,15 +110,13 @@ def _compute_log_odds(
     """
     evidence = Evidence(
         small_faults=search.small_faults,
-        null=summarise_refit(search.null),
-        sets=tuple(map(summarise_refit, refits)),
+        null=search.null.summary,
+        sets=tuple(refit.summary for refit in refits),
         hypotheses=search.hypotheses,
         variance=find_variance_source(search.null.session.campaign),
     )
-    logs = compute_log_odds(
-        evidence, [summarise_refit(refit) for refit in chosen], load_calibration()
-    )
-    return logs.tolist()
+    sets = [refit.summary for refit in chosen]
+    return compute_log_odds(evidence, sets, load_calibration()).tolist()
 
 
 def find_confounded(

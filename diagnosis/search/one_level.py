@@ -19,7 +19,7 @@ from diagnosis.inference.posterior import compute_log_odds
 from diagnosis.levels.free_levels import list_levels
 from diagnosis.levels.law_hypothesis import LawPart
 from diagnosis.refits.extended_parametrisation import hold_parameters
-from diagnosis.refits.refit import Refit, summarise_refit
+from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import (
     RefitTask,
     add_cause,
@@ -161,7 +161,7 @@ def select_listed(
     for refit in sorted(refits, key=lambda refit: refit.objective):
         best_of_keys.setdefault(refit.keys[-1], refit)
     rivals = list(best_of_keys.values())
-    sets = [summarise_refit(refit) for refit in (before, *rivals)]
+    sets = [refit.summary for refit in (before, *rivals)]
     evidence = Evidence(
         small_faults=small_faults,
         null=sets[0],
@@ -174,7 +174,8 @@ def select_listed(
     return [
         refit
         for number, (refit, log) in enumerate(zip(rivals, logs[1:], strict=True))
-        if not number or (log >= least and refit.is_material_step(before, settings.min_closed))
+        if not number
+        or (log >= least and refit.summary.is_material_step(before.summary, settings.min_closed))
     ]
 
 

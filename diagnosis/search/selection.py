@@ -150,7 +150,7 @@ def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings
         return search
     null = refit_from(base.scene, search.null, best, settings)
     gain = search.null.objective - null.objective
-    if gain * null.count_independent(load_calibration()) < settings.twin_nats:
+    if gain * null.summary.count_independent(load_calibration()) < settings.twin_nats:
         return search
     (null,) = admit_outliers(base.scene, [null], settings)
     return replace(search, null=null, selected=search.selected if search.selected.causes else null)

@@ -3,26 +3,21 @@
 Gains that the campaign declares unknown, as the verdict states them.
 """
 
-from collections.abc import Sequence
-
 from diagnosis.algorithm import Diagnosis
 from diagnosis.data_checks.bending_bodies import RELEASED
+from diagnosis.decision.remaining_gap import list_places
 from diagnosis.effects import load_catalogue
+from diagnosis.estimates.gap_by_level import find_closed_part
 from diagnosis.estimates.held_out_gap import HeldOutGap, estimate_jackknife, estimate_size_jackknife
 from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.levels.free_levels import LAW_EFFECTS, list_levels
 from diagnosis.next_test.discriminating import propose_experiment
-from diagnosis.settings import DiagnosisSettings
-from diagnosis.verdict.gap_rows import find_closed_part, list_level_rows
 from diagnosis.verdict.schema import (
     CauseRow,
     GapSteps,
     Interval,
     Probability,
-    RemarkRow,
-    RestRow,
     Verdict,
-    Where,
 )
 from identification import MIN_REDUNDANT_CHANNELS
 from mbmodel import HammerGainPart, HammerPart, SensorPart
@@ -46,13 +41,10 @@ def build_verdict(diagnosis: Diagnosis) -> Verdict:
     is_none = present.word == "none"
     if is_none:
         after = None
-    rest = present.rest
-    levels, foretold = list_level_rows(None if is_none else diagnosis.level_gaps)
+    levels, foretold = ([], None) if is_none else diagnosis.level_gaps
     return Verdict(
         verdict=present.word,
-        probability=Probability(
-            none=posterior.none, unexplained=posterior.unexplained, several=posterior.several
-        ),
+        probability=Probability.model_validate(posterior),
         gap=GapSteps(
             as_drawn=GapRow.model_validate(diagnosis.as_drawn),
             retuned=GapRow.model_validate(retuned),
@@ -63,35 +55,15 @@ def build_verdict(diagnosis: Diagnosis) -> Verdict:
             levels=levels,
             foretold=foretold,
         ),
-        where=_list_places(posterior.where, settings, is_known=not is_none),
+        where=list_places(posterior.where, settings, is_known=not is_none),
         causes=[_build_row(key, probability, diagnosis) for key, probability in posterior.causes],
-        rest=RestRow(
-            excess=rest.excess,
-            model_error=rest.model_error,
-            significant=rest.is_significant,
-            spread=rest.spread,
-            where=_list_places(rest.where, settings, is_known=rest.is_significant),
-        ),
+        rest=present.rest,
         twins=list(diagnosis.twins),
         not_testable=_list_untestable(diagnosis),
         next_experiment=propose_experiment(diagnosis),
-        remarks=[
-            RemarkRow(effect=key[0], location=key[1], dof=key[2], closed=closed)
-            for key, closed in present.remarks.items()
-        ],
+        remarks=present.remarks,
         channel_gains=list_channel_gains(diagnosis),
     )
-
-
-def _list_places(
-    shares: Sequence[tuple[str, float]], settings: DiagnosisSettings, *, is_known: bool
-) -> list[Where]:
-    """Return the rows of places; a share is null where nothing is missing."""
-    return [
-        Where(location=place, share=share if is_known else None)
-        for place, share in shares
-        if share >= settings.min_row_probability
-    ]
 
 
 def estimate_step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, float] | None]:

@@ -1,6 +1,8 @@
 """Schema of verdict.json, as FORMATS defines it."""
 
-from diagnosis.decision.established import Spread, Word
+from diagnosis.decision.established import RemarkRow, Word
+from diagnosis.decision.remaining_gap import RestRow, Where
+from diagnosis.estimates.gap_by_level import LevelGapRow
 from diagnosis.inference.evidence import NamedRow
 from diagnosis.stated_values import Ends, Value
 from identification.readers.result_files import ResultFile, StrictRow
@@ -22,16 +24,6 @@ class Interval(StrictRow):
     after: tuple[float, float] | None = None
 
 
-class LevelGapRow(StrictRow):
-    """Gap of the tests of one level; ``unit`` is that of the level."""
-
-    level: float
-    unit: str = "N"
-    retuned: GapRow
-    after: GapRow
-    closed: float | None
-
-
 class GapSteps(StrictRow):
     """Gap of the nominal model on all lines, and of both fits on held-out lines.
 
@@ -49,13 +41,6 @@ class GapSteps(StrictRow):
     foretold: LevelGapRow | None = None
 
 
-class Where(StrictRow):
-    """Place of the cause, with its probability, normalised over places."""
-
-    location: str
-    share: float | None
-
-
 class CauseRow(NamedRow):
     """Cause: an effect at a place.
 
@@ -69,22 +54,6 @@ class CauseRow(NamedRow):
     excess_after: float | None
     places: list[str] = []
     laws: list[str] = []
-
-
-class RestRow(StrictRow):
-    """Rest: the gap that remains with the established causes."""
-
-    excess: float | None
-    model_error: float
-    significant: bool
-    spread: Spread
-    where: list[Where]
-
-
-class RemarkRow(NamedRow):
-    """Proven fault that is not established, with the part of the gap that it closes alone."""
-
-    closed: float | None
 
 
 class Verdict(ResultFile, StrictRow):

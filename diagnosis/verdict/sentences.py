@@ -1,9 +1,10 @@
 """A verdict in words: its sentence, and the nouns of effects and places."""
 
+from diagnosis.decision.established import RemarkRow
 from diagnosis.effects import PROVEN, load_catalogue
 from diagnosis.labels import name_direction, name_place
 from diagnosis.settings import SETTINGS
-from diagnosis.verdict.schema import CauseRow, RemarkRow, Verdict
+from diagnosis.verdict.schema import CauseRow, Verdict
 from identification import FAULT_PHRASES
 
 UNEXPLAINED = (

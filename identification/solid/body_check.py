@@ -5,8 +5,10 @@ It compares the readings with the rigid motion that all channels determine (seed
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from identification.solid.body_channels import (
     ChannelTable,
@@ -60,7 +62,7 @@ class Fault:
     probability: float
     parameters: dict[str, float | tuple[float, ...]]
     excess_after: float
-    of_hits: "Fault | None" = None
+    of_hits: Annotated["Fault | None", Field(exclude=True)] = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,25 +16,16 @@ class FittedRow:
     """Best fit of a set of causes.
 
     Args:
-        keys: causes of the set; none for the null model.
-        model_error: relative error of the model at the sensors' points.
-        residual: residual over the noise, root mean square.
+        fit: the fit; that of the null model has no causes.
         closed: part of the null model's gap that the set closes; None without such a gap.
-        between_levels: differences between levels that the set leaves, over the noise, root mean
-            square; None where no point was hit at several levels.
         log_odds: against a model without any cause [nats]; None where the set is not weighed.
         rejection: why the set is not weighed; empty if it is.
-        is_outlier: whether a tolerance within the usual spread of outliers is one of its causes.
     """
 
-    keys: tuple[Key, ...]
-    model_error: float
-    residual: float
+    fit: FittedSet
     closed: float | None
-    between_levels: float | None
     log_odds: float | None
     rejection: str = ""
-    is_outlier: bool = False
 
 
 def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> list[FittedRow]:
@@ -57,12 +48,16 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
     odds = dict(
         zip(weighed, compute_log_odds(evidence, weighed, load_calibration()).tolist(), strict=True)
     )
-    sets = [(null, _row(null, null, 0.0, "", settings))]
+
+    def close(fitted: FittedSet) -> float | None:
+        return (null.gap - fitted.gap) / null.gap if null.gap > 0 else None
+
+    sets = [FittedRow(null, close(null), 0.0)]
     sets += [
-        (fitted, _row(fitted, null, odds.get(fitted), reason, settings))
+        FittedRow(fitted, close(fitted), odds.get(fitted), reason)
         for fitted, reason in best.values()
     ]
-    return [row for _, row in sorted(sets, key=lambda pair: pair[0].objective)]
+    return sorted(sets, key=lambda row: row.fit.objective)
 
 
 def key_words(key: Key) -> str:
@@ -83,7 +78,7 @@ def rejection_reasons(rows: Sequence[FittedRow], present: frozenset[Key]) -> lis
 
 
 def _reason(row: FittedRow, present: frozenset[Key], most: float) -> str:
-    if frozenset(row.keys) == present:
+    if frozenset(row.fit.keys) == present:
         return ""
     if row.log_odds is None:
         return row.rejection
@@ -93,31 +88,7 @@ def _reason(row: FittedRow, present: frozenset[Key], most: float) -> str:
     return "improbable"
 
 
-def _row(
-    fitted: FittedSet,
-    null: FittedSet,
-    log_odds: float | None,
-    rejection: str,
-    settings: DiagnosisSettings,
-) -> FittedRow:
-    return FittedRow(
-        keys=fitted.keys,
-        model_error=fitted.floor,
-        residual=fitted.chi_square**0.5,
-        closed=(null.gap - fitted.gap) / null.gap if null.gap > 0 else None,
-        between_levels=_rms_over_noise(fitted.level_excess),
-        log_odds=log_odds,
-        rejection=rejection,
-        is_outlier=_is_outlier(fitted, settings),
-    )
-
-
-def _rms_over_noise(excess: float | None) -> float | None:
-    """Return the root mean square over the noise, whose square is the excess plus one."""
-    return None if excess is None else max(1 + excess, 0.0) ** 0.5
-
-
-def _is_outlier(fitted: FittedSet, settings: DiagnosisSettings) -> bool:
+def is_outlier(fitted: FittedSet, settings: DiagnosisSettings) -> bool:
     """Return whether a cause only releases tolerances that shift by no more than an outlier."""
     return any(shift is not None and shift <= settings.outlier_sigma for shift in fitted.shifts)
 
@@ -126,7 +97,7 @@ def _rejection(
     fitted: FittedSet, is_material: bool, evidence: Evidence, settings: DiagnosisSettings
 ) -> str:
     """Return why a set is not weighed; empty if it is."""
-    if _is_outlier(fitted, settings):
+    if is_outlier(fitted, settings):
         return f"pull < {settings.outlier_sigma:g}"
     if not is_material:
         verb = "closes" if len(fitted.keys) == 1 else "one cause adds"

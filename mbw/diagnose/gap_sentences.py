@@ -5,13 +5,16 @@ Sentences on what remains with the established causes, and on proven faults that
 Sentences on the gap at each level of the hits, and on laws that such tests cannot tell apart.
 """
 
+from diagnosis.decision.established import RemarkRow
+from diagnosis.decision.remaining_gap import Where
+from diagnosis.estimates.gap_by_level import LevelGapRow
 from diagnosis.inference.evidence import Evidence
 from diagnosis.settings import SETTINGS
-from diagnosis.verdict.schema import GapSteps, LevelGapRow, RemarkRow, Verdict, Where
+from diagnosis.verdict.schema import GapSteps, Verdict
 from diagnosis.verdict.sentences import capitalise, cause_words, effect_noun, place_phrase
 from identification.words import percent_text
 from mbw.diagnose.effect_parameters import number
-from mbw.diagnose.fitted_sets import FittedRow, fitted_rows
+from mbw.diagnose.fitted_sets import FittedRow, fitted_rows, is_outlier
 from mbw.diagnose.sentences import format_probability
 from mbw.page.numbers import format_closed
 
@@ -126,7 +129,7 @@ def _best_candidate_words(verdict: Verdict, evidence: Evidence) -> str:
     row = find_best_candidate(evidence)
     if row is None or row.closed is None:
         return "no single effect that was refitted closes a fifth of the gap"
-    effect, location, _ = row.keys[0]
+    effect, location, _ = row.fit.keys[0]
     shares = [
         cause.probability
         for cause in verdict.causes
@@ -158,10 +161,10 @@ def find_best_candidate(evidence: Evidence) -> FittedRow | None:
     rows = [
         row
         for row in fitted_rows(evidence)
-        if len(row.keys) == 1
+        if len(row.fit.keys) == 1
         and row.closed is not None
         and row.closed >= SETTINGS.min_closed
-        and not row.is_outlier
+        and not is_outlier(row.fit, SETTINGS)
     ]
     weighed = [row for row in rows if row.log_odds is not None]
     if weighed:

@@ -29,7 +29,6 @@ from mbw.results.diagnosed_schema import (
     ShownFile,
     StepsRow,
 )
-from mbw.results.fault_rows import FaultRow
 from mbw.results.stored_causes import store_causes
 from tuning import gap_at_bodies, predict
 from tuning.files.input_files import input_rows
@@ -90,7 +89,7 @@ def collect_result(
         established=list_established(diagnosis, verdict),
         solid=[check.sentence for check in diagnosis.checks.bodies],
         taken_out=[
-            FaultRow.model_validate(fault)
+            fault
             for fault in diagnosis.checks.faults
             if "sensor:" in fault.location and fault not in diagnosis.checks.small
         ],

@@ -144,10 +144,10 @@ def _refits(result: StoredDiagnosis) -> str:
     rows = fitted_rows(result.evidence)[:_MAX_SET_ROWS]
     has_levels = result.evidence.null.level_excess is not None
     cells = "".join(
-        f'<tr><td class="name">{_effect_names(row.keys)}</td>'
-        f"<td>{format_percent(row.model_error)}</td><td>{row.residual:.3g}</td>"
-        f"{_level_cell(row.between_levels) if has_levels else ''}"
-        f"<td>{'' if row.closed is None or not row.keys else format_closed(row.closed)}</td>"
+        f'<tr><td class="name">{_effect_names(row.fit.keys)}</td>'
+        f"<td>{format_percent(row.fit.floor)}</td><td>{row.fit.chi_square**0.5:.3g}</td>"
+        f"{_level_cell(row.fit.level_excess) if has_levels else ''}"
+        f"<td>{'' if row.closed is None or not row.fit.keys else format_closed(row.closed)}</td>"
         f"<td>{row.rejection if row.log_odds is None else _nats(row.log_odds)}</td></tr>"
         for row in rows
     )
@@ -164,8 +164,9 @@ def _refits(result: StoredDiagnosis) -> str:
     )
 
 
-def _level_cell(value: float | None) -> str:
-    return f"<td>{'' if value is None else f'{value:.3g}'}</td>"
+def _level_cell(excess: float | None) -> str:
+    """Return the root mean square over the noise, whose square is the excess plus one."""
+    return f"<td>{'' if excess is None else f'{max(1 + excess, 0.0) ** 0.5:.3g}'}</td>"
 
 
 def _scores(result: StoredDiagnosis) -> str:

@@ -272,20 +272,21 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
         "score and log odds: nats; error: of the model after the refit; closed: part of the gap, "
         "all where the residual falls below the noise, none where it grows"
     )
-    rows = [row for row in fitted_rows(evidence, diagnosis.settings) if row.keys]
+    rows = [row for row in fitted_rows(evidence, diagnosis.settings) if row.fit.keys]
     proven = {hypothesis.key for hypothesis in diagnosis.gross_hypotheses}
     named = frozenset(cause.key for cause in diagnosis.present.causes) - proven
     scores = {score.key[:2]: score.gain for score in evidence.scored}
     for row, why in list(zip(rows, rejection_reasons(rows, named), strict=True))[:_MAX_LISTED_SETS]:
-        score = scores.get(row.keys[0][:2]) if len(row.keys) == 1 else None
+        keys = row.fit.keys
+        score = scores.get(keys[0][:2]) if len(keys) == 1 else None
         table.add_row(
-            " + ".join(map(key_words, row.keys)),
+            " + ".join(map(key_words, keys)),
             "" if score is None else f"{score:.0f}",
-            f"{100 * row.model_error:.2g}",
+            f"{100 * row.fit.floor:.2g}",
             "" if row.closed is None else _closed_cell(row.closed),
             ", ".join(filter(None, ["" if row.log_odds is None else f"{row.log_odds:.0f}", why])),
         )
-    fitted = {key[:2] for row in rows for key in row.keys}
+    fitted = {key[:2] for row in rows for key in row.fit.keys}
     unfitted = [score for score in evidence.scored if score.key[:2] not in fitted]
     for scored in unfitted[:_MAX_LISTED_SCORES]:
         table.add_row(key_words(scored.key), f"{scored.gain:.0f}", "", "", "small score")

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from identification import BodyCheck
+from identification import BodyCheck, Fault
 from identification.words import Real
 from mbw.page.html import pack_real
-from mbw.results.fault_rows import FaultRow
 from mbw.results.identified_schema import SolidRow
 
 _FAULT_NAMES = {
@@ -42,7 +41,7 @@ def solid_row(check: BodyCheck) -> SolidRow:
         words=check.sentence,
         frequency=check.freq_hz[kept].tolist(),
         deviation=check.deviation[kept].tolist(),
-        faults=[FaultRow.model_validate(fault) for fault in check.faults],
+        faults=list(check.faults),
         more=check.has_unexplained,
         twins=list(check.confounded),
         unseen=list(check.unidentifiable),
@@ -62,7 +61,7 @@ def solid_data(row: SolidRow) -> dict[str, object]:
     }
 
 
-def _fault_cells(fault: FaultRow) -> list[str]:
+def _fault_cells(fault: Fault) -> list[str]:
     """Return effect, place, direction, parameters, probability and residual as texts."""
     return [
         _FAULT_NAMES.get(fault.effect, fault.effect),
@@ -74,10 +73,10 @@ def _fault_cells(fault: FaultRow) -> list[str]:
     ]
 
 
-def parameter_words(name: str, value: float | list[float]) -> str:
+def parameter_words(name: str, value: float | tuple[float, ...]) -> str:
     """Return a parameter in SI units as a text such as ``offset 0, 12.3, -4 mm``."""
     factor, unit = _FAULT_UNITS.get(name, (1.0, ""))
-    values = value if isinstance(value, list) else [value]
+    values = value if isinstance(value, tuple) else [value]
     return f"{name} {', '.join(f'{factor * component:.3g}' for component in values)}{unit}"
 
 

@@ -1,8 +1,8 @@
 """Content of ``diagnosis.json``: names and labels of the page, in addition to the verdict."""
 
 from identification.readers.result_files import ResultFile, StrictRow
+from identification.solid import Fault
 from identification.words import Quantity, VarianceSource
-from mbw.results.fault_rows import FaultRow
 from tuning.files.plant_folder import PlantRow
 from tuning.files.schema import InputRow
 
@@ -173,7 +173,7 @@ class ShownFile(ResultFile, StrictRow):
     means: list[str]
     established: list[EstablishedRow] = []
     solid: list[str]
-    taken_out: list[FaultRow]
+    taken_out: list[Fault]
     remarks: list[str]
     machine: MachineRow
     places: dict[str, PlaceRow]

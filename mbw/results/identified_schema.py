@@ -4,7 +4,7 @@ from pydantic import AliasChoices, Field
 
 from identification.checks.reciprocity_findings import ChannelRatio
 from identification.readers.result_files import ResultFile, ResultRow
-from mbw.results.fault_rows import FaultRow
+from identification.solid import Fault
 
 
 class SingleModeRow(ResultRow):
@@ -102,7 +102,7 @@ class SolidRow(ResultRow):
     words: str
     frequency: list[float]
     deviation: list[float]
-    faults: list[FaultRow] = []
+    faults: list[Fault] = []
     more: bool = False
     twins: list[tuple[str, str]] = []
     unseen: list[str] = []

@@ -161,7 +161,7 @@ def _judge(way: str, diagnosis: Diagnosis, whole: Refit, less: Refit) -> dict | 
     schedule = settings.schedule.thin(len(campaign.freq_hz), diagnosis.scene.stride_factor)
     results = [_predict_parts(refit, parts, schedule) for refit in (null, less, whole)]
     costs, gaps = zip(*results, strict=True)
-    count = whole.count_independent(load_calibration())
+    count = whole.summary.count_independent(load_calibration())
     admitted = count * (costs[0] - costs[2]) > price(whole.keys)
     needed = count * (costs[1] - costs[2]) > price(whole.keys) - price(less.keys)
     fitted = predict(whole.session.model, whole.fit.theta, whole.session.campaign)

@@ -8,6 +8,7 @@ import pytest
 
 from diagnosis import EFFECTS
 from diagnosis.corrections import mask_channels
+from diagnosis.decision.established import RemarkRow
 from diagnosis.next_test.discriminating import (
     _compute_measured_normal,
     _compute_misfit,
@@ -51,7 +52,10 @@ def found(session, refits, word, causes, where=(), present=(), spread="local", r
         present=SimpleNamespace(
             word=word,
             causes=named,
-            remarks=dict(remarks),
+            remarks=[
+                RemarkRow(effect=e, location=at, dof=dof, closed=closed)
+                for (e, at, dof), closed in dict(remarks).items()
+            ],
             rest=SimpleNamespace(spread=spread),
         ),
         search=SimpleNamespace(refit_of=by_keys.get),

@@ -55,7 +55,7 @@ def test_the_mounting_is_scored_first_and_its_frequency_is_recovered(tmp_path, s
     best = ranked[0].hypothesis
     assert best.key == ("mount_resonance", answer["location"], None)
     ended = refit_with(scene, null, best)
-    assert ended.chi_square < 1.1
+    assert ended.summary.chi_square < 1.1
     stated = ended.state_parameters(best)
     assert stated["frequency"] == pytest.approx(answer["parameters"]["frequency"], rel=0.01)
     assert stated["damping"] == pytest.approx(answer["parameters"]["damping"], rel=0.1)

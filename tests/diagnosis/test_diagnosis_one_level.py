@@ -9,6 +9,7 @@ import pytest
 from diagnosis.levels.law_family import HARDENING
 from diagnosis.levels.law_hypothesis import build_law_hypothesis
 from diagnosis.refits.extended_parametrisation import hold_parameters
+from diagnosis.refits.refitting import complete_refit
 from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import Search
 from diagnosis.search.one_level import CauseSearch, select_listed
@@ -142,7 +143,8 @@ def test_the_best_rival_and_those_that_a_verdict_would_list_are_chosen(beside_la
     best, other = search.refit([(right, ()), (wrong, ())])
     assert select_listed(search.seen, [other, best], 50, (), SETTINGS) == [best]
     assert select_listed(search.seen, [other], 50, (), SETTINGS) == [other]
-    again = replace(best, hypothesis=replace(best.hypothesis, members=(*best.causes[:-1], wrong)))
+    rivals = replace(best.hypothesis, members=(*best.causes[:-1], wrong))
+    again = complete_refit(best, rivals, best.session)
     assert select_listed(search.seen, [best, again, best], 50, (), SETTINGS) == [best, again]
 
 

@@ -30,5 +30,5 @@ def test_refits_in_processes_are_those_one_after_the_other_and_keep_their_hypoth
     )
     for first, second, hypothesis in zip(alone, beside, hypotheses, strict=True):
         assert first.causes == second.causes == (hypothesis,)
-        assert first.statistics == second.statistics
+        assert first.summary == second.summary
         assert np.array_equal(first.fit.x, second.fit.x)

@@ -67,7 +67,7 @@ def refits(monkeypatch):
             session=Session(varies),
             floor=0.01,
             objective=1.0,
-            count_independent=lambda _: COUNT,
+            summary=SimpleNamespace(count_independent=lambda _: COUNT),
         )
         return refit, FittedParameters(varies, fitted, confidence)
 

@@ -14,7 +14,7 @@ from diagnosis.settings import SETTINGS
 from tests.helpers.nonlinear_joint import JOINT
 
 EFFECTS = ("backlash", "hardening")
-NULL = SimpleNamespace(objective=-10.0, cost=-10.0, floor=0.1, gap=100.0, session=None, causes=())
+NULL = SimpleNamespace(objective=-10.0, floor=0.1, gap=100.0, session=None, causes=())
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Result:
     gap: float = 50.0
 
     @property
-    def cost(self) -> float:
-        return self.objective
+    def summary(self):
+        return SimpleNamespace(cost=self.objective)
 
 
 @pytest.fixture
@@ -57,18 +57,20 @@ def refit_with(monkeypatch):
         monkeypatch.setattr(module, "_build_task", lambda _, law: law.start.family.effect)
         monkeypatch.setattr(module, "run_refits", refit_all)
         monkeypatch.setattr(module._FittedLaw, "take", take)
-        null = replace_fields(NULL, fit=SimpleNamespace(theta=np.zeros(0)), level_excess=1.0)
-        current = replace_fields(null, level_excess=remaining)
+        null, current = (
+            SimpleNamespace(
+                **vars(NULL),
+                fit=SimpleNamespace(theta=np.zeros(0)),
+                summary=SimpleNamespace(cost=-10.0, level_excess=excess),
+            )
+            for excess in (1.0, remaining)
+        )
         hypotheses = [Hypothesis(effect, "joint:block", "tz", spring=JOINT) for effect in EFFECTS]
         settings = replace(SETTINGS, min_closed=0.2)
         refits = module.refit_laws(scene, null, current, hypotheses, rivals, settings)
         return sorted(refit.objective for refit in refits)
 
     return run
-
-
-def replace_fields(values, **changes):
-    return SimpleNamespace(**(vars(values) | changes))
 
 
 def start_at(effect, cost, floor):

@@ -113,11 +113,9 @@ def test_variance_of_intervals_grows_with_values_over_independent_ones(case):
     one = Hypothesis("missing_dof", "joint:a", state=lambda at: {"damping": at[name]})
 
     def variance(share):  # that of the weights, and a constant: the jackknife's over bands of lines
-        count = share * null.statistics.values
-        shared = replace(null.statistics, noise_share=0.5, effective_values=count)
-        low, high = fit_parameters(replace(null, statistics=shared)).estimate_intervals(one)[
-            "damping"
-        ]
+        count = share * null.summary.values
+        shared = null.summary.model_copy(update={"noise_share": 0.5, "effective_values": count})
+        low, high = fit_parameters(replace(null, summary=shared)).estimate_intervals(one)["damping"]
         return np.log(high / low) ** 2
 
     few, fewer, fewest = (variance(1 / values) for values in (8, 16, 32))
@@ -229,16 +227,16 @@ def test_the_null_model_is_fitted_once_more_from_where_an_effect_that_vanished_e
     )
 
     def at_cost(more):
-        return replace(null.statistics, cost=null.statistics.cost + more)
+        return null.summary.model_copy(update={"cost": null.summary.cost + more})
 
-    poor = replace(null, fit=stuck, statistics=at_cost(5.0))
+    poor = replace(null, fit=stuck, summary=at_cost(5.0))
     seeming = run_refits(scene, [add_cause(null, only(scene, "structural_damping")[0])], SHORT)[0]
     better = refit_from(scene, poor, seeming, SETTINGS)
     assert better.causes == ()
     assert better.objective < poor.objective
     assert better.gap < 0.1
     # Where nothing better is found, the null model stays.
-    best = replace(null, statistics=at_cost(-5.0))
+    best = replace(null, summary=at_cost(-5.0))
     assert refit_from(scene, best, seeming, SETTINGS) is best
 
 
@@ -285,7 +283,7 @@ def test_how_far_released_tolerances_are_off_counts_how_many_they_are(case):
         for name, value in values.items():
             x[names == name] = value
         ended = Ended(x, scene.session.parametrisation)
-        return Refit(None, scene.session, ended, null.statistics, null.fitted_values)
+        return Refit(None, scene.session, ended, null.summary)
 
     def shift(values, cause):
         return shifted(values).tolerance_shift(cause)
@@ -310,7 +308,7 @@ def test_an_appendage_that_ends_without_a_peak_is_another_effect(case):
 
     def ends(x):
         ended = Ended(x, varies)
-        refit = Refit(hypothesis, session, ended, null.statistics, null.fitted_values)
+        refit = Refit(hypothesis, session, ended, null.summary)
         return refit.shows_another_effect
 
     inside = np.clip(np.zeros(varies.size), varies.lower, varies.upper)
@@ -332,7 +330,7 @@ def test_a_cause_has_as_many_parameters_as_its_fit_moves_freely(case):
 
     def count(values):
         ended = Ended(np.append(x[:first], values), varies)
-        refit = Refit(link, session, ended, null.statistics, null.fitted_values)
+        refit = Refit(link, session, ended, null.summary)
         return refit.count_parameters(link)
 
     strut = np.zeros(12)

@@ -102,7 +102,7 @@ def test_a_proven_fault_that_closes_little_beside_a_larger_gap_is_a_remark(two_e
     base = SimpleNamespace(proven=(), checks=SimpleNamespace(faults=(fault,)), scene=found.scene)
     arguments = found.search, found.evidence, found.posterior, found.gaps, SETTINGS
     present = describe_present(base, *arguments)
-    assert set(present.remarks) == {swap}
+    assert [remark.key for remark in present.remarks] == [swap]
     assert swap not in present.established
     assert present.word == found.present.word
 

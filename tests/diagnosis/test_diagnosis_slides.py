@@ -81,7 +81,7 @@ def test_where_nothing_is_missing_slides_are_tuned_to_the_noise(session):
     session = replace(session, campaign=measured(session, theta, random))
     found = diagnose(session)
     assert build_verdict(found).verdict == "none"
-    assert found.null.chi_square == pytest.approx(1.0, abs=0.1)
+    assert found.null.summary.chi_square == pytest.approx(1.0, abs=0.1)
 
 
 def test_slides_are_not_written_elsewhere(session):

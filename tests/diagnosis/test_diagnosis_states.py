@@ -262,8 +262,8 @@ def test_what_neighbouring_lines_share_of_the_noise_before_is_no_gap(fit_after):
     after = fit_after([], 11)
     shared = mean_shared_part(after.scene.session.campaign)
     assert 0.005 < shared < 0.1
-    assert after.null.serial + shared > 0.005
-    assert after.null.serial < 0.01
+    assert after.null.summary.serial + shared > 0.005
+    assert after.null.summary.serial < 0.01
 
 
 @pytest.mark.parametrize(

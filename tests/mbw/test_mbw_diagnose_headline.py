@@ -8,14 +8,16 @@ import pytest
 from browser import data_of
 from diagnosed import diagnosed, lead_of
 
-from diagnosis.verdict.schema import CauseRow, RemarkRow, RestRow, Where
+from diagnosis.decision.established import RemarkRow
+from diagnosis.decision.remaining_gap import RestRow, Where
+from diagnosis.verdict.schema import CauseRow
 from diagnosis.verdict.sentences import UNEXPLAINED, capitalise
+from identification import Fault
 from mbw.diagnose.gap_sentences import find_best_candidate, remark_sentences, rest_sentence
 from mbw.diagnose.page import render
 from mbw.diagnose.sentences import sensor_check_sentences
 from mbw.results.diagnosed_files import read_result
 from mbw.results.diagnosed_schema import EstablishedRow
-from mbw.results.fault_rows import FaultRow
 from tests.helpers.judged import evidence, fitted
 
 
@@ -50,7 +52,7 @@ def test_several_causes_confounded_causes_and_removed_sensors_are_stated_in_word
         ("sensor_swap", "sensor:acc21+acc22", None),
     ]
     taken = [
-        FaultRow(effect=e, location=at, dof=d, probability=0.99, parameters={}, excess_after=1.0)
+        Fault(effect=e, location=at, dof=d, probability=0.99, parameters={}, excess_after=1.0)
         for e, at, d in faults
     ]
     shown = explained.shown.model_copy(
@@ -184,7 +186,7 @@ def test_the_named_candidate_is_the_most_probable_not_the_one_that_closes_most()
     link = fitted(("parallel_path", "pair:a-b"), cost=-0.36, gap=0.2)
     link = link.model_copy(update={"parameters": (15,)})
     delay = fitted(("sensor_delay", "sensor:acc1"), cost=-0.35, gap=0.7)
-    assert find_best_candidate(evidence(1.0, [link, delay])).keys == delay.keys
+    assert find_best_candidate(evidence(1.0, [link, delay])).fit.keys == delay.keys
 
 
 def test_the_lead_lists_all_causes_of_several_also_those_that_close_little(explained):

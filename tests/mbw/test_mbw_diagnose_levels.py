@@ -2,7 +2,8 @@
 
 from types import SimpleNamespace
 
-from diagnosis.verdict.schema import CauseRow, LevelGapRow
+from diagnosis.estimates.gap_by_level import LevelGapRow
+from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.gap_sentences import level_sentences
 from tuning.files.schema import GapRow
 

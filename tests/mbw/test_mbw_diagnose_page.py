@@ -12,8 +12,8 @@ from diagnosis_probe import PROBE
 from drawn import drawn
 from typer.testing import CliRunner
 
+from diagnosis.decision.established import RemarkRow
 from diagnosis.labels import name_direction
-from diagnosis.verdict.schema import RemarkRow
 from diagnosis.verdict.sentences import UNEXPLAINED, capitalise, place_name, place_phrase
 from mbmodel import load_machine
 from mbw.command import app
@@ -136,9 +136,9 @@ def test_each_refit_states_model_error_residual_and_closed_gap(explained, texts)
         "<th>gap closed</th><th>log odds [nats]</th>" in page
     )
     null, best = explained.evidence.null, fitted_rows(explained.evidence)[0]
-    assert best.keys == explained.evidence.sets[0].keys
+    assert best.fit.keys == explained.evidence.sets[0].keys
     assert f"{100 * null.floor:.3g} %</td><td>{null.chi_square**0.5:.3g}</td>" in page
-    assert f"<td>{best.residual:.3g}</td><td>{100 * best.closed:.3g} %</td>" in page
+    assert f"<td>{best.fit.chi_square**0.5:.3g}</td><td>{100 * best.closed:.3g} %</td>" in page
 
 
 def test_refits_state_what_differs_between_levels_where_there_are_levels(explained, texts):
@@ -152,7 +152,7 @@ def test_refits_state_what_differs_between_levels_where_there_are_levels(explain
     page = plain(hypotheses_section(replace(explained, evidence=evidence)))
     assert "<th>residual over noise</th><th>between levels</th><th>gap closed</th>" in page
     assert f"<td>{null.chi_square**0.5:.3g}</td><td>2</td>" in page
-    assert f"<td>{fitted_rows(evidence)[0].residual:.3g}</td><td>1.1</td>" in page
+    assert f"<td>{fitted_rows(evidence)[0].fit.chi_square ** 0.5:.3g}</td><td>1.1</td>" in page
 
 
 def test_a_set_that_held_out_lines_reject_is_told_from_others_that_contain_it(explained):
@@ -162,7 +162,7 @@ def test_a_set_that_held_out_lines_reject_is_told_from_others_that_contain_it(ex
     more = best.model_copy(update={"keys": keys, "chi_square": 1.0, "serial": 0.0})
     sets = {"sets": (more, best), "rejected": (best.keys,)}
     rows = fitted_rows(explained.evidence.model_copy(update=sets))
-    reasons = {row.keys: row.rejection for row in rows}
+    reasons = {row.fit.keys: row.rejection for row in rows}
     assert reasons[best.keys] == "fails on held-out lines"
     assert reasons[keys] == "contains a set that fails on held-out lines"
 

@@ -9,10 +9,12 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from diagnosis import Hypothesis
+from diagnosis.decision.established import RemarkRow
+from diagnosis.decision.remaining_gap import RestRow, Where
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.posterior import compute_log_odds
 from diagnosis.settings import SETTINGS
-from diagnosis.verdict.schema import CauseRow, RemarkRow, RestRow, Where
+from diagnosis.verdict.schema import CauseRow
 from mbw.command import app
 from mbw.diagnose import verb
 from mbw.diagnose.verb import hypothesis_table

@@ -11,12 +11,12 @@ from browser import CHROMIUM, GL, browse, data_of, unpacked
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
+from identification import Fault
 from identification.modal import ScaledModes, full_matrix_model
 from mbmodel import load_machine, machine_geometry
 from mbw.command import app
 from mbw.identify.files import _modal_model
 from mbw.identify.page import render
-from mbw.results.fault_rows import FaultRow
 from mbw.results.identified_files import IdentificationResult, read_result
 from mbw.results.identified_schema import SolidRow
 
@@ -92,12 +92,12 @@ SOLID = SolidRow(
     frequency=[10.0, 20.0, 30.0],
     deviation=[0.001, 0.0, 0.02],
     faults=[
-        FaultRow(
+        Fault(
             effect="sensor_position",
             location="sensor:acc4",
             dof=None,
             probability=0.987,
-            parameters={"offset": [0.0, 0.0123, -0.004]},
+            parameters={"offset": (0.0, 0.0123, -0.004)},
             excess_after=1.02,
         )
     ],

@@ -183,7 +183,7 @@ def test_a_machine_that_has_the_laws_as_drawn_lacks_nothing(folder):
     theta = session.parametrisation.theta(random.normal(0.0, spread))
     diagnosis = diagnose(measured(session, theta, random))
     assert build_verdict(diagnosis).verdict == "none"
-    assert diagnosis.null.chi_square == pytest.approx(1.0, abs=0.1)
+    assert diagnosis.null.summary.chi_square == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_candidate_measures_what_is_beyond_the_drawn_law(folder):
