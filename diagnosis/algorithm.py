@@ -118,10 +118,8 @@ def diagnose(
         remains is the rest.
 
     Args:
-        session: campaign and nominal model.
         jobs: processes and threads; the verdict does not depend on it.
         tell: called with the current step.
-        settings: thresholds and sizes of the search.
         checkpoint: finished refits, which are not repeated.
 
     Raises:
@@ -169,7 +167,6 @@ def estimate_gap_with(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 
     """Return the held-out gap with a hypothesis, whether the search refitted it or not.
 
     Args:
-        diagnosis: the diagnosis.
         hypothesis: the hypothesis that is added.
         jobs: number of processes and threads.
     """

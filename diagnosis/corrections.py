@@ -58,7 +58,6 @@ def divide_hits(campaign: Campaign, location: str, dof: str | None, reading: Rea
     """Return the campaign with the tests of one reference divided by a factor on their force.
 
     Args:
-        campaign: tests.
         location: ``hammer:<site>``, the point of the reference.
         dof: its direction; None for all.
         reading: the factor; (n_freq,) of (n_freq,).

@@ -235,7 +235,6 @@ def release_tolerance(
         effect: name of the effect in the verdict.
         location: place in the verdict.
         dof: direction in the verdict.
-        names: names of the parameters.
         stated: name of their value in the verdict.
     """
 

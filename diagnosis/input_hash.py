@@ -32,7 +32,6 @@ def hash_inputs(session: Session, settings: DiagnosisSettings = SETTINGS) -> str
     proposes for the nominal model, since its numbers may come from elsewhere.
 
     Args:
-        session: campaign and nominal model.
         settings: thresholds and sizes of the search, as ``diagnose`` takes them.
     """
     effects = {name: _hash_code(effect) for name, effect in load_catalogue().items()}

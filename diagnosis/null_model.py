@@ -29,7 +29,6 @@ class Baseline:
 
     Args:
         scene: campaign without the channels of gross faults, model, theta of the null model.
-        null: null model.
         checks: proven faults.
         proven: hypotheses of gross faults, which every set of causes contains.
     """
@@ -50,8 +49,6 @@ def fit_baseline(
 
     Args:
         data: result of the data checks.
-        jobs: processes.
-        settings: schedules.
         record: finished refits; None to keep none.
     """
 
@@ -79,11 +76,7 @@ def set_scene(
     """Return the scene of all fits: channels without gross faults, and the thinning of the lines.
 
     Args:
-        session: campaign and nominal model.
-        checks: result of the data checks.
         directions: rigid directions of the model.
-        jobs: processes.
-        settings: sizes of the search.
     """
     campaign = checks.campaign
     return Scene(
@@ -98,12 +91,7 @@ def set_scene(
 
 
 def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
-    """Fit the null model as a tuning does (``tuning.fitting.machine_fit``).
-
-    Args:
-        scene: campaign and nominal model.
-        settings: schedule.
-    """
+    """Fit the null model as a tuning does (``tuning.fitting.machine_fit``)."""
     session = scene.session
     model, campaign = session.model, session.campaign
     schedule = settings.schedule.thin(len(campaign.freq_hz), scene.stride_factor)
@@ -141,10 +129,7 @@ def refit_from(
     A fit with a cause may pass a barrier that springs and dampers alone do not cross.
 
     Args:
-        scene: campaign and nominal model.
-        null: null model.
         refit_with_causes: refit with causes.
-        settings: schedule.
     """
     start = find_start(refit_with_causes, null.session, None)
     (refit,) = run_refits(

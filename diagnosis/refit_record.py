@@ -49,7 +49,6 @@ def restore_fit(kept: Minimum, parametrisation: Parametrisation, schedule: Floor
 
     Args:
         kept: record of the refit.
-        parametrisation: coordinates of the refit.
         schedule: schedule of the refit.
     """
     end = replace(kept, x=kept.x[:-1])

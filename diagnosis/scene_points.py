@@ -99,7 +99,6 @@ def release_hammers(scene: Scene, effect: str, parameter: str) -> Iterator[Hypot
 
     Args:
         scene: fit from which hypotheses are proposed.
-        effect: name of the effect.
         parameter: ``gain`` or ``delay``.
     """
     varying = list_varying_names(scene)

@@ -53,7 +53,6 @@ def search_before(
 
     Args:
         before: fit of the tests before.
-        settings: thresholds.
         say: called with the current step.
     """
     scene = before.scene
@@ -72,7 +71,6 @@ def check_data_after(
     Args:
         session: the whole campaign, and the drawing.
         before: fit of the tests before.
-        settings: thresholds.
     """
     fitted, theta = before.null.session, before.scene.theta
     checks, unsteady = check_tests(

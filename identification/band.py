@@ -57,9 +57,7 @@ def select_band(
     """Return the campaign on the lines of a band, with a remark where the band needs one.
 
     Args:
-        campaign: campaign whose lines are chosen.
         band: lowest and highest frequency [Hz], both included; None for the default.
-        source: path of the campaign, for messages.
 
     Raises:
         InputError: the band holds no line.
@@ -80,9 +78,7 @@ def band_lines(
     response above.
 
     Args:
-        campaign: campaign whose lines are chosen.
-        band: lowest and highest frequency [Hz], both included; None for the default.
-        source: path of the campaign, for messages.
+        band [Hz], source: as for ``select_band``.
 
     Returns:
         Mask of the chosen lines; (n_freq,).

@@ -74,7 +74,6 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
 
     Args:
         path: path of campaign.toml; the files are relative to its folder.
-        settings: content of campaign.toml.
         layout: bodies and points, corrected by ``correct_layout``.
 
     Raises:
@@ -165,8 +164,6 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
     and axes.
 
     Args:
-        path: path of campaign.toml, for messages.
-        settings: content of campaign.toml.
         layout: layout as drawn.
 
     Raises:

@@ -56,7 +56,6 @@ def tests_from_records(
 
     Args:
         path: path of campaign.toml.
-        settings: content of campaign.toml.
         name_sites: function that names the sites of responses and references of a file.
 
     Returns:

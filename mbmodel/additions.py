@@ -65,8 +65,7 @@ def joint_coupling_elements(
     Each matrix is split by its eigenvectors, scaled by its diagonal: one tendon per eigenvalue.
 
     Args:
-        name: of the addition.
-        machine: as drawn.
+        name, machine: as for ``joint_coupling_writer``.
         stiffness: to add [N/m, N m/rad, N/rad]; symmetric, (nv, nv).
         damping: to add [N s/m, N m s/rad, N s/rad]; symmetric, (nv, nv).
     """
@@ -95,8 +94,6 @@ def _fixed_tendon(name: str, machine: Machine, row: Real, kind: str, size: float
     """Return a fixed tendon of one stiffness or damping.
 
     Args:
-        name: of the tendon.
-        machine: as drawn.
         row: coefficients of the joint coordinates; (nv,).
         kind: ``stiffness`` or ``damping``.
         size: its value.
@@ -118,8 +115,7 @@ def link_elements(
     """Return two sites and a tendon: a spring and a damper between two bodies.
 
     Args:
-        name: of the addition.
-        machine: as drawn.
+        name, machine: as for ``joint_coupling_writer``.
         bodies: names of both; ``world`` for the ground.
         along: a point and the unit vector of the axis, in world axes [m]; (3,) each.
         sizes: stiffness [N/m] and damping [N s/m].
@@ -150,8 +146,7 @@ def suspended_mass_elements(
     The mass is a body on the ground, without weight. So it exerts no force across the axis.
 
     Args:
-        name: of the addition.
-        machine: as drawn.
+        name, machine: as for ``joint_coupling_writer``.
         body: name of the body that it is attached to.
         along: a point of the body and the unit vector, in world axes [m]; (3,) each.
         sizes: mass [kg], stiffness [N/m], damping [N s/m].
@@ -218,8 +213,7 @@ def directed_mass_elements(
     point along the axis.
 
     Args:
-        name: of the addition.
-        machine: as drawn.
+        name, machine: as for ``joint_coupling_writer``.
         body: name of the body that feels it.
         along: a point of the body and the unit vector, in world axes [m]; (3,) each.
         mass: [kg].
@@ -271,7 +265,6 @@ def _spatial_tendon(name: str, **sizes: float) -> Addition:
     """Return a tendon between the sites ``<name>.a`` and ``<name>.b``.
 
     Args:
-        name: of the tendon.
         sizes: its stiffness [N/m], damping [N s/m] or armature [kg].
     """
     sites = tuple(Element("site", {"site": f"{name}.{which}"}) for which in "ab")

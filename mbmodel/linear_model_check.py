@@ -42,10 +42,8 @@ def check_linear_model(
     """Raise InputError if a machine's equation of motion is not MuJoCo's.
 
     Args:
-        model: the compiled model.
         data: at static equilibrium.
         machine: linearised there.
-        path: of the MJCF, for messages.
         velocity: of the joint coordinates in steady motion [m/s, rad/s]; (nv,).
 
     Raises:
@@ -102,7 +100,6 @@ def _exceeds(difference: Real, scale: Real, floor: float) -> Real:
     Args:
         difference: of two matrices; (nv, nv).
         scale: a matrix whose rows and columns measure the two coordinates of an entry; (nv, nv).
-        floor: difference that rounding explains.
     """
     sizes = np.abs(scale)
     of_coordinate = np.maximum(sizes.max(axis=0, initial=0.0), sizes.max(axis=1, initial=0.0))
@@ -120,7 +117,6 @@ def _worst(
         machine: with the names of the coordinates.
         matrix: (nv, nv).
         reference: (nv, nv).
-        floor: difference that rounding explains.
         of_zero: whether the matrix must be zero, and the reference is only its scale.
     """
     scale = np.maximum(np.abs(matrix), np.abs(reference))

@@ -46,7 +46,6 @@ def load_machine(
     left out.
 
     Args:
-        path: the MJCF.
         spin: rates of the hinges that turn steadily [rad/s], by name; their angle is frozen.
         key: name of the keyframe that gives the pose and the controls, empty for none; by default
             the keyframe ``home`` if there is one, else none.

@@ -72,8 +72,7 @@ class Model(PosedModel):
         """Assemble as the machine of the test, at its equilibrium.
 
         Args:
-            theta: parameters in SI; (n_parameter,).
-            condition: of the test, for Parts that act in some tests only; None if no test is meant.
+            theta [SI] (n_parameter,), condition: as for ``PosedModel.assemble``.
 
         Raises:
             ConvergenceError: a hung or preloaded machine has no equilibrium at theta.
@@ -103,7 +102,6 @@ class Model(PosedModel):
 
         Args:
             theta: parameters in SI; (n_parameter,).
-            condition: of the test, or None.
             chosen: parameters of interest, all if None; (n_parameter,).
         """
         model = self.for_test(condition)

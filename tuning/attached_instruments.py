@@ -21,8 +21,6 @@ def attach_instruments(
 
     Args:
         source: path of campaign.toml.
-        settings: its content.
-        machine: nominal machine.
         campaign: tests, whose files say where instruments hang.
 
     Raises:

@@ -17,7 +17,6 @@ def with_drawn_laws(source: Path, settings: CampaignSettings, machine: Machine) 
 
     Args:
         source: path of campaign.toml.
-        settings: its content.
         machine: nominal machine, or one of a test.
 
     Raises:
@@ -37,7 +36,6 @@ def load_variants(source: Path, settings: CampaignSettings, machine: Machine) ->
 
     Args:
         source: path of campaign.toml.
-        settings: its content.
         machine: of the campaign.
 
     Raises:

@@ -182,7 +182,6 @@ def tune(  # noqa: PLR0913  # one for each option
     """Tune all parameters that vary; compute their intervals and the gap on held-out lines.
 
     Args:
-        session: campaign and nominal model.
         residuals: residuals to minimise, in order: ``modal`` (frequencies, damping ratios and
             shapes), ``log`` (FRFs, first by the logarithm of their ratio).
         measured: modes inside the band; only reported if ``modal`` is not a residual.
@@ -191,11 +190,9 @@ def tune(  # noqa: PLR0913  # one for each option
         at: where FRFs count: at the channels, or at the centres of mass with the covariance of
             their reduction.
         starts: number of starts: the nominal model, then random factors exp(N(0, 0.5)) on it.
-        seed: seed of the random starts.
         jobs: processes for starts and held-out fits.
         inform: whether to compute which further measurement would be most informative.
         callbacks: callbacks for the progress.
-        checkpoint: finished steps, which are not repeated.
 
     Returns:
         The tuning; if interrupted, the best parameters so far without held-out predictions.

@@ -98,7 +98,6 @@ def compare_cells(
     """Return the cells with unknown gains at the stretch and delays whose phases agree best.
 
     Args:
-        machine: the nominal machine.
         campaign: tests on the lines of the band.
         delay_ranges: largest delay of each drive and encoder that its tolerance allows [s], by its
             location.

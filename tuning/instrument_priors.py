@@ -9,9 +9,6 @@ from identification.words import TOLERANCE_BOUND_SIGMA, Campaign
 def instrument_priors(settings: CampaignSettings) -> dict[str, float]:
     """Return the standard deviation of each gain and delay that campaign.toml states by itself.
 
-    Args:
-        settings: content of campaign.toml.
-
     Returns:
         Relative standard deviations of gains and those of delays [s], by patterns of parameters.
     """
@@ -31,10 +28,6 @@ def instrument_priors(settings: CampaignSettings) -> dict[str, float]:
 
 def delay_ranges(settings: CampaignSettings, campaign: Campaign) -> dict[str, float]:
     """Return the largest delay of each drive and channel that its tolerance allows [s].
-
-    Args:
-        settings: content of campaign.toml.
-        campaign: its tests.
 
     Returns:
         Delays by location, such as ``hammer:drive`` or ``sensor:encoder``.

@@ -100,7 +100,6 @@ def tune_to_modes(
     """Tune a machine's stiffness and damping to a table of modes.
 
     Args:
-        machine: nominal machine.
         table: modes to reach.
         priors: patterns of parameters' names with the standard deviation of their prior, of the
             logarithm for sizes, else in SI; 0 fixes; later ones override earlier ones.
@@ -109,7 +108,6 @@ def tune_to_modes(
         starts: number of starts: the nominal model, then random steps from the best end so far;
             None for as many as it takes until every row is reached, at most
             ``DEFAULT_MAX_STARTS``.
-        seed: seed of the random starts.
         begin: values of parameters near a minimum, by name, at which the first start begins instead
             of the nominal model.
 
@@ -163,11 +161,8 @@ def _fit_from_starts(
     near each other. An interrupt ends the search, and the best end so far counts.
 
     Args:
-        model: machine and Parts.
-        varies: coordinates.
         last: last stage of each start.
         starts: number of starts; None for as many as it takes to reach every row.
-        seed: seed of the random starts.
         begin: values of parameters near a minimum; None to begin at the nominal model.
     """
     generator, misfit = np.random.default_rng(seed), ModeTableMisfit(model, varies, last)
@@ -219,7 +214,6 @@ def parametrise_for_table(
     """Return the model and the coordinates of the parameters that have a prior.
 
     Args:
-        machine: nominal machine.
         priors: patterns with standard deviations; see ``tune_to_modes``.
 
     Raises:

@@ -171,7 +171,6 @@ def user_specification(
     """Return what a user specifies under ``[tuning]``.
 
     Args:
-        settings: content of campaign.toml.
         priors: priors that the same file states elsewhere, by the parameter's name.
     """
     tuning = settings.tuning
@@ -193,10 +192,7 @@ def open_campaign(
     """Read a campaign folder and the machine that it names.
 
     Args:
-        path: the folder, or its campaign.toml.
-        band: lowest and highest frequency [Hz]; None for the lines with coherence.
-        machine: another machine than the one that campaign.toml names, or None.
-        tests: the tests of the campaign, if they were read before, on all lines.
+        path, band [Hz], machine, tests: as for ``open_session``.
 
     Returns:
         Path of campaign.toml, the machine with the corrections and control loops stated there, the

@@ -29,7 +29,6 @@ def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
     channel or drive. Sensors that no test reads are left out.
 
     Args:
-        machine: the nominal machine.
         campaign: tests, which say which sensors are read and where the hammer hits.
     """
     read_points = {dof.point for test in campaign.tests for dof in test.estimate.frf.outputs}

@@ -46,7 +46,6 @@ def divide_by_unknown_gains(
     """Return the campaign divided by the nominal values of its unknown gains, with remarks.
 
     Args:
-        machine: the nominal machine.
         campaign: tests on the lines of the band.
         delay_ranges: largest delay of each drive and encoder that its tolerance allows [s], by its
             location.

@@ -34,7 +34,6 @@ def reduce_to_bending(check: BodyCheck, probable: list[Fault], probability: floa
     noise. But faults are rare and do not come in pairs. Gross faults stand out beside a shape too.
 
     Args:
-        check: check of the body.
         probable: faults of its sensors, or its bending.
         probability: probability of the bending that replaces them.
     """
@@ -63,7 +62,6 @@ def find_constant_errors(
 
     Args:
         campaign: all that was measured.
-        check: check of the body.
         faults: small faults of its sensors that its bending replaces.
         settings: probability of a proven fault.
     """

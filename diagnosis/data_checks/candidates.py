@@ -27,8 +27,6 @@ def build_candidates(
     those that deviate most from the motion of a solid are candidates.
 
     Args:
-        checks: result of the data checks.
-        session: campaign and model.
         settings: starts of a mode's frequency.
     """
     deviations = {

@@ -36,10 +36,6 @@ def check_data(session: Session, settings: DiagnosisSettings) -> CheckedData:
 
     Of a campaign with states, the tests before are checked; those after by ``states``.
 
-    Args:
-        session: campaign and nominal model.
-        settings: thresholds.
-
     Raises:
         UsageError: the band holds too few lines.
     """
@@ -61,8 +57,6 @@ def check_tests(
     """Compare the channels of a campaign, and count the tests that change from hit to hit.
 
     Args:
-        session: campaign and nominal model.
-        settings: thresholds.
         before: tests before a change, with which these are compared.
     """
     changing = find_overstated_noise(session.campaign)

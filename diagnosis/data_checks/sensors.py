@@ -157,7 +157,6 @@ def _take_out(campaign: Campaign, faults: Sequence[Fault], reciprocal: Sequence[
 
     Args:
         campaign: all channels that are of use.
-        faults: proven faults.
         reciprocal: those of them that reciprocity proves, which are corrected.
     """
     corrections = (find_correction(fault, campaign) for fault in reciprocal)
@@ -171,7 +170,6 @@ def _is_credible(fault: Fault, campaign: Campaign, silent: Collection[Output]) -
 
     Args:
         fault: proven fault.
-        campaign: all that was measured.
         silent: channels that read noise alone.
     """
     if fault.effect in _USELESS or not fault.location.startswith("sensor:"):
@@ -218,7 +216,6 @@ def build_fault_hypothesis(
 
     Args:
         fault: proven or known fault.
-        session: campaign and model.
         bodies: all bodies that bend, if the fault is the bending of one of them.
         correct_campaign: campaign without wrong channels; the whole campaign if None.
         frequency_ratio: start of the frequency of a mode, relative to its highest peak.

@@ -69,7 +69,6 @@ def find_present(
     """Return the refit of the most probable set whose causes are all probable; else the null model.
 
     Args:
-        search: sets of causes that were fitted.
         evidence: which sets held-out lines reject.
         posterior: their probabilities.
         settings: least probability.
@@ -112,12 +111,8 @@ def describe_present(
     """Return the causes that the verdict names, what each closes, and what remains.
 
     Args:
-        base: null model, and what the data checks prove.
-        search: sets of causes that were fitted.
-        evidence: fits as plain numbers.
         posterior: probabilities of the sets.
         gaps: held-out gaps.
-        settings: thresholds.
     """
     refit = find_present(search, evidence, posterior, settings)
     closes = find_closed_by_proven(base, gaps) | _find_closed_by_causes(search, refit)

@@ -46,8 +46,6 @@ def admit_predictive_causes(
     Args:
         base: null model, and proven faults.
         whole: session with all channels.
-        search: sets of causes that were fitted.
-        evidence: fits as plain numbers.
         settings: thresholds and schedules.
     """
     corrected: HeldOutGap | None = None

@@ -48,9 +48,6 @@ def check_others(session: Session) -> None:
     They propose for the nominal model, as later for fits. Without such packages nothing is
     computed.
 
-    Args:
-        session: campaign and nominal model.
-
     Raises:
         InputError: a hypothesis cannot be fitted, or has a parameter of another effect.
     """

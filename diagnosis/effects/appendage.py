@@ -144,7 +144,6 @@ def _state_parameters(
     Where an appendage lies along its axis shows only if it is rigid across.
 
     Args:
-        appendage: the Part.
         shown: components of the place that some motion of the body shows; (3,).
         fitted: its parameters, by name.
     """
@@ -180,7 +179,6 @@ def _find_bounds(
     beyond which a resonator has no peak, and as many times less than in the scan.
 
     Args:
-        appendage: the Part.
         lowest: lowest frequency [Hz].
         highest: highest frequency [Hz].
         place: where it may be, and what shows it.

@@ -24,7 +24,6 @@ def find_box(machine: Machine, numbers: Sequence[int]) -> Real:
 
     Args:
         machine: with its drawing, at rest.
-        numbers: numbers of the bodies.
     """
     corners = np.vstack([_list_corners(machine, number) for number in numbers])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -59,7 +58,6 @@ def bound_place(
 
     Args:
         machine: with its drawing, at rest.
-        numbers: numbers of the bodies.
         origin: the point from which offsets count [m]; (3,).
     """
     low, high = find_box(machine, numbers) - origin

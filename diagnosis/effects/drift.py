@@ -84,8 +84,6 @@ def _drift_one_way(
     """Return springs of a joint that drift from visit to visit.
 
     Args:
-        scene: fit about which it is proposed.
-        stage: child body of the joint.
         springs: those that drift.
         visits: conditions of each visit, in order.
         sign: 1 for stiffer, -1 for softer.

@@ -42,7 +42,6 @@ def build_bending_hypothesis(
     Args:
         fault: bending that the data checks prove.
         bodies: all bodies that bend.
-        session: campaign and nominal model.
         correct_campaign: campaign without wrong channels, for the start of the shape.
         frequency_ratio: start of the frequency of the mode, relative to its highest peak. The
             joints below and the load above the body move the peak.

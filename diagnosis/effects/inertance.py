@@ -69,7 +69,6 @@ class _Inerter:
         """Return the Part with the inertance.
 
         Args:
-            location: joint.
             unit: kg or kg m2.
         """
         frame = np.zeros((len(self.machine.coordinates), 1))

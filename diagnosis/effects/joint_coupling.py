@@ -154,8 +154,6 @@ def _find_arms(machine: Machine, stage: str, springs: Sequence[str], acting: set
     """Return B by each coordinate of p, per unit of its parameter; (3, n_spring, n_spring).
 
     Args:
-        machine: machine with the joint.
-        stage: stage of the joint.
         springs: names of its springs.
         acting: names of those with a stiffness or damping that varies.
     """

@@ -115,7 +115,6 @@ def list_places(
     """Yield the places of the scan.
 
     Args:
-        machine: the nominal machine.
         jacobian: motion of the bodies per coordinate that gives way; (6 n_body, nv).
         pair: numbers of the bodies; None first for the ground.
     """

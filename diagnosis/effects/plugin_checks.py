@@ -25,7 +25,6 @@ def find_fault(hypothesis: Hypothesis, scene: Scene, seen: dict[str, Part]) -> s
     """Return what is wrong with a hypothesis; None if it can be fitted.
 
     Args:
-        hypothesis: the hypothesis.
         scene: scene for which it was proposed.
         seen: Parts of earlier hypotheses by the names of their parameters, which is extended.
     """

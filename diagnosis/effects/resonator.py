@@ -33,8 +33,7 @@ def build_resonator_slope(omega: float, zeta: float, rate: tuple[float, float]) 
     """Return the slope of R(s) by a parameter p of its spring.
 
     Args:
-        omega: natural frequency [rad/s].
-        zeta: damping ratio.
+        omega [rad/s], zeta: as for ``build_resonator``.
         rate: dS/dp, as coefficients of s and of 1.
     """
 

@@ -113,7 +113,6 @@ def fit_whole_null(base: Baseline, whole: Session, null: Refit) -> Refit:
     """Return the null model of all channels: the given one, unless some were left out of it.
 
     Args:
-        base: scene of the fits, and proven faults.
         whole: session with all channels.
         null: null model without the channels of gross faults.
     """
@@ -133,11 +132,9 @@ def estimate_gaps(
     """Estimate the gap of the null model and of the model with all causes.
 
     Args:
-        base: scene of the fits, and proven faults.
         whole: session with all channels.
         null: null model of all channels (``fit_whole_null``).
         best: most probable set of causes.
-        settings: schedule of the refits.
     """
     scene, last = base.scene, best
     if not _has_all_channels(base, whole):
@@ -160,7 +157,6 @@ def hold_out(scene: Scene, refit: Refit) -> HeldOutGap:
 
     Args:
         scene: thinning of the lines, and settings.
-        refit: the refit.
     """
     return _describe_gap(refit, _fit_folds(refit, scene.stride_factor, scene.settings))
 
@@ -189,13 +185,7 @@ def _refit_whole(
 
 
 def _fit_folds(refit: Refit, stride_factor: int, settings: DiagnosisSettings) -> HeldOutFits | None:
-    """Fit all folds of the lines but one, for each fold, at the model error of the refit.
-
-    Args:
-        refit: fit to all folds.
-        stride_factor: factor on the stride of the lines.
-        settings: schedule of the refits.
-    """
+    """Fit all folds of the lines but one, for each fold, at the model error of the refit."""
     model, campaign = refit.session.model, refit.session.campaign
     schedule = settings.schedule.thin(len(campaign.freq_hz), stride_factor)
     return hold_out_lines(model, campaign, refit.fit, schedule)

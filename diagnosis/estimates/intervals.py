@@ -197,7 +197,6 @@ def fit_parameters(
     that of the number of independent values, or of bands of lines.
 
     Args:
-        refit: the refit.
         stride_factor: factor on the stride of the lines.
         settings: schedule, whose turns have as many steps together as the final fit.
         is_final: whether the final fit is made; else the parameters are those of the refit.

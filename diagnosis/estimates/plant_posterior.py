@@ -27,7 +27,6 @@ def estimate_plant_posterior(
     Args:
         session: campaign and model of the fit.
         fitted: parameters with their confidence.
-        fit: the fit.
         predicted: FRFs on held-out lines, else of the fit; (n_freq, n_out, 1) each.
 
     Raises:

@@ -67,10 +67,7 @@ def find_named_size(
 
     Args:
         scene: thinning of the lines, and processes.
-        refit: fit of the set with the cause.
         parameters: its parameters with their confidence.
-        cause: the cause.
-        settings: schedule of the refits.
     """
     intervals = parameters.estimate_intervals(cause)
     fitted = parameters.state_parameters(cause)

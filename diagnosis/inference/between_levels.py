@@ -19,9 +19,7 @@ def compare_between_levels(
 
     Args:
         fitted: the fit.
-        null: the null model.
         best: the fit whose residual says how many values are independent.
-        constants: calibrated constants of the posterior.
     """
     if fitted.level_excess is None or null.level_excess is None or best.level_excess is None:
         return 0.0

@@ -62,7 +62,6 @@ class Calibration(BaseModel):
 
         Args:
             noise_share: share s of the noise in the variance.
-            values: number of values.
         """
         noise = float(min(noise_share, self.max_noise_share) ** self.noise_exponent)
         return 1 / (noise / values + (1 - noise) / self.error_values)

@@ -110,9 +110,6 @@ class FittedSet(_Row):
 
         A badly known variance of the noise looks like a model error too. The share of the noise is
         therefore at least what the gap leaves, 1 - gap / chi square.
-
-        Args:
-            constants: calibrated constants of the posterior.
         """
         without_gap = 1 - max(self.gap, 0.0) / self.chi_square
         return constants.count_independent(max(self.noise_share, without_gap), self.values)
@@ -167,7 +164,6 @@ class Evidence(ResultFile, _Row):
         proven: faults that redundant channels prove; every set corrects them.
         small_faults: other faults that redundant channels prove; sets may contain them.
         unknown: places of sensors with a proven fault that is not in the catalogue.
-        null: null model.
         sets: sets of causes, in the order of their fits.
         pushed: free forces that explain the gap of the null model, the largest gain first.
         rest_pushed: free forces that explain the gap with the selected causes.

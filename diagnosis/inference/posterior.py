@@ -110,9 +110,7 @@ def compute_posterior(
     """Return the posterior probabilities of all sets that were fitted.
 
     Args:
-        evidence: fits as plain numbers.
         calibration: constants and their seeds; those committed if None.
-        settings: thresholds.
     """
     constants = calibration or load_calibration()
     sets, gap = _remove_outliers(evidence, settings.outlier_sigma)
@@ -201,9 +199,7 @@ def select_material_sets(
     Sets that were not fitted tell nothing; that of the last cause is the null model then.
 
     Args:
-        null: the null model.
         sets: sets of causes, each with the last added one at its end.
-        settings: thresholds.
     """
     fits = {frozenset(fitted.keys): fitted for fitted in (*reversed(_select_best_fits(sets)), null)}
 

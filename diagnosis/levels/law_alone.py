@@ -23,7 +23,6 @@ class LawStart:
 
     Args:
         joint: direction of the joint.
-        family: of the law.
         theta: its parameters.
         parallel: stiffness and damping of the joint's linear spring and damper in parallel; (2,).
         cost: -ln L of the FRFs with it per value, but for a constant [nats].
@@ -45,7 +44,6 @@ class TriedLaw:
     """A law with its residuals.
 
     Args:
-        family: of the law.
         values: its parameters, without that of the joint's stiffness, then stiffness and damping of
             the joint in parallel with it; (n_value,).
         residuals: of all values; (n_value,).
@@ -84,7 +82,6 @@ class LawAlone:
 
         Args:
             scene: linear machine at the lowest level.
-            joint: direction of the joint.
             stiffest: largest stiffness of the joint at any level.
         """
         campaign = scene.session.campaign

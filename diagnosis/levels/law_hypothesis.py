@@ -40,8 +40,6 @@ def build_law_hypothesis(
 
     Args:
         scene: fit about which the law is simulated.
-        joint: direction of the joint.
-        family: of the law.
         start: values at which its parameters begin.
         hits: values at which the tolerances of the hits begin, by their names; 1 if None.
     """

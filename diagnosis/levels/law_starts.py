@@ -40,8 +40,6 @@ def fit_starts(
 
     Args:
         scene: linear machine at the lowest level.
-        joint: direction of the joint.
-        effects: the effects.
         stiffest: largest stiffness of the joint at any level.
         least_damping: least damping at any level.
     """

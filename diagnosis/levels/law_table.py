@@ -50,7 +50,6 @@ class LawTable:
 
     Args:
         joint: linear machine and hits.
-        family: of the law.
         start: where a refit begins: parameters of the law, values of the joint's linear spring or
             damper that it follows, relative duration; (n_parameter,).
         followed: which of "stiffness" and "damping" stand there beside the parameters of the law.

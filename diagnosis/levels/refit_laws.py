@@ -58,8 +58,6 @@ def refit_laws(
     """Refit the laws of joint directions that depend on the level, beside the causes there are.
 
     Args:
-        scene: scene of the null model.
-        null: the null model.
         current: refit from which they begin.
         hypotheses: scored hypotheses of ``free_each_level``.
         rivals: refits of linear causes: no law is refitted if they gain far more.
@@ -193,10 +191,7 @@ def _find_starts(
     It has the stiffness that was fitted with the law, and the nominal damper.
 
     Args:
-        scene: linear machine at the lowest level.
         free: refit with free levels.
-        joint: direction of the joint.
-        effects: the effects.
     """
     changes = _read_changes(free, joint, len(list_levels(scene.session.campaign)))
     stiffness = float(scene.find_stiffness((joint.spring,))[0])

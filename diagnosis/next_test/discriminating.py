@@ -45,11 +45,7 @@ from tuning.assessment.parameter_confidence import posterior_precision
 
 
 def propose_experiment(diagnosis: Diagnosis) -> str | None:
-    """Return the next experiment in one sentence; None if nothing is missing.
-
-    Args:
-        diagnosis: the diagnosis.
-    """
+    """Return the next experiment in one sentence; None if nothing is missing."""
     word, causes = diagnosis.present.word, diagnosis.posterior.causes
     if word == "none":
         return None
@@ -72,9 +68,6 @@ def propose_experiment(diagnosis: Diagnosis) -> str | None:
 
 def find_rivals(diagnosis: Diagnosis) -> list[tuple[Keys, Refit, float]]:
     """Return the sets of as many causes as the verdict names that are confounded with the best one.
-
-    Args:
-        diagnosis: the diagnosis.
 
     Returns:
         Causes, refit and probability of each set, the most probable first.

@@ -44,7 +44,6 @@ class SizedEffect:
     """Effect of size one, with d' Q d = 1.
 
     Args:
-        hypothesis: the hypothesis.
         moved: d; (n,).
         size: its size, by which shapes and directions are compared.
         dof: its direction in the verdict; empty without one.
@@ -62,12 +61,7 @@ class SizedEffect:
 
 @dataclass(frozen=True, eq=False)
 class DrawnEffects:
-    """Effects of a test.
-
-    Args:
-        scene: campaign and nominal model.
-        linear: normal equations of the test.
-    """
+    """Effects of a test."""
 
     scene: Scene
     linear: LinearSearch

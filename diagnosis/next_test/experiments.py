@@ -110,7 +110,6 @@ class RivalModel:
     Args:
         model: model of the rival, with the Parts of the experiment.
         theta: parameters [SI]; (n_parameter,).
-        parametrisation: coordinates of the parameters.
         pinned: names of parameters that cannot vary.
         floor: relative model error.
     """
@@ -141,9 +140,6 @@ def add_experiment(experiment: Experiment, rival: Refit) -> RivalModel:
 
 def propose_return(diagnosis: Diagnosis) -> str | None:
     """Return the experiment that tells a law from a drift between the levels.
-
-    Args:
-        diagnosis: the diagnosis.
 
     Returns:
         None if the tests return to a level, or if no such cause leads.

@@ -16,12 +16,7 @@ from diagnosis.refits.refit import find_shift
 
 @dataclass(frozen=True, eq=False)
 class PredictedVerdict:
-    """Verdict on an effect, its rivals, and those that it is confused with.
-
-    Args:
-        scene: campaign and nominal model.
-        linear: normal equations of the test.
-    """
+    """Verdict on an effect, its rivals, and those that it is confused with."""
 
     scene: Scene
     linear: LinearSearch

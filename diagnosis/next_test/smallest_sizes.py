@@ -80,7 +80,6 @@ def predict_smallest_sizes(
         session: campaign and nominal model. The noise of the FRFs counts, not the FRFs.
         effects: names of effects; all if empty.
         places: places; all if empty.
-        settings: thresholds and sizes of the search.
     """
     scene = _set_scene(session, settings)
     hypotheses = propose_linear(scene)
@@ -114,8 +113,6 @@ class _Prediction:
     """Prediction of a test.
 
     Args:
-        scene: campaign and nominal model.
-        linear: normal equations of the test.
         effects: effects in their shapes and directions.
         verdict: verdict on an effect of any size.
     """

@@ -12,9 +12,6 @@ def propose_unexplained_test(diagnosis: Diagnosis) -> str:
     """Return an experiment at the place of the unknown force, or at other levels.
 
     A gap that no single place explains names no place.
-
-    Args:
-        diagnosis: the diagnosis.
     """
     explained = {location for _, location, _ in list_first_mended(diagnosis)}
     places = [place for place, _ in diagnosis.posterior.where if place not in explained]

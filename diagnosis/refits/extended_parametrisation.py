@@ -20,7 +20,6 @@ def extend_parametrisation(
         varies: coordinates without the hypothesis.
         model: model with its Parts.
         session: session with the tolerances.
-        hypothesis: the hypothesis.
     """
     extended = (
         varies.extend(parametrise(model, session.campaign.tolerance))

@@ -80,9 +80,6 @@ class Refit:
         Tolerances without their prior count, and parameters of Parts. Those at a bound do not, nor
         those that stay at zero, such as the direction of a link without stiffness. A prior narrower
         than the unit of its parameter makes it a tolerance, which does not count.
-
-        Args:
-            cause: cause of the set.
         """
         varies, x = self.fit.parametrisation, self.fit.x
         narrow = {name for name, deviation in cause.believed.items() if deviation < 1}
@@ -104,9 +101,6 @@ class Refit:
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
         """Return how far a cause that only releases tolerances shifts them (``find_shift``).
 
-        Args:
-            cause: cause of the set.
-
         Returns:
             z in standard deviations; None for a cause that adds or corrects something.
         """
@@ -121,7 +115,6 @@ def find_shift(cause: Hypothesis, released: Real) -> float | None:
     distributed, z = -Phi^-1(p / 2) of its upper tail p.
 
     Args:
-        cause: the cause.
         released: coordinates of its tolerances; (n_released,).
 
     Returns:
@@ -144,7 +137,6 @@ def describe_fit(session: Session, fit: Fit, stride: int, lags: Sequence[int]) -
 
     Args:
         session: model, campaign and coordinates.
-        fit: fitted parameters.
         stride: every ``stride``-th line was fitted; the statistics are those of twice as many.
         lags: distances of neighbouring lines [lines]; none if lines share noise.
 

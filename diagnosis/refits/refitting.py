@@ -209,7 +209,6 @@ def admit_outliers(
     """Return refits with wider bounds on outlying tolerances, if these lower the objective.
 
     Args:
-        scene: campaign and nominal model.
         refits: the null model, or sets of causes.
         settings: schedule, and the largest outlier.
     """

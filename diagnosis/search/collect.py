@@ -16,10 +16,7 @@ def collect_evidence(
     """Return the evidence; free forces of the rest are fitted if a rest is visible.
 
     Args:
-        base: null model, and what the data checks prove.
-        search: sets of causes that were fitted.
         unsteady: number of tests whose machine changed from hit to hit.
-        settings: schedules.
     """
     null, selected = search.null, search.selected
     best_gain: dict[str, Scored] = {}

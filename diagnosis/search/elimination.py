@@ -47,10 +47,7 @@ def reconsider_causes(
     """Return the search and its best set, each of whose earlier causes was left out in turn.
 
     Args:
-        base: null model, and what the data checks prove.
-        search: sets of causes that were fitted.
         best: set with one more cause.
-        settings: sizes of the search.
     """
     kept_causes = {
         left_out: remaining
@@ -96,7 +93,6 @@ def _list_causes_without(
     Args:
         left_out: the cause that is left out.
         causes: the set.
-        scene: scene of the null model.
     """
     kept = [cause for cause in causes if cause is not left_out]
     if left_out.reform is None:
@@ -138,7 +134,6 @@ def _is_decided(search: Search, seen: Refit, refit: Refit, settings: DiagnosisSe
     """Return whether one level shows that a cause belongs to a set beside a law.
 
     Args:
-        search: sets of causes that were fitted.
         seen: the set on one level.
         refit: the set without the cause.
         settings: what is material.

@@ -27,7 +27,6 @@ class Search:
     """Result of the search.
 
     Args:
-        null: null model.
         scores: score tests about the null model, the most promising first.
         refits: sets of causes in the order of their fits.
         selected: selected set of causes; the null model if no cause is probable.
@@ -104,7 +103,6 @@ def _compute_log_odds(
     """Return the log odds of chosen sets.
 
     Args:
-        search: sets of causes that were fitted.
         chosen: the sets.
         refits: all sets.
     """
@@ -125,10 +123,8 @@ def find_confounded(
     """Return pairs of causes whose signatures have a large cosine, or that are equally probable.
 
     Args:
-        scene: campaign, model and theta of the null model.
         search: score tests about the null model.
         posterior: probabilities of the causes.
-        settings: thresholds.
     """
     listed = {key: place for place, (key, _) in enumerate(posterior.apart)}
     leading = {
@@ -162,7 +158,6 @@ def find_interchangeable(
     Both are fitted beside the same further causes; ``inference.places`` has the cosine.
 
     Args:
-        search: sets of causes that were fitted.
         stride_factor: factor on the strides of frequency lines.
         settings: schedule, and the least cosine.
     """

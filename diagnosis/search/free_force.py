@@ -37,7 +37,6 @@ def fit_free_forces(scene: Scene, fit: Fit, model_error_floor: float) -> tuple[F
     """Return the free force of every joint and body in its best direction, the largest gain first.
 
     Args:
-        scene: campaign and model of the fit.
         fit: fit about which the model is linearised.
         model_error_floor: relative model error that the fit tolerates.
     """

@@ -45,11 +45,8 @@ def move_causes(
     Beside a law a move is fitted to one level, and to all if it is better there.
 
     Args:
-        scene: scene of the null model.
-        search: sets of causes that were fitted.
         best: set whose causes are moved.
         causes: causes of the set that are moved, one in each refit.
-        settings: schedule of the refits.
     """
     visited: set[frozenset[Key]] = set()
     while frozenset(best.keys) not in visited and any(cause.movable for cause in causes):
@@ -83,7 +80,6 @@ def _list_moves(
     """Yield the refits of a set with one of its causes moved to a neighbour, which is last then.
 
     Args:
-        scene: scene of the null model.
         fitted: the set.
         causes: causes of the set that are moved.
         visited: sets from which causes were moved already.

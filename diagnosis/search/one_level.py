@@ -100,7 +100,6 @@ class CauseSearch:
             refits: on one level.
             trials: all further causes.
             hypotheses: number of effects and places that were scored.
-            small_faults: faults that redundant channels prove.
         """
         tasks = []
         for refit in select_listed(self.seen, refits, hypotheses, small_faults, self.settings):
@@ -154,7 +153,6 @@ def select_listed(
         before: the set without their last cause.
         refits: refits with one more cause.
         hypotheses: number of effects and places that were scored.
-        small_faults: faults that redundant channels prove.
         settings: what is material, and the least probability of a cause in a verdict.
     """
     best_of_keys: dict[Key, Refit] = {}

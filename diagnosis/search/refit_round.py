@@ -76,10 +76,8 @@ def refit_round(
     These are the best one, with its further shapes, and those without a slope.
 
     Args:
-        base: null model, and what the data checks prove.
         current: set beside which they are refitted.
         ranked: their scores, the most promising first.
-        settings: sizes of the search.
         place: where a force of any spectrum explains much of the gap: the best hypothesis of each
             effect there is promising, whatever its score. So are the other peaks of the scans, if
             a rest remains.

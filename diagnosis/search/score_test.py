@@ -36,7 +36,6 @@ class Score:
     """Predicted gain of a hypothesis.
 
     Args:
-        hypothesis: the hypothesis.
         gain: predicted decrease of the cost at the model-error floor [nats].
         step: step of its coordinates; (n_coordinate,).
         order: its number in the order of proposal, along which shapes are scanned.
@@ -58,9 +57,7 @@ def scores(
     """Score hypotheses about a fit at its model-error floor, the most promising first.
 
     Args:
-        scene: campaign and model of the fit.
         fit: fit about which the model is linearised.
-        hypotheses: hypotheses to score.
         model_error_floor: model-error floor of the fit.
         stride: every ``stride``-th line counts.
     """
@@ -168,11 +165,9 @@ def compute_cosines(
     have nearly 1.
 
     Args:
-        scene: campaign and model of the fit.
         fit: fit about which the scores were computed.
         leading: scores of the hypotheses.
-        model_error_floor: model-error floor of the fit.
-        stride: every ``stride``-th line counts.
+        model_error_floor, stride: as for ``scores``.
 
     Returns:
         (n_leading, n_leading).

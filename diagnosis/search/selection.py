@@ -53,8 +53,6 @@ def select_causes(
     """Select the causes that explain the gap of the null model.
 
     Args:
-        base: null model, and what the data checks prove.
-        settings: sizes of the search.
         say: called with the current step.
     """
     small_faults = tuple(map(key_of, base.checks.small))
@@ -121,8 +119,6 @@ def _settle(
     """Return the search and its most probable set, whose causes were moved to neighbours.
 
     Args:
-        base: null model, and what the data checks prove.
-        search: sets of causes that were fitted.
         moved: causes of each set that were moved already.
         settings: schedules and thresholds.
     """

@@ -44,7 +44,6 @@ def rank_by_stiffness(
     Args:
         scene: campaign and model of the refit.
         base: refit about which they are proposed; with a rest of the state before.
-        hypotheses: hypotheses to score.
         stride: every ``stride``-th line counts.
     """
     thin = stride * scene.stride_factor
@@ -162,7 +161,6 @@ def _fit(
         session: model with the hypothesis, campaign corrected for it.
         start: parameters at the start [SI]; (n_parameter,).
         names: coordinates that vary.
-        stride: every ``stride``-th line counts.
         steps: Gauss-Newton steps at most.
     """
     whole = session.parametrisation

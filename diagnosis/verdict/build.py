@@ -71,9 +71,6 @@ def estimate_step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, floa
 
     They are jackknife intervals over the folds of the blocks; None if there are no folds.
 
-    Args:
-        diagnosis: the diagnosis.
-
     Returns:
         Intervals of ``as_drawn``, ``retuned``, ``after`` and ``noise``.
     """

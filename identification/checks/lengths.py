@@ -16,7 +16,6 @@ def check_lengths(path: Path, layout: Layout) -> list[str]:
     """Return remarks on a layout whose size is hardly one in metres.
 
     Args:
-        path: path of campaign.toml, for messages.
         layout: bodies with their centres of mass, and points.
 
     Raises:

@@ -12,11 +12,7 @@ _MAX_NAMED_LINES = 3  # frequencies that the remark names
 
 
 def outlying_line_remarks(campaign: Campaign) -> tuple[str, ...]:
-    """Return a sentence on lines at which channels far exceed both neighbours on either side.
-
-    Args:
-        campaign: measured FRFs.
-    """
+    """Return a sentence on lines at which channels far exceed both neighbours on either side."""
     counts: np.ndarray[tuple[int], np.dtype[np.int_]] = np.zeros(len(campaign.freq_hz), int)
     channels = 0
     for test in campaign.tests:
@@ -44,9 +40,6 @@ def shifted_axis_remark(campaign: Campaign) -> str:
 
     An FRF is real at 0 Hz, exactly where it comes from a discrete Fourier transform, and at no
     other line. An axis that begins with the spacing of the lines is then off by one line.
-
-    Args:
-        campaign: measured FRFs.
     """
     freq_hz = campaign.freq_hz
     values = [test.estimate.frf.values for test in campaign.tests]

@@ -52,7 +52,6 @@ def refuse_reversed_time(path: Path, campaign: Campaign, signs: Mapping[str, str
     """Refuse files whose responses precede the force.
 
     Args:
-        path: path of campaign.toml, for messages.
         campaign: tests with FRFs as exp(+i w t), according to ``signs``.
         signs: stated or default ``time_sign`` of each file.
 

@@ -75,7 +75,6 @@ def estimate_continuous_frf(
     the first above 0 Hz to 0.8 of half the sampling rate; of periods, those that the force excites.
 
     Args:
-        records: of one reference.
         settings: ``block_s`` and ``estimator`` apply; the usual ones if None.
 
     Raises:

@@ -172,7 +172,6 @@ def _is_at_rest(records: Records, starts: tuple[int, ...], length: int) -> bool:
     What is left there is small, or noise: nearly as much as a fifth of the block before.
 
     Args:
-        records: of one reference.
         starts: first sample of each block of a record.
         length: of a block [samples].
     """

@@ -80,7 +80,6 @@ def average_blocks(records: Records, blocks: ContinuousBlocks) -> ForcedSpectra:
     """Return the averages by which the FRFs of these blocks are estimated.
 
     Args:
-        records: of one reference.
         blocks: how they are cut.
 
     Raises:
@@ -145,7 +144,6 @@ def _residual_power(values: Complex, motion: Real, cross: Complex, force: Comple
     """Return the mean of |y - H x|^2; (n_freq, n_out).
 
     Args:
-        values: H; (n_freq, n_out, n_in).
         motion: mean of |y|^2; (n_freq, n_out).
         cross: mean of y x^H; (n_freq, n_out, n_in).
         force: mean of x x^H; (n_freq, n_in, n_in).

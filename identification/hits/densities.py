@@ -38,7 +38,6 @@ def noise_densities(
     shorter quiet part are left out.
 
     Args:
-        records: records of one reference.
         blows: hits of the records.
         block: length of a block [samples].
 

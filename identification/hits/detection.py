@@ -195,7 +195,6 @@ def is_continuous(records: Records, blows: Sequence[Blow]) -> bool:
     """Return whether a force is no series of hits: it never rests, or pulls as much as it pushes.
 
     Args:
-        records: records of one reference.
         blows: hits that were found in them.
 
     Raises:

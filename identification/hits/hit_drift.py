@@ -35,7 +35,6 @@ def describe_drift(
         force: spectra of the force of each hit, in order; (n_hit, n_freq).
         motion: spectra of the motion; (n_hit, n_freq, n_out).
         peak: peak of each hit [N]; (n_hit,).
-        outputs: channels.
         freq_hz: frequencies [Hz]; (n_freq,).
     """
     if len(peak) < _MIN_DRIFT_HITS:
@@ -80,7 +79,6 @@ def _frequency_slope(mean: Complex, noise: Real, freq_hz: Real) -> Complex:
     Args:
         mean: FRFs; (n_freq, n_out).
         noise: variance of the FRFs; (n_freq, n_out).
-        freq_hz: frequencies [Hz]; (n_freq,).
     """
     if len(freq_hz) < 2:
         return np.zeros_like(mean)

@@ -94,7 +94,6 @@ def find_hum(records: Records, blows: Sequence[Blow], force_window_s: float) -> 
     than its neighbours do.
 
     Args:
-        records: records of one reference.
         blows: hits.
         force_window_s: time in which the force of a hit is kept [s].
     """

@@ -55,8 +55,7 @@ def find_outlying_hits(force: Complex, motion: Complex) -> Reasons:
     """Find hits whose FRFs deviate from those of the other hits by far more than noise.
 
     Args:
-        force: spectra F of the force; (n_hit, n_freq).
-        motion: spectra X of the motion; (n_hit, n_freq, n_out).
+        force (n_hit, n_freq), motion (n_hit, n_freq, n_out): as for ``find_mirrored_hits``.
 
     Returns:
         For each hit the reason to reject it, or None; n_hit.
@@ -78,8 +77,7 @@ def outlier_distances(force: Complex, motion: Complex) -> tuple[Real, Real]:
     All channels have equal weight in the second.
 
     Args:
-        force: spectra F of the force; (n_hit, n_freq).
-        motion: spectra X of the motion; (n_hit, n_freq, n_out).
+        force (n_hit, n_freq), motion (n_hit, n_freq, n_out): as for ``find_mirrored_hits``.
 
     Returns:
         Distances and relative residuals; (n_hit,) each.

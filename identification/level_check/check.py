@@ -95,9 +95,6 @@ class LevelCheck:
 def check_levels(campaign: Campaign) -> LevelCheck | None:
     """Follow the modes through the levels of a campaign; None for less than two levels.
 
-    Args:
-        campaign: tests on common frequency lines.
-
     Raises:
         InputError: the tests of a level cannot be combined.
     """

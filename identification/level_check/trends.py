@@ -195,7 +195,6 @@ def _measure_change(trend: ModeTrend, chance: float) -> _ModeChange | None:
     followed badly, or is none: that counts as a deviation.
 
     Args:
-        trend: the mode.
         chance: probability that either quantity of a linear machine seems to change.
     """
     has_frequency, has_damping = trend.changes(chance)

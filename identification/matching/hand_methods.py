@@ -67,9 +67,6 @@ def estimate_by_hand(
     moves.
 
     Args:
-        spectra: spectra of all impacts.
-        modes: modes identified in them.
-        mode: number of the mode.
         max_rows: number of channels, at most.
     """
     freq = spectra.freq_hz

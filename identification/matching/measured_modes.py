@@ -54,10 +54,6 @@ def impact_modes(spectra: ImpactSpectra, criteria: ModeCriteria | None = None) -
     frequency lines [Hz] and v their variance. Over impacts the values of the shape are averaged
     with weights by excitation.
 
-    Args:
-        spectra: spectra of all impacts.
-        criteria: when poles count as one mode.
-
     Raises:
         ConvergenceError: no mode in the band.
     """

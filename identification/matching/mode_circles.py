@@ -76,8 +76,6 @@ def fit_mode_circles(spectra: ImpactSpectra, modes: ImpactModes, mode: int) -> M
 
     Args:
         spectra: spectra of all impacts, on lines close enough to show a circle.
-        modes: modes identified in them.
-        mode: number of the mode.
     """
     values = rotate_to_imaginary(spectra, modes, mode)
     freq, natural = spectra.freq_hz, float(modes.frequencies[mode])

@@ -84,7 +84,6 @@ def shapes_at_channels(
     Args:
         shapes: modes on a mesh, in the layout's axes.
         layout: places and orientations of the channels' sites.
-        dofs: the channels.
         sampling: as for ``shapes_at``.
 
     Returns:
@@ -126,7 +125,6 @@ def match_modes(
     Args:
         shapes: modes on a mesh, without unsupported rigid modes.
         layout: layout of the channels.
-        spectra: spectra of the impacts.
         sampling: as for ``shapes_at``.
         priors: prior assumptions of the match.
     """

@@ -66,7 +66,6 @@ def match_by_ratios(
     """Compare ratios of amplitudes as in the paper.
 
     Args:
-        spectra: spectra of the impacts.
         simulated_shapes: modes at the channels, signed; (n_mode, n_channel).
         reference: place to which measured ratios are taken.
         reading: amplitude to which simulated ratios are taken: each mode's ``largest``, or that of
@@ -100,7 +99,6 @@ def choose_reference(simulated_shapes: Real, dofs: Sequence[Dof]) -> str:
 
     Args:
         simulated_shapes: modes at the channels; (n_mode, n_channel).
-        dofs: the channels.
     """
     amplitudes = _place_amplitudes(np.abs(simulated_shapes), dofs, 1)
     visible = amplitudes[amplitudes.max(axis=1) > 0]

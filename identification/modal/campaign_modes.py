@@ -198,9 +198,6 @@ def combine_tests(campaign: Campaign) -> MeasuredFrfs:
 
     Where several tests measured a cell, the test with the smallest variance is kept.
 
-    Args:
-        campaign: tests on common frequency lines.
-
     Returns:
         FRFs along positive axes.
 
@@ -270,8 +267,6 @@ def identify(
     the outputs of all three results, and the sensors their inputs.
 
     Args:
-        campaign: tests on common frequency lines.
-        criteria: when poles count as one mode, and which modes are accepted.
         choices: modes that the user adds, drops or forces.
 
     Returns:

@@ -98,7 +98,6 @@ def _split_residue(
     """Return poles, shapes and participation of one group; None if its residues show fewer modes.
 
     Args:
-        model: modal model.
         driven: shapes of the group at the drive points; (n_drive, n).
         participation: its participation there; (n_drive, n).
         modes: numbers of its modes.

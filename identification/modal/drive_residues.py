@@ -56,7 +56,6 @@ def negative_drive_points(
     """Return the modes with a negative residue at each drive point that has any.
 
     Args:
-        model: modal model.
         residue_sd: standard deviations of the residues; (n_out, n_in, n_mode).
         inside: modes of the band; (n_mode,).
     """

@@ -108,8 +108,7 @@ def peak_amplitude(value: Complex, damping: float, order: int = 2) -> Real:
 
     Args:
         value: y at the natural frequency; (...).
-        damping: zeta.
-        order: q: 0, 1, 2 for receptance, mobility, accelerance.
+        damping, order: as for ``unit_response``.
     """
     amplitude: Real = 2 * damping * (np.asarray(value) / 1j ** (order - 1)).real
     return amplitude

@@ -157,8 +157,7 @@ def signed_comac(first: Complex, second: Complex, weights: Real | None = None) -
     cannot show it.
 
     Args:
-        first: shapes in columns; (n, n_mode).
-        second: their counterparts in columns; (n, n_mode).
+        first (n, n_mode), second (n, n_mode): as for ``comac``.
         weights: weights of the modes; (n_mode,), equal if None.
     """
     first_norm, second_norm = np.linalg.norm(first, axis=0), np.linalg.norm(second, axis=0)

@@ -89,7 +89,6 @@ def _normal_matrices(turns: Real, values: Complex, max_order: int) -> list[Real]
 
     Args:
         turns: f dt of every line; (n_freq,).
-        values: H; (n_freq, n_out, n_in).
         max_order: n.
     """
     n_freq, n_out, n_in = values.shape

@@ -59,7 +59,6 @@ def add_missing_modes(
     """Refine the fit, add the modes that its residual shows, remove those that noise explains.
 
     Args:
-        data: FRFs and weights.
         freq_hz: lines [Hz]; (n_freq,).
         poles: start values [rad/s]; (n_mode,).
         participation: start values; (n_in, n_mode).

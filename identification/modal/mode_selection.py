@@ -83,7 +83,6 @@ def identify_modes(
     Args:
         data: FRFs, and weights of one over their variance.
         freq_hz: evenly spaced lines [Hz]; (n_freq,).
-        criteria: when poles count as one mode, and which modes are accepted.
         choices: modes to add, drop or force.
         roots: number of roots of the highest order.
         is_quick: whether the stable poles are only refined, without a search for missed modes.
@@ -190,7 +189,6 @@ def _reduced_cost(data: WeightedFrfs, fitted: ModalFit, n_pole_parameters: int) 
     A complex value has two real numbers, of which each parameter takes one.
 
     Args:
-        data: FRFs and weights.
         fitted: fit with its cost.
         n_pole_parameters: number of real parameters of poles and participation.
     """

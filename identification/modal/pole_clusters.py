@@ -67,7 +67,6 @@ def cluster_poles(
     Args:
         orders: poles of every order, rising.
         band: lowest and highest frequency [Hz].
-        criteria: when poles count as one mode.
 
     Returns:
         Clusters by rising frequency.
@@ -125,9 +124,7 @@ def find_growing_modes(
     frequency, the growing pole is the mirror image that two-sided responses have, and no mode.
 
     Args:
-        orders: poles of every order, rising.
-        band: lowest and highest frequency [Hz].
-        criteria: when poles count as one mode.
+        orders, band [Hz]: as for ``cluster_poles``.
         decaying: clusters of decaying poles.
 
     Returns:

@@ -97,7 +97,6 @@ def align_references(
     """Find and correct what one reference has wrong; None if nothing is found.
 
     Args:
-        data: FRFs and weights.
         outputs: labels of the channels, along positive axes; n_out.
         inputs: labels of the references; n_in.
         identify_column: identification of the FRFs of one reference.

@@ -52,7 +52,6 @@ def _free_parameters(
     """List the parameters that vary.
 
     Args:
-        participation: (n_in, n_mode).
         moving_poles: modes whose poles vary; (n_mode,).
         moving_rows: modes whose participation varies; (n_mode,).
     """
@@ -177,7 +176,6 @@ def refine(
     Gauss-Newton steps are damped (Levenberg-Marquardt) where a step does not lower the cost.
 
     Args:
-        data: FRFs and weights.
         poles: start values [rad/s]; (n_mode,).
         participation: start values; (n_in, n_mode).
         cost_tolerance: drop of the cost in one step at which to stop, in units of the noise or of

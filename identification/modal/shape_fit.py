@@ -133,7 +133,6 @@ def fit_shapes(data: WeightedFrfs, poles: Complex, participation: Complex) -> Mo
     """Fit shapes and residuals by linear least squares (LSFD).
 
     Args:
-        data: FRFs and weights.
         poles: (n_mode,).
         participation: (n_in, n_mode).
 

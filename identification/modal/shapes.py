@@ -117,7 +117,6 @@ def _scale_deviation(model: ModalModel, residue_sd: Real | None) -> Real:
 
     Args:
         model: shapes of unit modal mass.
-        residue_sd: standard deviations of the residues; (n_out, n_in, n_mode).
     """
     outputs = {dof.positive: row for row, dof in enumerate(model.outputs)}
     cells = [
@@ -204,7 +203,6 @@ def shapes_at_bodies(shapes: Complex, outputs: Sequence[Output], layout: Layout)
     Args:
         shapes: shapes in columns; (n_out, n_mode).
         outputs: their labels, points of the layout.
-        layout: bodies and points.
     """
     outputs = tuple(outputs)
     count = shapes.shape[1]

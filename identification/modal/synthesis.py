@@ -52,7 +52,6 @@ def missing_drive_point_sentence(
 
     Args:
         layout: points and their bodies.
-        outputs: channels.
         inputs: references.
     """
     points = set(layout.points)

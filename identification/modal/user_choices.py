@@ -44,7 +44,6 @@ def apply_choices(
     """Drop, force and add modes, and refit all modes together.
 
     Args:
-        data: FRFs and weights.
         freq_hz: lines [Hz]; (n_freq,).
         fitted: modes of the automatic search.
         choices: modes to drop, force and add.

@@ -96,7 +96,6 @@ def remove_overstated_noise(
     """Reduce the variance by coherence to its noise, with which a model's gap is compared.
 
     Args:
-        campaign: measurements.
         overstated: result of ``find_overstated_noise``.
 
     Returns:

@@ -35,7 +35,6 @@ def load_arrays(
     read in a process of their own.
 
     Args:
-        path: the file.
         columns: headings or numbers of the columns of a text file; None for all.
         forces: number of forces that act at once in time records of a text file.
 

@@ -45,10 +45,8 @@ def read_arrays(
     optional, as are variance, covariance over channels and spectra of the inputs.
 
     Args:
-        path: the file.
         channels: ``"nodes 1..23, xyz"`` or a list of labels.
         references: labels of the references, or names of motors.
-        quantity: quantity of the FRFs.
         unit: units such as ``g/N`` or ``g/N, rad/s^2/(N m)``; None for SI.
         input_spectra: name of the array of the inputs' cross spectra, if it is not the usual one.
         frequency_unit: unit of the frequencies; None for what a heading says, else Hz.

@@ -19,8 +19,6 @@ def stated_variance(path: Path, arrays: Mapping[str, np.ndarray], frf: Complex) 
     ``covariance`` over channels the diagonal is used, since fits weigh channels as independent.
 
     Args:
-        path: file, for messages.
-        arrays: content of the file.
         frf: FRFs in the units of the file; (n_freq, n_out, n_in).
 
     Raises:
@@ -51,8 +49,6 @@ def input_spectra(
     """Return the cross spectra of the inputs that a file holds, or None; (n_freq, n_in, n_in).
 
     Args:
-        path: file, for messages.
-        arrays: content of the file.
         name: name of the array by campaign.toml; None for the usual name, if there is one.
         shape: shape of the FRFs (n_freq, n_out, n_in).
 

@@ -36,7 +36,6 @@ def read_array_records(
     recording may have the shapes (sample,) and (channel, sample).
 
     Args:
-        path: the file.
         arrays: content of the file by name, as ``load_arrays`` reads it.
         channels: ``"nodes 1..23, xyz"`` or a list of labels.
         references: labels of the references.

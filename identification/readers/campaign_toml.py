@@ -236,7 +236,6 @@ def _refuse_what_needs_a_model(path: Path, settings: CampaignSettings) -> None:
     """Raise InputError for what a campaign with a layout states of a model.
 
     Args:
-        path: path of campaign.toml.
         settings: content that names a layout.
     """
     if any(test.variant for test in settings.test):

@@ -47,7 +47,6 @@ def read_drive_log(
     signal, and ``time`` or ``rate_hz``. In an .mcap file a signal is a field of a topic.
 
     Args:
-        path: the file.
         log: its columns.
         controllers: stated controller of each motor, from which ``set_point`` follows.
 
@@ -127,7 +126,6 @@ def _find_set_points(
         controllers: K of each motor.
         force: u; (n_motor, .., n_sample).
         response: y; (n_encoder, .., n_sample).
-        rate_hz: samples per second.
     """
     external, count = np.array(force), 2 * force.shape[-1]  # zeros behind: K may ring
     laplace = 2j * np.pi * scipy.fft.rfftfreq(count, 1 / rate_hz)[1:]  # a constant tells nothing
@@ -217,7 +215,6 @@ def _bring_together(
     frequency, and 8 % too low at 0.8 of it (Unser 1999).
 
     Args:
-        path: the file, for messages.
         names: of the signals.
         times: of their messages [s].
         signals: their values.

@@ -90,7 +90,6 @@ def leave_out_lines(path: Path, campaign: Campaign, ranges: list[list[float]]) -
     """Return the campaign without the lines of these ranges, with a remark.
 
     Args:
-        path: path of campaign.toml, for messages.
         campaign: tests on one frequency axis.
         ranges: lowest and highest frequency of each range [Hz], both included.
 

@@ -151,8 +151,6 @@ def parse_frf_units(path: Path, quantity: Quantity, unit: str | None) -> FrfUnit
     """Return the units that campaign.toml states for a file.
 
     Args:
-        path: the file, for messages.
-        quantity: quantity of the FRFs.
         unit: one unit or several with commas, such as ``g/N``; None for SI.
 
     Raises:
@@ -183,7 +181,6 @@ def labelled_unit(
     Args:
         path: the file, for remarks.
         arrays: content of the file; ``unit_label`` holds the unit of its headings.
-        quantity: quantity of the FRFs.
         stated: unit that campaign.toml states; None if it states none.
     """
     label = str(arrays.get("unit_label", ""))

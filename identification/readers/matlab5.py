@@ -123,7 +123,6 @@ def _inflate(data: memoryview, order: str, file_bytes: int, inflated: int) -> _E
     Args:
         data: compressed bytes.
         order: of bytes.
-        file_bytes: size of the file.
         inflated: bytes of earlier variables of the file.
     """
     stream = zlib.decompressobj()

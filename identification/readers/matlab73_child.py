@@ -19,7 +19,6 @@ def read(path: Path, max_array_bytes: int) -> dict[str, np.ndarray]:
     lies in a group has its name before, as in ``log/current``.
 
     Args:
-        path: the file.
         max_array_bytes: bytes that all variables together may take in memory.
 
     Raises:

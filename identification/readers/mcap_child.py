@@ -18,7 +18,6 @@ def read(path: Path, max_array_bytes: int) -> dict[str, np.ndarray]:
     """Read the numbers and times of every topic; arrays of one topic have one length.
 
     Args:
-        path: the file.
         max_array_bytes: bytes that all numbers together may take in memory.
 
     Raises:

@@ -13,7 +13,6 @@ def read(path: Path, max_array_bytes: int) -> dict[str, np.ndarray]:
     """Read the numeric columns by name; a missing value is NaN, stamps count from the first [s].
 
     Args:
-        path: the file.
         max_array_bytes: bytes that all columns together may take in memory.
 
     Raises:

@@ -53,7 +53,6 @@ def check_format(stated: object, path: Path) -> None:
 
     Args:
         stated: format that the file states; None or 0 of files before version 0.2.
-        path: the file.
 
     Raises:
         InputError: this version does not know the format.
@@ -70,7 +69,6 @@ def write_result_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write arrays and the format to an .npz file.
 
     Args:
-        path: the file.
         arrays: by name.
     """
     np.savez_compressed(path, allow_pickle=False, **arrays, format=np.array(FORMAT))
@@ -80,7 +78,6 @@ def read_result_json(path: Path, model: type[ResultModel], verb: str) -> ResultM
     """Read a JSON file and check every key against its schema.
 
     Args:
-        path: the file.
         model: schema of its content.
         verb: verb that writes it, such as ``mbw tune``.
 
@@ -104,7 +101,6 @@ def read_result_arrays(path: Path, verb: str) -> dict[str, Any]:
     """Read all arrays of an .npz file.
 
     Args:
-        path: the file.
         verb: verb that writes it, such as ``mbw tune``.
 
     Raises:

@@ -139,7 +139,6 @@ def read_rate(path: Path, times: Real, unit_s: float) -> float:
     """Return the samples per second by the times of samples.
 
     Args:
-        path: the file, for messages.
         times: of the samples; (n_sample,).
         unit_s: unit of the times [s].
 
@@ -212,7 +211,6 @@ def fold_columns(path: Path, arrays: Arrays, shape: tuple[int, int, int]) -> lis
     magnitude never is.
 
     Args:
-        path: the file, for messages.
         arrays: content of the file, which is changed.
         shape: numbers of frequencies, channels and references.
     """

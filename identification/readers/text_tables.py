@@ -111,7 +111,6 @@ def parse_rows(path: Path, rows: Sequence[tuple[int, Sequence[str]]], width: int
     """Return the numbers of all rows; (n_row, width).
 
     Args:
-        path: the file, for messages.
         rows: number of its line in the file, and cells, of each row.
         width: number of cells that each row must have.
 
@@ -167,7 +166,6 @@ def real_axis(path: Path, lines: Sequence[int], axis: Complex) -> Real:
     """Return the frequencies or times of a table.
 
     Args:
-        path: the file, for messages.
         lines: number of the line in the file of each row; n_row.
         axis: numbers of the first column; (n_row,).
 

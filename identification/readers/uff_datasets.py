@@ -86,7 +86,6 @@ def read_records(
     """Read the datasets of some kinds, each with its record number.
 
     Args:
-        path: the file.
         kinds: numbers of the datasets that are needed.
         functions: function types of datasets 58 that are needed.
 
@@ -132,7 +131,6 @@ def _skip_remarks(path: Path, numbers: dict[int, list[int]], reason: str) -> lis
     """Return a remark for each kind of dataset that was left out.
 
     Args:
-        path: the file.
         numbers: of the records, by kind of dataset.
         reason: end of the sentence.
     """
@@ -192,7 +190,6 @@ def refuse_malformed(name: str, record: Record) -> None:
 
     Args:
         name: file and record, for messages.
-        record: content of the dataset.
 
     Raises:
         InputError: the dataset cannot be used.

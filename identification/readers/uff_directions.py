@@ -57,7 +57,6 @@ class StatedDirections:
 
         Args:
             number: of the record.
-            record: content of the dataset.
             end: ``response`` or ``reference``.
             stated: the same, if another key than that of the end states its direction.
 

@@ -42,7 +42,6 @@ def read_uff(
     The remarks of the table name such records.
 
     Args:
-        path: the file.
         quantity: quantity that campaign.toml states, which overrides the file; needed if the
             ordinate type is 0 (unknown).
         unit: unit that campaign.toml states, such as ``g/N``, which overrides the file.

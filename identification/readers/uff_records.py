@@ -60,7 +60,6 @@ def read_uff_records(
     ``Records``. Values whose direction has the opposite sign in a later recording are negated.
 
     Args:
-        path: the file.
         quantity: quantity that campaign.toml states, which overrides the file; needed for motions
             with ordinate type 0 or 1.
         unit: unit of motion over force that campaign.toml states, which overrides the file.

@@ -50,7 +50,6 @@ class UnitConverter:
 
         Args:
             record: content of the dataset 58.
-            quantity: quantity of the FRF.
             scales: units of length and force per SI unit, by dataset 164; 1 without it.
             response: response of the FRF.
             reference: reference of the FRF.
@@ -103,10 +102,8 @@ class UnitConverter:
         """Return the factor that converts a time record to SI units.
 
         Args:
-            record: content of the dataset 58.
+            record, scales: as for ``factor``.
             quantity: quantity of the FRFs of a motion; None for a force.
-            scales: units of length and force per SI unit, by dataset 164; 1 without it.
-            dof: degree of freedom of the channel.
 
         Raises:
             InputError: the stated unit does not belong to the quantity.

@@ -147,7 +147,6 @@ def parse_frf_unit(unit: str, quantity: Quantity) -> float | None:
 
     Args:
         unit: motion over force, such as ``g/N``, ``(m/s)/N`` or ``in/s^2/lbf``.
-        quantity: quantity of the FRFs.
     """
     motion_text, slash, force_text = unit.rpartition("/")
     motion, force = motion_label_factor(motion_text, quantity), force_label_factor(force_text)

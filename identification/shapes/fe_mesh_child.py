@@ -119,11 +119,7 @@ class _Med:
         return self.values(item).reshape((-1, columns), order="F")
 
     def read_fields(self, count: int) -> dict[str, np.ndarray]:
-        """Return the fields at nodes by name, and the names of the others.
-
-        Args:
-            count: number of points of the mesh.
-        """
+        """Return the fields at nodes by name, and the names of the others."""
         arrays: dict[str, np.ndarray] = {}
         absent = np.zeros(count, bool)
         for field_name, field in self.file.get("CHA", {}).items():
@@ -146,7 +142,6 @@ class _Med:
         Args:
             group: of one step at nodes.
             components: of the field.
-            count: number of points of the mesh.
         """
         profile = group.attrs.get("PFL", _WHOLE_PROFILE)
         profile = profile.decode() if isinstance(profile, bytes) else str(profile)

@@ -34,7 +34,6 @@ def estimate_bending_shape(campaign: Campaign, body: str) -> BendingShape | None
     """Estimate the frequency and the shape of a body's flexible mode.
 
     Args:
-        campaign: measured FRFs.
         body: name of a flexible body.
 
     Returns:

@@ -161,8 +161,6 @@ def whiten(  # the parts of one table
     """Fit variance = line x channel to the mean of logarithms, and divide the data by it.
 
     Args:
-        body: name of the body.
-        sensors: its channels and their places.
         freq_hz: frequency lines [Hz]; (n_freq,).
         values: FRFs; (n_column, n_freq, n_channel).
         variance: E|error|^2; (n_column, n_freq, n_channel).
@@ -205,7 +203,6 @@ def exchange_channels(data: BodyData, order: list[int], signs: Real) -> BodyData
     """Return the data in which channel k has the readings of channel ``order[k]``, times a sign.
 
     Args:
-        data: channels of a body.
         order: number of the channel whose readings each channel gets; n_channel.
         signs: factor of each channel, 1 or -1; (n_channel,).
     """

@@ -23,10 +23,6 @@ def search_body(data: BodyData, tolerance: Tolerance) -> FaultSearch:
     Above its resonance a body that twists moves one corner against its rigid motion, as an opposite
     sign would. But an opposite sign is an error of twice the motion on every line, so that lines
     below the resonance contradict it if it is not there.
-
-    Args:
-        data: channels of the body.
-        tolerance: tolerances of its sensors.
     """
     search = search_faults(data, tolerance)
     imitated = list_imitated(search, tolerance)
@@ -42,7 +38,6 @@ def list_imitated(search: FaultSearch, tolerance: Tolerance) -> frozenset[Key]:
 
     Args:
         search: search for the faults of a body.
-        tolerance: tolerances of its sensors.
     """
     exchanges = [fault.hypothesis for fault in search.accepted if fault.hypothesis.pairs]
     if not exchanges:

@@ -38,7 +38,6 @@ def find_confounded(
     Args:
         ranking: ranking at the nominal body.
         last: fit of the body with all accepted faults.
-        tolerance: tolerances of the sensors.
     """
     pairs = [*find_near_ties(ranking), *_find_equal_signatures(last, tolerance)]
     return tuple(dict.fromkeys(pairs))

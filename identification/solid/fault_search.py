@@ -96,13 +96,7 @@ class FaultSearch:
 def search_faults(
     data: BodyData, tolerance: Tolerance, excluded: frozenset[Key] = frozenset()
 ) -> FaultSearch:
-    """Accept the most probable fault repeatedly, while it is more probable than no fault.
-
-    Args:
-        data: channels of the body.
-        tolerance: tolerances of its sensors.
-        excluded: faults that are not considered.
-    """
+    """Accept the most probable fault repeatedly, while it is more probable than no fault."""
     state = BelievedBody.healthy(data, tolerance)
     rank, redundant = count_channels(data)
     if redundant < MIN_REDUNDANT_CHANNELS or redundant > _MAX_REDUNDANT:
@@ -141,10 +135,8 @@ def _forward_selection(
 
     Args:
         state: the healthy body.
-        tolerance: tolerances of its sensors.
         counts: rank, and channels beyond it.
         dead: channels that are known to be dead, accepted first.
-        excluded: faults that are not considered.
     """
     data = state.data
     rank, redundant = counts

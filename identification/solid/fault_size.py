@@ -19,11 +19,9 @@ def is_within_tolerance(
     below its frequency f0 it is a gain of 1 / (1 - (f / f0)^2).
 
     Args:
-        hypothesis: the fault.
         errors: errors of all sensors of the body, as fitted with the fault; (n_error,).
         parameters: parameters of its reading, if it has one.
         freq_hz: lines [Hz]; (n_freq,).
-        tolerance: tolerances of the sensors.
     """
     if hypothesis.effect == "sensor_delay":
         size, deviation = abs(parameters[0]), tolerance.sensor_delay

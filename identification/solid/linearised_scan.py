@@ -194,7 +194,6 @@ def subtract_noise(moments: Moments, delays: Real | None) -> Real:
     """Return G - V, and W1 and W2 if delays are errors, summed over all blocks.
 
     Args:
-        moments: sums of the data.
         delays: delays that are removed [s]; (n_channel,).
 
     Returns:

@@ -146,7 +146,6 @@ class Moments:
         """Sum the data of a body, divided by the readings of its channels per motion.
 
         Args:
-            data: channels of a body.
             reading: H of each channel, 1 for a healthy one; (n_freq, n_channel).
             blocks: number of blocks of lines.
             every: use every so many-th line only, for a screening.

@@ -23,7 +23,6 @@ def estimate_mount(
     """Estimate frequency [Hz] and damping ratio, or None if the channel has no resonance.
 
     Args:
-        state: the believed body.
         left_out: fit with the readings of the channel left free.
         channel: number of the channel.
     """

@@ -83,8 +83,6 @@ def rank_faults(
     """Rank everything that may be wrong with a believed body, except what is excluded.
 
     Args:
-        state: the believed body.
-        tolerance: tolerances of the sensors.
         excluded: hypotheses that are not considered, such as accepted faults.
         data_before: held-out cost of the data at the nominal body; None for that body itself.
     """

@@ -23,7 +23,6 @@ def reduce_to_bodies(estimate: FrfEstimate, layout: Layout) -> FrfEstimate:
 
     Args:
         estimate: measured FRFs at points of the layout.
-        layout: bodies and points.
 
     Returns:
         FRFs at the centres of mass in world axes, without coherence.
@@ -63,7 +62,6 @@ def reduction_covariance(estimate: FrfEstimate, layout: Layout) -> Real:
 
     Args:
         estimate: measured FRFs at points of the layout.
-        layout: bodies and points.
 
     Returns:
         Covariance [unit of the FRFs squared], rows and columns tx ty tz rx ry rz; zero for a motion
@@ -88,7 +86,6 @@ def reconstruct(reduced: Frf, outputs: tuple[Output, ...], layout: Layout) -> Fr
     Args:
         reduced: FRFs at all six degrees of freedom of the bodies concerned.
         outputs: sensors whose readings are computed.
-        layout: bodies and points.
 
     Raises:
         UsageError: a body that was not fully determined.

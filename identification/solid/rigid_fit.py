@@ -128,7 +128,6 @@ def fit_errors(
 
     Args:
         model: sensors, priors and free shapes.
-        moments: sums of the data.
         start: errors at the start, zero if None; (n_error,).
         steps: number of steps, at most.
     """

@@ -119,7 +119,6 @@ class ScreenedFault:
 
     Args:
         nats: approximate cost of data, prior and hypothesis [nats].
-        hypothesis: the hypothesis.
         state: its best state.
         parameters: parameters of its reading, if it has one.
     """

@@ -44,13 +44,7 @@ class BodySwap:
 def find_body_swap(
     table: ChannelTable, campaign: Campaign, searches: list[FaultSearch]
 ) -> BodySwap | None:
-    """Return the best exchange of two sensors if it explains two bodies better than faults.
-
-    Args:
-        table: all channels.
-        campaign: layout and tolerances.
-        searches: results of the search on each body.
-    """
+    """Return the best exchange of two sensors if it explains two bodies better than faults."""
     suspects = [search for search in searches if search.accepted or search.has_unexplained]
     best: tuple[float, BodySwap] | None = None
     for first, second in combinations(suspects, 2):
@@ -134,11 +128,6 @@ def find_moved_sensor(
     """Return the best move of a sensor to another body, if it beats all faults of the first.
 
     The other body must gain redundant channels: otherwise it would take any sensor.
-
-    Args:
-        table: all channels.
-        campaign: layout and tolerances.
-        searches: results of the search on each body.
     """
     best: tuple[float, MovedSensor] | None = None
     layout = campaign.layout

@@ -164,7 +164,6 @@ class Campaign:
 
     Args:
         name: name for messages and titles.
-        layout: bodies and points.
         tests: at least one test, all with the same frequencies and quantity.
         tolerance: tolerances of the drawings.
         remarks: sentences that a reader of any result must know.

@@ -43,8 +43,7 @@ def between_multiples(laplace: Complex, period_s: float) -> Complex:
     moves by 1e-7.
 
     Args:
-        laplace: s [rad/s]; (n_freq,).
-        period_s: T [s].
+        laplace [rad/s] (n_freq,), period_s [s]: as for ``zero_order_hold``.
     """
     turns = laplace.imag * period_s / (2 * np.pi)
     is_multiple = (np.abs(turns - np.round(turns)) < _MIN_TURN) & (np.abs(turns) > 0.5)

@@ -51,7 +51,6 @@ def read_bytes(path: Path, remedy: str) -> bytes:
     """Return the content of a regular file.
 
     Args:
-        path: the file.
         remedy: what to do about a file that is missing, for the message.
 
     Raises:
@@ -68,7 +67,6 @@ def read_text(path: Path, remedy: str) -> str:
     """Return the content of a text file in UTF-8, without a byte-order mark.
 
     Args:
-        path: the file.
         remedy: what to do about a file that is missing, for the message.
 
     Raises:

@@ -200,7 +200,6 @@ class ModalModel(HasPoles):
         Args:
             freq_hz: frequencies [Hz], above 0 Hz if there is a residual of lower modes;
                 (n_freq,).
-            quantity: quantity of the FRFs.
         """
         laplace = np.asarray(2j * np.pi * np.asarray(freq_hz), np.complex128)
         values = modal_sum(self, laplace, DERIVATIVE_ORDER[quantity])

@@ -44,7 +44,6 @@ def add_bending_mode(machine: Machine, body: str) -> Machine:
 
     Args:
         machine: as drawn, or with further modes.
-        body: name of the body.
     """
     number = machine.layout.bodies.index(body)
     name, mass = _mode_name(body), np.zeros((6, 6))

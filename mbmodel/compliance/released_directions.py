@@ -156,7 +156,6 @@ def _stage_axes(drawn: list[Real], body: Real) -> Real:
 
     Args:
         drawn: axes of joints, unit vectors; (3,) each.
-        body: axes of the stage at rest, in columns; (3, 3).
     """
     axes: list[Real] = []
     for axis in drawn:

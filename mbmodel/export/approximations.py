@@ -204,7 +204,6 @@ def _fewest_branches(
     """Return the fewest Maxwell branches whose weighted error is near the floor.
 
     Args:
-        shape: f(s).
         lines: numbers of the lines that are fitted; (n_fitted,).
         freq_hz: all lines [Hz]; (n_freq,).
         weights: of all lines; (n_freq,).

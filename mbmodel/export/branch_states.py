@@ -111,7 +111,6 @@ def _strain(matrices: Matrices, term: FrequencyDependentTerm, freq_hz: Real) -> 
     Args:
         matrices: M, C, K without laws; a loss keeps what is undamped finite.
         term: the law.
-        freq_hz: lines [Hz]; (n_freq,).
     """
     laplace = 2j * np.pi * freq_hz[:, None, None]
     stiffness = laplace**2 * matrices.mass + laplace * matrices.damping

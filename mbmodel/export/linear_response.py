@@ -32,7 +32,6 @@ def respond_linearly(
     natural frequencies. Losses and delays are approximated in the band that the samples resolve.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         request: outputs and inputs; receptance gives displacements, mobility velocities,
             accelerance accelerations. Its frequencies do not matter.
@@ -93,7 +92,6 @@ def _discretise(dynamics: Real, gain: Real, step: float) -> tuple[Real, Real]:
     States are scaled to similar sizes first: positions and velocities differ by the frequency.
 
     Args:
-        dynamics: A; (n, n).
         gain: B; (n, n_in).
         step: dt [s].
     """

@@ -40,7 +40,6 @@ def state_space(model: Model, theta: Real, request: FrfRequest) -> control.State
     """Return the state space with states, inputs and outputs by name; see ``export_state_space``.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         request: outputs, inputs and quantity; its lines matter for laws that are approximated.
     """
@@ -58,7 +57,6 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
     integrators.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         request: outputs, inputs and quantity. Its lines above 0 Hz are the band in which laws are
             approximated; without such laws they do not matter.

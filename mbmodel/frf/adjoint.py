@@ -31,8 +31,6 @@ def gradient(solution: FrfSolution, slopes: Slopes, cotangent: Complex) -> Real:
     """Return the derivative of a scalar cost by every parameter.
 
     Args:
-        solution: the model linearised at theta.
-        slopes: of every Part.
         cotangent: W with dJ = Re sum conj(W) dH; (n_freq, n_out, n_in).
 
     Returns:
@@ -96,8 +94,6 @@ def _gradient_with_shapes(
     """Return the gradient, with forward sensitivities for Parts with irregular slopes.
 
     Args:
-        solution: the model linearised at theta.
-        slopes: of every Part.
         weights: conj(W); (n_out, n_in, n_freq).
         adjoint: a; (nv, n_in, n_freq).
         is_irregular: for each Part.

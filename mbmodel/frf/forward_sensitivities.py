@@ -72,7 +72,6 @@ class ForwardSensitivities:
     """Derivatives of the FRFs of one linearised model.
 
     Args:
-        solution: the model linearised at theta.
         slopes: of every Part that has parameters among the chosen.
         chosen: parameters of interest; (n_parameter,).
         rates: factor of each derivative; one if None; (n_parameter,).

@@ -108,8 +108,6 @@ class Evaluator:
     """Linearises a model at many theta for one request: labels and geometry are looked up once.
 
     Args:
-        model: machine and Parts.
-        request: lines, outputs, inputs, quantity.
         condition: of the test, whose variant of the machine is meant; or None.
         direct: always eliminate line by line instead of using the modal form.
         agreement: allowed error of the modal form, relative to each coordinate's peak.
@@ -211,8 +209,6 @@ def linearise(model: Model, theta: Real, request: FrfRequest) -> Linearised:
     """Linearise a model at theta for one request; see ``Evaluator`` for many theta.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        request: lines, outputs, inputs, quantity.
     """
     return Evaluator(model, request).at(theta)

@@ -12,11 +12,7 @@ from mbmodel.frf.solution import FrfSolution
 
 
 class MotionSources:
-    """Sources of one linearised model, on any run of lines.
-
-    Args:
-        solution: the model linearised at theta.
-    """
+    """Sources of one linearised model, on any run of lines."""
 
     def __init__(self, solution: FrfSolution) -> None:
         self.solution = solution

@@ -162,7 +162,6 @@ def collect_terms(
     """Return the terms of all parameters by target, each with the numbers of its parameters.
 
     Args:
-        solution: the model linearised at theta.
         slopes: slopes of each Part.
         chosen: whether each parameter of a Part is chosen.
         rates: factor of each chosen parameter.
@@ -198,7 +197,6 @@ def stack_terms(
     """Return the matrix of each target that has entries.
 
     Args:
-        solution: the model linearised at theta.
         terms: terms by target.
         count: number of chosen parameters: forces and loads have all of them.
     """

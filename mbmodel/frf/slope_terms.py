@@ -81,7 +81,6 @@ def slope_terms(
     """Yield the terms of one slope.
 
     Args:
-        solution: the model linearised at theta.
         number: number of the Part.
         change: slope of the Part.
         core: its core for the chosen parameters; (n_parameter, 3, r, t).

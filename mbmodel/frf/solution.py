@@ -24,11 +24,8 @@ class FrfSolution:
     """The equation of motion solved at theta for one request.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        request: lines, outputs, inputs, quantity.
         condition: of the test, or None.
-        assembly: the equation at theta.
         ports: L, P, U at theta.
         solver: of Z x = f.
         motion: x = s^q c Z^-1 F of the joint coordinates, with c the factor of the inputs;

@@ -101,9 +101,8 @@ class Solver:
         Coordinates that nothing couples to a force stand still, and are left out.
 
         Args:
-            force: (nv, m, 1) if constant over lines, or (nv, m, n_freq).
+            force (nv, m, 1), transposed: as for ``solve``.
             lines: numbers of the lines; (n_lines,).
-            transposed: solve with the transpose.
 
         Returns:
             x; (nv, m, n_lines).

@@ -41,8 +41,7 @@ def motion_scale(
     The point that moves most then moves by ``largest``, and no body turns by more than 0.35 rad.
 
     Args:
-        points: at rest, in world axes [m]; (n, 3).
-        stages: number of the body of each point, ``WORLD`` for none; (n,).
+        points [m] (n, 3), stages (n,): as for ``move_points``.
         centres: centres of mass [m]; (n_body, 3).
         shape: translation and rotation of each body; (n_body, 6).
         largest: largest motion of a point [m].
@@ -80,7 +79,6 @@ def geometry_points(geometry: MachineGeometry, bodies: Sequence[str]) -> tuple[R
     """Return all vertices of a machine's picture, and the number of the body of each.
 
     Args:
-        geometry: surfaces and lines.
         bodies: names of the bodies, in the order of the motion.
 
     Returns:

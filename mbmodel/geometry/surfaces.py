@@ -216,8 +216,7 @@ def sharp_edges(points: Real, triangles: Integers) -> Integers:
     there are none, all edges.
 
     Args:
-        points: [m]; (n, 3).
-        triangles: corners; (m, 3).
+        points [m] (n, 3), triangles (m, 3): as for ``simplify_mesh``.
 
     Returns:
         Numbers of their ends; (n_edge, 2).

@@ -79,8 +79,6 @@ def read_drawing(
     """Collect joints, sites and bodies from a compiled model at rest.
 
     Args:
-        model: the compiled model.
-        data: at static equilibrium.
         stages: MJCF body number of each stage, by the stage's name.
         centres: centre of mass of each stage [m]; (3,) each.
     """

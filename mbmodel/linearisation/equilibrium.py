@@ -59,8 +59,6 @@ def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) ->
     stays, stable or not.
 
     Args:
-        model: the compiled model.
-        path: of the MJCF, for messages.
         start: the pose, at rest, with the controls that stay.
 
     Returns:
@@ -100,7 +98,6 @@ def _go_to_rest(model: mujoco.MjModel, data: mujoco.MjData, scale: float) -> Non
     """Move a machine downhill until its forces balance or no step goes on.
 
     Args:
-        model: the compiled model.
         data: after ``compute_forces`` at the start; moved in place.
         scale: size of the forces that have to balance.
     """
@@ -200,7 +197,6 @@ def equilibrium_remarks(
     """Return how far the machine rests from its drawing, and whether its equilibrium is unstable.
 
     Args:
-        model: the compiled model.
         equilibrium: the machine at rest.
         keyframe: name of the keyframe from which it was sought, if any.
 

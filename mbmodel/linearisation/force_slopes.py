@@ -35,10 +35,6 @@ def choose_difference_step(model: mujoco.MjModel, data: mujoco.MjData) -> float:
 
     It is 1e-6, or less within a narrow dead band, or beside a steep cubic spring: its central
     difference is k + k3 h^2.
-
-    Args:
-        model: the compiled model.
-        data: at static equilibrium.
     """
     steps = [FORCE_DIFFERENCE_STEP]
     rows = tendon_jacobian(model, data)
@@ -64,7 +60,6 @@ def symmetrise_rotations(model: mujoco.MjModel, matrix: Real) -> Real:
     potential. At rest the moments of all forces cancel, so each force may omit its own part.
 
     Args:
-        model: the compiled model.
         matrix: derivatives of generalised forces by joint coordinates; (..., nv, nv).
     """
     result = matrix.copy()
@@ -89,7 +84,6 @@ def compute_forces(
     memory ends.
 
     Args:
-        model: the compiled model.
         data: the state; filled in place.
         skipped: steps of the position that are left out, since the forces do not depend on them
             or their results are there.
@@ -131,8 +125,6 @@ def force_slopes(
     """Return minus the central differences of the force, and how far they differ between sides.
 
     Args:
-        model: the compiled model.
-        data: at static equilibrium.
         along: ``position`` for the stiffness, ``velocity`` for the damping.
         velocity: of the joint coordinates in steady motion; None at rest; (nv,).
         step: of the differences [m, rad, or their rates].

@@ -67,10 +67,8 @@ def gravity_slope(  # one argument for each factor of U and its change
     """Return the change of K for small changes of T and Mb; (nv, nv).
 
     Args:
-        gravity: in the axes of each body [m/s^2]; (n_body, 3).
-        precedence: N; (nv, nv).
-        jacobian: T; (6 n_body, nv).
-        inertia: Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body).
+        gravity [m/s^2] (n_body, 3), precedence (nv, nv), jacobian (6 n_body, nv),
+            inertia (6 n_body, 6 n_body): as for ``gravity_stiffness``.
         jacobian_change: dT; (6 n_body, nv).
         inertia_change: change of ``inertia``; (6 n_body, 6 n_body).
     """
@@ -90,10 +88,8 @@ def gravity_adjoint(
     """Return the derivatives of <S, K> by T and by Mb; (6 n_body, nv) and (6 n_body, 6 n_body).
 
     Args:
-        gravity: in the axes of each body [m/s^2]; (n_body, 3).
-        precedence: N; (nv, nv).
-        jacobian: T; (6 n_body, nv).
-        inertia: Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body).
+        gravity [m/s^2] (n_body, 3), precedence (nv, nv), jacobian (6 n_body, nv),
+            inertia (6 n_body, 6 n_body): as for ``gravity_stiffness``.
         cotangent: S; (nv, nv).
     """
     cross = _gravity_cross(tuple(map(tuple, gravity.tolist())))

@@ -54,9 +54,6 @@ def actuator_gains(  # one argument for each thing known of the machine at rest
     so on. One without controls is none: its stiffness and damping belong to the machine.
 
     Args:
-        model: the compiled model.
-        data: at static equilibrium.
-        path: of the MJCF, for messages.
         stages: MJCF body number of each stage.
         centres: centre of mass of each stage [m]; (3,) each.
         jacobian: T; (6 n_body, nv).
@@ -161,12 +158,9 @@ def wrench_at_bodies(
     the reference. MuJoCo leaves out coordinates that move both; their share is no wrench at bodies.
 
     Args:
-        model: the compiled model.
-        data: at static equilibrium.
         actuator: its number.
         pulls: rows of the spatial tendons, by the number of the tendon.
-        stages: MJCF body number of each stage.
-        centres: centre of mass of each stage [m]; (3,) each.
+        stages, centres [m] (3,): as for ``actuator_gains``.
     """
     kind = mujoco.mjtTrn(model.actuator_trntype[actuator])
     target, reference = model.actuator_trnid[actuator].tolist()

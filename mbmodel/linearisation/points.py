@@ -27,11 +27,8 @@ def machine_layout(
     body has its name.
 
     Args:
-        model: the compiled model.
-        data: at static equilibrium.
         stages: MJCF body number of each stage.
         centres: centre of mass of each stage [m]; (n_body, 3).
-        path: of the MJCF, for messages.
 
     Raises:
         InputError: two sensors or two hammer points of one node, or a sensor or hammer point named

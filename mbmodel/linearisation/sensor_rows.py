@@ -97,7 +97,6 @@ def closed_form_rows(pose: RestPose, sensor: int) -> SensorRows | None:
     """Return the rows of a MuJoCo sensor, or None for a kind without a closed form here.
 
     Args:
-        pose: the machine at rest.
         sensor: its number.
     """
     kind = _ROW_KIND(pose.model.sensor_type[sensor])

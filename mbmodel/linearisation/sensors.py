@@ -118,10 +118,6 @@ class MujocoSensors:
 def read_sensors(pose: RestPose, path: Path) -> MujocoSensors:
     """Return the readings of all MuJoCo sensors of a machine at rest.
 
-    Args:
-        pose: the machine at rest.
-        path: of the MJCF, for messages.
-
     Raises:
         InputError: two numbers of sensors with one name.
     """
@@ -265,7 +261,6 @@ def _read(
     """Return MuJoCo's readings beside the state of rest; (n_reading,).
 
     Args:
-        pose: the machine at rest.
         change: of positions, velocities and accelerations of the joints; (3, nv).
         wrenches: at the centres of mass of the stages; (6 n_body,).
         controls: change of the controls; (n_control,).

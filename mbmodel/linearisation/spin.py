@@ -24,7 +24,6 @@ def spin_velocity(model: mujoco.MjModel, spin: Mapping[str, float]) -> Real:
     """Return the velocity of the joint coordinates in steady rotation [rad/s]; (nv,).
 
     Args:
-        model: the compiled model.
         spin: rates by the name of the hinge [rad/s].
 
     Raises:
@@ -56,8 +55,6 @@ def spin_remarks(
     """Return for each spinning joint why the machine is periodic in time, if it is.
 
     Args:
-        model: the compiled model.
-        data: at static equilibrium.
         spin: rates by the name of the hinge [rad/s].
     """
     remarks = []

@@ -75,9 +75,6 @@ def find_springs(
     """Return every spring of a machine at rest, joints first.
 
     Args:
-        model: the compiled model.
-        data: at static equilibrium.
-        path: of the MJCF, for messages.
         stages: MJCF body number of each stage.
         centres: centre of mass of each stage [m]; (3,) each.
 

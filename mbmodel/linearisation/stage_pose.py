@@ -19,10 +19,8 @@ def move_joints(
     """Move slides and hinges, and the positions at which their springs rest, in place.
 
     Args:
-        model: the compiled model.
         data: the pose from which the joints move.
         pose: moves by the joint's name [m, rad].
-        path: of the MJCF, for messages.
 
     Raises:
         InputError: a joint that the model lacks or that is no slide or hinge, or a move beyond the
@@ -51,11 +49,9 @@ def refuse_return(
     """Refuse a pose from which other forces pull the machine away.
 
     Args:
-        model: the compiled model.
         start: the pose.
         rest: where the machine rests.
         pose: moves by the joint's name.
-        path: of the MJCF, for messages.
 
     Raises:
         InputError: the machine rests elsewhere.

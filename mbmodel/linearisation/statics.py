@@ -141,12 +141,7 @@ class Statics:
 
 
 def is_preloaded(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
-    """Return whether any weight, spring, tendon or actuator exerts a force at rest.
-
-    Args:
-        model: the compiled model.
-        data: at static equilibrium.
-    """
+    """Return whether any weight, spring, tendon or actuator exerts a force at rest."""
     has_weight = bool(model.opt.gravity.any()) and not (
         model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
     )

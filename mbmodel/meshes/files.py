@@ -250,9 +250,6 @@ def read_obj(path: Path) -> tuple[Real, list[tuple[str, Integers]]]:
     A corner ``4/1/2`` names point 4, texture point 1 and normal 2; points count from 1, or from the
     last one backwards if negative. A file may have more texture points than points.
 
-    Args:
-        path: the file.
-
     Returns:
         Points (n, 3) in units of the file, and faces by the number of their corners: the kind of
         cell, and the corners from 0; (m, n_corner) each.

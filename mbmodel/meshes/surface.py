@@ -61,8 +61,7 @@ def check_surface(points: Real, triangles: Integers) -> None:
     that were exported together touch along an edge, it is twice each.
 
     Args:
-        points: [m]; (n, 3).
-        triangles: corners; (m, 3).
+        points [m] (n, 3), triangles (m, 3): as for ``merge_points``.
 
     Raises:
         InputError: edges without a partner, or run through twice one way; repeated triangles.

@@ -62,7 +62,6 @@ def _redirect(name: str, target: Path, source: Path) -> str:
 
     Args:
         name: of a file or folder, relative to the folder of the source, or absolute.
-        target: folder in which the copy will lie.
         source: folder of the source.
     """
     if Path(name).is_absolute():
@@ -78,7 +77,6 @@ def _last_compiler(document: minidom.Document, *, behind_all: bool) -> minidom.E
     """Return the <compiler> that counts, created if missing.
 
     Args:
-        document: the MJCF; changed in place.
         behind_all: whether included files have such elements, so that it must follow them.
     """
     compilers = document.getElementsByTagName("compiler")

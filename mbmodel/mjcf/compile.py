@@ -42,7 +42,6 @@ def compile_with_meshes(
     are accurate to some 1e-7.
 
     Args:
-        path: the MJCF.
         change: adds elements before the specification is compiled; None for none.
 
     Returns:

@@ -137,9 +137,6 @@ def root_element(document: minidom.Document) -> minidom.Element:
 def parse_xml(path: Path) -> minidom.Document:
     """Return the XML document of a file, which has been read before.
 
-    Args:
-        path: of the file.
-
     Raises:
         InputError: it cannot be read any more.
     """

@@ -20,8 +20,6 @@ def choose_keyframe(model: mujoco.MjModel, path: Path, stated: str | None) -> st
     A keyframe without a name goes by its number, from 0.
 
     Args:
-        model: the compiled model.
-        path: of the MJCF, for messages.
         stated: name that the user states; None for ``home`` if there is one, else the drawing.
 
     Raises:
@@ -47,7 +45,6 @@ def pose_data(model: mujoco.MjModel, keyframe: str) -> mujoco.MjData:
     Joints, controls and mocap bodies are those of the keyframe. Its velocities are not used.
 
     Args:
-        model: the compiled model.
         keyframe: as ``choose_keyframe`` returns it.
     """
     data = mujoco.MjData(model)
@@ -62,7 +59,6 @@ def keyframe_remarks(model: mujoco.MjModel, keyframe: str) -> tuple[str, ...]:
     """Return which keyframe is used, or that there are keyframes of which none is used.
 
     Args:
-        model: the compiled model.
         keyframe: as ``choose_keyframe`` returns it.
     """
     names = _names(model)

@@ -27,11 +27,7 @@ mujoco.set_mju_user_warning(lambda _: None)
 
 
 def compile_mjcf(path: Path) -> mujoco.MjModel:
-    """Compile an MJCF file and refuse what has no linear model, as ``compile_with_remarks`` does.
-
-    Args:
-        path: the file.
-    """
+    """Compile an MJCF file and refuse what has no linear model (``compile_with_remarks``)."""
     return compile_with_remarks(path)[0]
 
 
@@ -41,7 +37,6 @@ def compile_with_remarks(
     """Compile an MJCF file and refuse what has no linear model.
 
     Args:
-        path: the file.
         without_friction: whether dry friction (``frictionloss``) is switched off instead of
             refused.
         change: adds elements before the file is compiled; None for none.
@@ -86,9 +81,6 @@ def _part_frames(model: mujoco.MjModel) -> None:
 
 def mjcf_files(path: Path) -> tuple[Path, ...]:
     """Return every file that an MJCF reads.
-
-    Args:
-        path: the main file.
 
     Returns:
         The file, those that it includes, attached models, meshes, textures and other assets that

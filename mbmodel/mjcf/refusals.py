@@ -18,10 +18,6 @@ def refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
 
     What a flag of the file switches off is off, and is no reason to refuse it.
 
-    Args:
-        path: of the MJCF, for messages.
-        model: the compiled model.
-
     Raises:
         InputError: with the name of the element and a remedy.
     """
@@ -44,7 +40,6 @@ def is_enabled(model: mujoco.MjModel, constraint: mujoco.mjtDisableBit) -> bool:
     """Return whether a kind of constraint acts: neither its flag nor that of all switches it off.
 
     Args:
-        model: the compiled model.
         constraint: the flag of its kind.
     """
     return not model.opt.disableflags & (constraint | _DISABLE.mjDSBL_CONSTRAINT)
@@ -133,7 +128,6 @@ def active_constraint(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:
     """Return a message about a contact, limit or yield that acts in a state, or None if none does.
 
     Args:
-        model: the compiled model.
         data: after ``compute_forces`` at the state to check.
     """
     for contact in data.contact:

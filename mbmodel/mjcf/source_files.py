@@ -65,9 +65,6 @@ class SourceFile:
 def read_source_files(path: Path) -> tuple[SourceFile, ...]:
     """Read an MJCF, the files that it includes, and the models that it attaches.
 
-    Args:
-        path: the main file.
-
     Returns:
         The main file first.
 
@@ -130,7 +127,6 @@ def _parse(path: Path, parent: Path | None = None) -> ElementTree.Element:
     """Return the top-level element of an XML file.
 
     Args:
-        path: of the file.
         parent: the file that includes it, for messages.
     """
     if not path.is_file():
@@ -176,11 +172,7 @@ class _Builder:
     """A tree of elements that declares no entities and is not nested too deeply."""
 
     def __init__(self, path: Path) -> None:
-        """Prepare the parser.
-
-        Args:
-            path: of the file, for messages.
-        """
+        """Prepare the parser."""
         self._path, self._depth = path, 0
         self._tree = ElementTree.TreeBuilder()
         self._parser = expat.ParserCreate("utf-8")
@@ -304,9 +296,6 @@ def _shorten(text: str) -> str:
 def named_files(source_files: tuple[SourceFile, ...]) -> tuple[Path, ...]:
     """Return every file that an MJCF reads: itself, included files, models, meshes and pictures.
 
-    Args:
-        source_files: of the MJCF.
-
     Returns:
         Paths of the files that exist, sorted.
     """
@@ -321,9 +310,6 @@ def possible_files(source_files: tuple[SourceFile, ...]) -> Iterator[tuple[str, 
     An element names a file in an attribute ``file`` or ``file<side>``, and ``<compiler>`` names
     folders for meshes and textures. Each name is looked up from each of the folders, with and
     without the path that ``strippath`` drops: a file that MuJoCo reads is among them.
-
-    Args:
-        source_files: of the MJCF.
 
     Yields:
         Tag of the element, the name that it gives, and a path, at which nothing may be.

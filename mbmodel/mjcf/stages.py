@@ -33,7 +33,6 @@ def stage_members(model: mujoco.MjModel, stage: int) -> Integers:
     """Return the numbers of all bodies of a stage.
 
     Args:
-        model: the compiled model.
         stage: number of the body that leads it.
     """
     return np.flatnonzero(stage_numbers(model) == stage)

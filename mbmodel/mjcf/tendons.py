@@ -23,7 +23,6 @@ def tendon_body_jacobian(
     change the length. Behind a pulley the elongation is divided by the pulley's divisor.
 
     Args:
-        model: the compiled model.
         data: at static equilibrium.
         stages: MJCF body number of each stage.
         centres: centre of mass of each stage [m]; (3,) each.
@@ -77,7 +76,6 @@ def tendon_branches(
     MuJoCo's path names geoms but not sites, so the sites are taken from the tendon's own list.
 
     Args:
-        model: the compiled model.
         data: at static equilibrium.
         tendon: number of a spatial tendon.
 

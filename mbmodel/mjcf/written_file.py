@@ -145,7 +145,6 @@ def refuse_difference(file: str, difference: str) -> None:
     """Raise WorkbenchError if a written file is not the machine in memory.
 
     Args:
-        file: name of the file.
         difference: how it differs; empty if it does not.
     """
     if difference:
@@ -161,7 +160,6 @@ def write_copy(
     """Write a copy of an MJCF with nonlinear joints, read it back and compare what is compiled.
 
     Args:
-        source: the MJCF.
         target: the new file; its folder exists.
         changes: edits of joints and added tendons.
         folder: folder to which the new file will move, which exists; None if it stays.

@@ -83,7 +83,6 @@ def solve_pole(
     """Return pole and shape with a share of the laws by Newton's method; None if it fails.
 
     Args:
-        problem: with the laws.
         share: of the laws.
         pole: near the one that is sought.
         shape: near its shape; (nv,).
@@ -132,9 +131,6 @@ _MAX_RESTING = 1e-6  # of a pole over the largest: what rounding leaves of a mot
 def closed_loop_dynamics(assembly: Assembly) -> Real:
     """Return A of a machine with its loops, x = [q; q'; controllers]; other laws are left out.
 
-    Args:
-        assembly: the equation of motion at theta.
-
     Returns:
         (n, n).
     """
@@ -149,11 +145,7 @@ def closed_loop_dynamics(assembly: Assembly) -> Real:
 
 
 def modes_of_assembly(assembly: Assembly) -> Modes:
-    """Return the modes of M, C and K with control loops closed; other laws are left out.
-
-    Args:
-        assembly: the equation of motion at theta.
-    """
+    """Return the modes of M, C and K with control loops closed; other laws are left out."""
     loops = _loops(assembly)
     if not loops:
         return modes_of_matrices(assembly.matrices)

@@ -73,9 +73,7 @@ def energy_shares(model: Model, theta: Real, modes: Modes) -> EnergyShares:
     """Return the shares of strain energy, kinetic energy and dissipation in every mode.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        modes: of the model at theta.
     """
     model = model.at_rest(theta)
     assembly = model.assemble(theta)

@@ -47,9 +47,6 @@ def modes_of_matrices(matrices: Matrices) -> Modes:
     unstable) are listed singly, and a motion at rest once. In modal coordinates of (M, K) the state
     matrix is nearly skew-symmetric (see ``mbmodel.frf.modal_form``). Motions without stiffness are
     removed first, since rounding would split their double zero by its square root.
-
-    Args:
-        matrices: M, C, K.
     """
     stiffness = matrices.stiffness
     if (
@@ -137,7 +134,6 @@ def _solve_state(matrices: Matrices, springy: Real, damped: Real) -> tuple[Compl
     motions without springs, whose positions no force feels.
 
     Args:
-        matrices: M, C, K.
         springy: motions with stiffness, M-orthonormal; (nv, n).
         damped: motions without stiffness that are damped; (nv, m).
     """

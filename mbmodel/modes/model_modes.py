@@ -39,7 +39,6 @@ def model_modes(model: Model, theta: Real) -> Modes:
     after their largest coordinates.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
     """
     assembly = model.assemble(theta)
@@ -57,7 +56,6 @@ def _name_rest_motions(assembly: Assembly, resting: Real) -> tuple[list[str], Re
     """Return names and motions that span those at rest; (nv, n_rest).
 
     Args:
-        assembly: the equation at theta.
         resting: M-orthonormal motions at rest; (nv, n_rest).
     """
     machine, mass = assembly.machine, assembly.matrices.mass
@@ -134,9 +132,7 @@ def shapes_at(model: Model, theta: Real, modes: Modes, outputs: Sequence[Output]
     """Return the motion at sensors or centres of mass in each mode, L T phi; (n_out, n_mode).
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        modes: of the model at theta.
         outputs: labels of sensors, points or bodies.
 
     Raises:
@@ -197,7 +193,6 @@ def modes_with_laws(model: Model, theta: Real) -> Modes:
     laws. A measured rest is known on its lines alone, and does not count.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
 
     Raises:
@@ -251,7 +246,6 @@ def _follow(
     """Return pole and shape with the laws, from those without.
 
     Args:
-        problem: with the laws.
         pole: of the mode without laws.
         shape: of it; (nv,).
         step: largest growth of the laws at once.

@@ -46,10 +46,8 @@ class LinearisedModes:
     """Modes of a model at theta, and their derivatives.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         outputs: labels where shapes are read; n_out.
-        assembly: the equation at theta.
         ports: L at theta.
         modes: poles and shapes in joint coordinates.
     """
@@ -170,7 +168,6 @@ class ModeEvaluator:
     """Linearises modes at many theta: labels are looked up once.
 
     Args:
-        model: machine and Parts.
         outputs: labels where shapes are read.
 
     Raises:

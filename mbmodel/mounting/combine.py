@@ -110,7 +110,6 @@ def _combine(
         folder: of the files.
         stage: that the machine carries.
         masses: on bodies.
-        rates: of the hinges that turn steadily [rad/s], by name.
         key: name of the keyframe.
         expanded: whether the files are written in expanded form.
     """

@@ -50,7 +50,6 @@ def find_pose(machine: Machine, body: str, place: str | Offset) -> BodyPose:
 
     Args:
         machine: with the body.
-        body: name of the body.
         place: name of a site of the body, or offset from its centre of mass in world axes [m].
 
     Raises:

@@ -55,7 +55,6 @@ class KeptEquilibria(Generic[ModelT]):
 
         Args:
             theta: parameters in SI; (n_parameter,).
-            condition: of the test, or None.
             chosen: parameters of interest; (n_parameter,).
         """
         model = self._model

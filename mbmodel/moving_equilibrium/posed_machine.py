@@ -37,7 +37,6 @@ def machine_at_pose(
 
     Args:
         machine: at its nominal rest.
-        statics: of its MJCF.
         model: compiled, with the parameters that hold at the pose.
         position: joint positions [m, rad]; (nq,).
     """
@@ -214,8 +213,7 @@ def model_at_pose(model: ModelT, theta: Real, changed: mujoco.MjModel, position:
     Parts add it again.
 
     Args:
-        model: whose machine has its statics.
-        theta: parameters in SI; (n_parameter,).
+        model, theta (n_parameter,): as for ``model_at_rest``.
         changed: the compiled MJCF at theta.
         position: joint positions [m, rad]; (nq,).
     """

@@ -33,7 +33,6 @@ def with_statics(
 
     Args:
         machine: at its nominal rest.
-        statics: of its MJCF.
         data: at static equilibrium.
         always: whether it follows even if that changes T and K by next to nothing.
     """

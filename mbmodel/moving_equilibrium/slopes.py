@@ -205,7 +205,6 @@ def equilibrium_slopes(
     Args:
         model: whose machine has its statics.
         theta: parameters in SI; (n_parameter,).
-        condition: of the test, or None.
         chosen_of_parts: parameters of interest, Part by Part.
         pose: of the machine at rest; None at its nominal rest.
     """
@@ -250,7 +249,6 @@ def _by_coordinates(point: EquilibriumPoint, moves: Real) -> Derivative:
     """Return derivatives by each coordinate that some parameter moves, less what T does by itself.
 
     Args:
-        point: the equilibrium.
         moves: displacements; (nv of MuJoCo, n).
     """
     nv = len(moves)
@@ -271,9 +269,7 @@ def _joint_corrections(
     """Return what a joint's parameters change at a fixed pose beside the slopes of its Part.
 
     Args:
-        point: the equilibrium.
         part: of the joint.
-        values: its parameters.
         start: number of its first parameter in theta.
         chosen: parameters of interest, the others get zeros.
     """

@@ -40,7 +40,6 @@ def write_nonlinear_joints(source: Path, target: Path, joints: Sequence[Nonlinea
     """Write a copy of an MJCF in which some joints are nonlinear.
 
     Args:
-        source: the MJCF.
         target: the new file; its folder exists.
         joints: laws by the name of a slide or hinge.
 
@@ -168,11 +167,7 @@ _SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
 
 
 def nonlinear_remarks(compiled: mujoco.MjModel) -> tuple[str, ...]:
-    """Return a sentence for each nonlinear joint.
-
-    Args:
-        compiled: the compiled model.
-    """
+    """Return a sentence for each nonlinear joint."""
     coordinates = {
         joint_name(compiled, joint): int(compiled.jnt_dofadr[joint])
         for joint in range(compiled.njnt)

@@ -97,8 +97,7 @@ def reversal_rate(reference: Real, impedance: Real) -> float | None:
     """Return the rate b of a row of friction [1/s]; None if it follows from the step.
 
     Args:
-        reference: ``solreffriction``; (2,).
-        impedance: ``solimpfriction``; (5,).
+        reference (2,), impedance (5,): as for ``is_replaced``.
     """
     if is_replaced(reference, impedance) or reference[0] == _TIME_CONSTANT_S:
         return None

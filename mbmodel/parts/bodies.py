@@ -138,8 +138,7 @@ class BodyPart:
         """Return theta with the moments of inertia that are written.
 
         Args:
-            theta: values of the parameters; (10,).
-            added_inertia: spatial inertia that other Parts add; (6, 6).
+            theta (10,), added_inertia (6, 6): as for ``write``.
         """
         mass, _, inertia = self._split_own(theta, added_inertia)
         if mass <= 0:

@@ -199,7 +199,6 @@ def read_law_texts(model: mujoco.MjModel, machine: Machine, path: Path) -> Machi
     """Return a machine with the laws that texts of its MJCF state, and a remark on them.
 
     Args:
-        model: the compiled model.
         machine: machine that was read from it.
         path: path of the MJCF, for messages.
 

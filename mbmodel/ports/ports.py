@@ -189,7 +189,6 @@ def with_orders(request: FrfRequest, ports: Ports) -> FrfRequest:
     """Return a request with the derivative that each output reads, if these differ.
 
     Args:
-        request: lines, outputs, inputs, quantity.
         ports: of its outputs.
     """
     quantity = DERIVATIVE_ORDER[request.quantity]

@@ -76,7 +76,6 @@ def parse_reading(machine: Machine, text: str) -> Reading:
     """Return the joint, direction or MuJoCo sensor whose values a text names.
 
     Args:
-        machine: with its joints.
         text: ``joint:ty_tx``, a label such as ``acc11:+tx``, or the name of a sensor; ``imu.2`` is
             the third number of the sensor ``imu``.
 
@@ -125,7 +124,6 @@ def wrench_gain(model: TimeModel, wrenches: Real) -> Real:
     """Return the entries of the control vector for wrenches at the stages' centres of mass.
 
     Args:
-        model: the machine.
         wrenches: force and moment at the centre of each stage; (6 n_stage, n_in).
 
     Returns:
@@ -145,7 +143,6 @@ def find_drives(model: TimeModel, inputs: Sequence[Input | JointDof]) -> Drives:
     """Return what each input applies.
 
     Args:
-        model: the machine.
         inputs: points, pairs of points, bodies, motors, joints, or the floor.
 
     Raises:

@@ -63,7 +63,6 @@ def integrate(
     """Integrate one or several records at once, and yield the motion chunk by chunk.
 
     Args:
-        model: the machine at rest.
         gains: entries of the control vector per unit of each input; (n_record, n_control, n_in).
         means: mean of the inputs over each step.
         count: number of steps.
@@ -120,11 +119,7 @@ def _check_progress(model: TimeModel, states: Real, stop: int, step: TimeStep) -
 
 
 def cause_of_growth(model: TimeModel) -> str:
-    """Return why a motion grows without bound, with a remedy; empty if no law of a joint does it.
-
-    Args:
-        model: the machine at rest.
-    """
+    """Return why a motion grows without bound, with a remedy; empty if no joint's law does it."""
     phrases = unstable_springs(model.compiled)
     return f"{'; '.join(phrases)}: change the law, or lower the inputs" if phrases else ""
 
@@ -133,9 +128,7 @@ def _motion(model: TimeModel, rows: Real, step_s: float) -> Real:
     """Return the motion in the middle of the steps between rows of sensor data.
 
     Args:
-        model: the machine.
         rows: sensor data at the beginning of the steps; (n_record, n_step + 1, n_sensor).
-        step_s: [s].
 
     Returns:
         (n_record, n_step, n_channel).

@@ -100,7 +100,6 @@ def limit_stiffness(compiled: mujoco.MjModel, joint: int) -> float:
     numbers of ``solimplimit``, T and ratio those of ``solreflimit``.
 
     Args:
-        compiled: the compiled model.
         joint: number of the slide or hinge.
 
     Returns:

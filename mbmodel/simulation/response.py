@@ -64,7 +64,6 @@ def simulate(
     which the inputs change most.
 
     Args:
-        machine: as loaded from its MJCF.
         inputs: points, bodies, motors, joints or the floor [N, N m, unit of control, m/s^2].
         outputs: points, bodies, joints, or MuJoCo sensors of the MJCF.
         time_s: evenly spaced [s]; (n_time,), at least 4.
@@ -130,7 +129,6 @@ def _spline_means(primitive: PPoly, step_s: float, end_s: float, start_s: float)
 
     Args:
         primitive: of the spline.
-        step_s: [s].
         end_s: of the spline [s].
         start_s: time in the spline at which the first step begins [s].
     """

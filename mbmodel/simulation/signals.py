@@ -51,7 +51,6 @@ def noise_signal(time_s: Real, freq_hz: Real, density: Real, random: np.random.G
         time_s: evenly spaced [s]; (n_time,).
         freq_hz: rising [Hz]; (n,). The density is zero outside.
         density: [unit^2/Hz]; (n,).
-        random: source of the numbers.
 
     Returns:
         (n_time,).

@@ -90,7 +90,6 @@ def build_time_model(
     Dry friction is left out in the search for equilibrium, and acts from then on.
 
     Args:
-        machine: as loaded from its MJCF.
         probes: points whose motion is read.
         encoders: joints whose position is read, relative to rest.
         sensors: MuJoCo sensors of the MJCF, by name and number, that are read relative to rest.

@@ -112,7 +112,6 @@ def choose_time_step(
     integrator with dry friction, which reverses within a step.
 
     Args:
-        model: the machine at rest.
         gains: of the inputs; (n_record, n_control, n_in).
         means_of: for a step's length, the mean of the inputs over each step.
         recorder: how the readings are taken.
@@ -183,7 +182,6 @@ def _halve_step(
     Args:
         integrator: its name.
         steps: per sample, at the beginning.
-        rate_hz: of the recorder [Hz].
         record: integrates a short span and returns the readings; None if that fails.
         span_s: the span [s].
         is_second_order: whether the error falls with the square of the step, else in proportion.

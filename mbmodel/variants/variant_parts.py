@@ -46,7 +46,6 @@ def with_variants(machine: Machine, variants: Mapping[str, Machine]) -> Machine:
     """Return a machine with variants of it, in which tests may have been made.
 
     Args:
-        machine: nominal machine.
         variants: machines by the name of the variant.
 
     Raises:
@@ -242,7 +241,6 @@ def body_rotations(machine: Machine, variant: Machine) -> dict[str, Real]:
     """Return the rotation of each drawn body from a machine to its variant; (3, 3) each.
 
     Args:
-        machine: nominal machine.
         variant: with the same bodies.
     """
     return {
@@ -256,7 +254,6 @@ def motion_to_nominal(machine: Machine, variant: Machine) -> Real:
     """Return A of all bodies; (6 n_body, 6 n_body). Bodies that the drawing lacks keep theirs.
 
     Args:
-        machine: nominal machine.
         variant: with the same bodies in the same order.
     """
     rotations, blocks = body_rotations(machine, variant), []

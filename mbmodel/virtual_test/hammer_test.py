@@ -60,8 +60,6 @@ def strike(
     errors of the instruments are the same in all files.
 
     Args:
-        machine: as loaded from its MJCF.
-        plan: files, recorder, scatter and noise.
         tolerance: standard deviations of the instruments.
         spin: rates of the hinges that turn steadily [rad/s], by name.
         seed: of all random numbers.

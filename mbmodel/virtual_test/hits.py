@@ -64,7 +64,6 @@ def draw_hits(plan: HammerTestPlan, file: RecordedFile, random: np.random.Genera
     Args:
         plan: with the scatter.
         file: with the level and the number of hits.
-        random: source of the numbers.
     """
     scatter, count = plan.scatter, file.hits
     first = file.level_n * (1 + scatter.peak * random.uniform(-1, 1, count))

@@ -101,7 +101,6 @@ def draw_instruments(
         references: points and directions that are hit.
         hammers: names of the hammers.
         tolerance: one standard deviation each; those of masses and joints are not used.
-        random: source of the numbers.
     """
 
     def vector(deviation: float) -> Real:

@@ -18,7 +18,6 @@ def model_edits(model: PosedModel, theta: Real) -> tuple[Edit | Addition | NotIn
     """Return what theta asks to write into the MJCF, and what the MJCF cannot hold.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
     """
     values_of_parts = _values_of_parts(model, theta)
@@ -45,7 +44,6 @@ def split_edits(
     """Return the edits of the linear machine, and those of laws that act in tests alone.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
     """
     laws = [
@@ -67,7 +65,6 @@ def held_parameters(model: PosedModel, theta: Real) -> Real:
     """Return the parameters that the MJCF holds once theta is written; (n_parameter,).
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
     """
     values_of_parts = _values_of_parts(model, theta)

@@ -50,7 +50,6 @@ def write_model(
     of the file must stay.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         target: the new file; its folder exists.
         folder: folder to which the new file will move, which exists; None if it stays.

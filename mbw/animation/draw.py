@@ -82,7 +82,6 @@ def move_scene(scene: ModeScene, frames: int) -> SceneMotion:
     The largest motion of a point is 5 % of the size of the machine.
 
     Args:
-        scene: mode to be animated.
         frames: number of pictures; the first shows the real part of the shape.
     """
     points, stages = geometry_points(scene.geometry, scene.layout.bodies)
@@ -120,7 +119,6 @@ def draw_mode(scene: ModeScene, frames: int = FRAMES) -> tuple[list[Image.Image]
     Without a model or OpenGL, the edges of the bodies are drawn instead of their surfaces.
 
     Args:
-        scene: mode to be animated.
         frames: number of pictures.
     """
     return draw_motion(scene, move_scene(scene, frames))

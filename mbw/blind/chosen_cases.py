@@ -82,7 +82,6 @@ def run_all(options: BlindOptions, out: Path, further: str | None = None) -> lis
     """Run all cases; return those that were drawn.
 
     Args:
-        options: of the test.
         out: its folder.
         further: name of a further test that is added; None for the test as it is.
 

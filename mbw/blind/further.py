@@ -209,9 +209,6 @@ def render(
 
     Args:
         rows: content of further.json.
-        layout: bodies and points of the machine.
-        geometry: its surfaces.
-        title: name of the model.
     """
     gains = rows["gains"]
     no_shapes = np.zeros((0, 6 * len(layout.bodies)), complex)

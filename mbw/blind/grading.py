@@ -15,9 +15,7 @@ def write_grades(output: OutputFolder, cases: Sequence[BlindCase], title: str) -
     """Grade the cases that were drawn, and write the grades with their page.
 
     Args:
-        output: folder of the test.
         cases: cases that were drawn.
-        title: name of the model.
     """
     report = grade([graded_case(case) for case in cases])
     failures = describe_failures(output.path)
@@ -38,7 +36,6 @@ def count_found(
 
     Args:
         cases: cases that were drawn; those without the effect do not count.
-        effect: name of the effect.
 
     Returns:
         Cases that are right, and the number of cases; 95 % interval of the rate (Wilson).

@@ -22,7 +22,6 @@ def render(
     Args:
         grades: content of grades.json.
         tables: content of grades.txt.
-        title: name of the model.
         failed: sentences on cases that could not be run.
         drawn: sentences on what was drawn.
     """

@@ -50,7 +50,6 @@ def run_cases(cases: Sequence[BlindCase], workers: Workers) -> list[CaseOutcome]
 
     Args:
         cases: cases of one test.
-        workers: where they run.
 
     Raises:
         InputError: a case cannot be written, or a worker does not see its folder.

@@ -127,7 +127,6 @@ def describe_unproposed(sizes: Sequence[SmallestSize], choice: Choice) -> list[s
     """Return a sentence for each effect on an instrument that no diagnosis of a test proposes.
 
     Args:
-        sizes: predicted ones.
         choice: effects and places; empty for all.
     """
     predicted = {row.effect for row in sizes} | _UNPREDICTED
@@ -147,7 +146,6 @@ def choose_places(sizes: Sequence[SmallestSize], count: int) -> list[SmallestSiz
     Where causes are confounded, a case tells little of a size: these places come last.
 
     Args:
-        sizes: predicted ones.
         count: how many places.
     """
     sites: dict[tuple[str, str], list[SmallestSize]] = {}
@@ -180,7 +178,6 @@ def write(
     Args:
         output: folder of the result.
         model: MJCF of a machine, or the user's campaign.
-        sizes: predicted ones.
         confirmed: those that drawn cases confirm.
     """
     path = find_model(Path(model))

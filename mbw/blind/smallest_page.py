@@ -25,9 +25,6 @@ def render(
 
     Args:
         rows: content of smallest.json.
-        layout: bodies and points of the machine.
-        geometry: its surfaces.
-        title: name of the model.
     """
     sizes = rows["sizes"]
     missed = sum(not row["is_found"] for row in sizes)
@@ -75,7 +72,6 @@ def find_points(location: str, layout: Layout) -> tuple[list[str], list[list[flo
 
     Args:
         location: as in an answer.
-        layout: bodies and points of the machine.
     """
     kind, _, name = location.partition(":")
     if kind == "pair":

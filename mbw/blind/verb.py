@@ -126,9 +126,7 @@ def grade_cases(
     """Write the grades, and print them with their place.
 
     Args:
-        output: folder of the test.
         drawn: cases that were drawn.
-        title: name of the model.
         outputs: options of the result.
     """
     report = write_grades(output, drawn, title)
@@ -177,10 +175,8 @@ def _confirm(options: BlindOptions, row: SmallestSize, out: Path, seed: int) -> 
     """Draw and diagnose cases with an effect of its predicted smallest size.
 
     Args:
-        options: of the whole test; its cases are those of this place.
         row: effect, place and size.
         out: folder of these cases; an interrupted test continues.
-        seed: of these cases.
     """
     value = row.value or 0.0
     choice = Choice((row.effect,), (row.location,), (), (row.parameter, value), options.choice.dirt)

@@ -90,7 +90,6 @@ def run(
 
     Args:
         folders: folders of the campaigns, the first before a change.
-        outputs: where the result is written.
         kind: what the campaigns are of.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
         diagnosis: whether the change is diagnosed.

@@ -52,8 +52,6 @@ def run(
         outputs: where the verdict is written as JSON, and whether files are replaced.
         out: folder of the results.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
-        jobs: number of processes.
-        seed: seed of the random starts.
     """
     campaign = asset_path("demo")
     if outputs.json is not None:
@@ -81,7 +79,6 @@ def grade_verdict(verdict: Verdict, answer: Mapping[str, Any]) -> list[str]:
     """Return lines that compare a verdict with the truth.
 
     Args:
-        verdict: verdict of the diagnosis.
         answer: true effect of the campaign, as in ``answer.toml``.
     """
     if not verdict.causes:

@@ -45,7 +45,6 @@ def write_augmented(
     Alternatives that are probable are written beside it, each with its posterior.
 
     Args:
-        diagnosis: diagnosis with its fits.
         target: the MJCF.
         say: called with the current step.
     """

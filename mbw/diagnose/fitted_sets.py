@@ -32,7 +32,6 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
     """Return the null model and the best fit of each set of causes, the best fit first.
 
     Args:
-        evidence: everything that was fitted.
         settings: thresholds of the posterior.
     """
     null = evidence.null

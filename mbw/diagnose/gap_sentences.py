@@ -154,9 +154,6 @@ def find_best_candidate(evidence: Evidence) -> FittedRow | None:
 
     If all are rejected, it is the one that closes most. An effect that a tolerance within its usual
     spread explains is no candidate.
-
-    Args:
-        evidence: everything that was fitted.
     """
     rows = [
         row

@@ -15,10 +15,6 @@ def pull_sentence(verdict: Verdict, diagnosis: Diagnosis) -> str | None:
     Among some 300 tolerances, normal with unit standard deviation, four exceed 2.5 standard
     deviations by chance. The null model allows them up to ``outlier_sigma``.
 
-    Args:
-        verdict: verdict of the diagnosis.
-        diagnosis: diagnosis with its fits.
-
     Returns:
         The sentence; None if something is missing, or no tolerance is beyond.
     """
@@ -44,9 +40,6 @@ def bound_sentence(diagnosis: Diagnosis) -> str | None:
     """Return a sentence on tolerances at their bounds in the fit behind the verdict's figures.
 
     It is the fit with the present causes, or that of the null model without one.
-
-    Args:
-        diagnosis: diagnosis with its fits.
 
     Returns:
         The sentence; None if no tolerance ended at its bound.

@@ -47,7 +47,6 @@ def collect_result(
     """Collect the result of a diagnosis.
 
     Args:
-        diagnosis: diagnosis with its fits.
         written: what became of the augmented MJCF.
         not_held_error: relative change of the FRFs without what it does not hold.
         plant: what it is as a plant.

@@ -79,8 +79,6 @@ def run(
     """Diagnose, write the verdict and its page, print a summary.
 
     Args:
-        campaign: folder of the campaign.
-        outputs: where the result is written.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
         jobs: number of processes; the verdict does not depend on it.
         explain: whether to print the hypotheses that were tested and rejected.

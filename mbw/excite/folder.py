@@ -38,7 +38,6 @@ def write_folder(
     Args:
         place: folder in which they are written.
         home: folder to which they move.
-        excitation: the signals.
         tested: machine for which they were designed.
         seed: seed of the record's noise.
     """

@@ -27,12 +27,7 @@ def read_page(path: Path) -> str:
 
 
 def render(excitation: Excitation, summary: ExcitationFile) -> str:
-    """Return the HTML page.
-
-    Args:
-        excitation: the signals.
-        summary: content of excitation.json.
-    """
+    """Return the HTML page."""
     plan = excitation.plan
     every = 1 + plan.samples // _MAX_PERIOD_POINTS
     amplitude = np.sqrt(2 * excitation.power)

@@ -36,7 +36,6 @@ def summarise(
     """Return the content of excitation.json.
 
     Args:
-        excitation: the signals.
         remarks: sentences on the machine and what was assumed.
         causes: effects and places for which it was designed; empty for all stiffnesses.
     """
@@ -150,11 +149,7 @@ def _remark_on_strokes(sliding: Sequence[SlidingRow]) -> list[str]:
 
 
 def describe_excitation(summary: ExcitationFile) -> Iterator[str]:
-    """Yield the sentences that the terminal and the page show.
-
-    Args:
-        summary: content of excitation.json.
-    """
+    """Yield the sentences that the terminal and the page show."""
     yield from summary.remarks
     names = ", ".join(row.drive for row in summary.drives)
     low, high = summary.band

@@ -32,7 +32,6 @@ def collect_arrays(parts: ResultParts, tolerances: ModeCriteria) -> dict[str, An
 
     Args:
         parts: modal model and what follows from it.
-        tolerances: criteria of the stabilisation diagram.
     """
     return {
         **_model_arrays(parts),
@@ -171,7 +170,6 @@ def compute_frf_cells(campaign: Campaign, measured: MeasuredFrfs) -> FrfCells:
     """Compute coherence and rigid-body reconstruction of every measured FRF.
 
     Args:
-        campaign: campaign with its tests.
         measured: FRFs of all tests in one matrix; outputs are the hit points if the hammer roved.
     """
     coherence, has_coherence = _coherence(campaign, measured)

@@ -71,7 +71,6 @@ def write_body_frfs(reduced: BodyFrfs, layout: Layout, decay: float, folder: Pat
 
     Args:
         reduced: FRFs to write.
-        layout: bodies with their centres of mass.
         decay: 1 / tau of the exponential window that is still in the FRFs [1/s].
         folder: existing folder.
     """

@@ -22,7 +22,6 @@ def hits_rows(campaign: Campaign, modes: list[IdentifiedModeRow]) -> list[HitsRo
     """Return one row for each test that was made from time records.
 
     Args:
-        campaign: campaign with its tests.
         modes: identified modes, to state what an exponential window adds to their damping.
     """
     return [_row(test, test.hits, modes) for test in campaign.tests if test.hits is not None]

@@ -60,7 +60,6 @@ def compare_shapes(
     Args:
         shapes: measured shapes; (n_out, n_mode).
         is_measured: channels that were measured; (n_out,).
-        reference: reference modes.
     """
     rows = np.flatnonzero(reference.has_shape & is_measured)
     criterion = mac(shapes[rows], reference.shapes[rows])

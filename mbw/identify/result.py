@@ -68,10 +68,7 @@ def collect_result(
     """Collect the result of an identification.
 
     Args:
-        campaign: campaign that was identified.
         identified: return value of ``identification.modal.identify``.
-        tolerances: criteria of the stabilisation diagram.
-        reference: reference modes to compare with.
         source: path of the MJCF.
         keyframe: of the MJCF that gives the pose; None without a model.
         checks: checks of the bodies and of the set-ups; None for none.

@@ -102,9 +102,7 @@ def derive_parts(
     """Derive all quantities of the result from an identification.
 
     Args:
-        campaign: campaign that was identified.
         identified: return value of ``identification.modal.identify``.
-        reference: reference modes to compare with.
     """
     model, modes, all_lines = identified
     measured = all_lines.thin_lines()

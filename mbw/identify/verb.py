@@ -121,9 +121,6 @@ def run(
     """Identify the modes, write the modal model and its page, print a table of the modes.
 
     Args:
-        campaign: folder of the campaign.
-        outputs: where the result is written.
-        choices: choices of the user.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
 
     Returns:
@@ -182,10 +179,7 @@ def _run_machine(
     """Identify the modes of the tests of one machine and write its folder.
 
     Args:
-        source: path of campaign.toml.
         tests: made in one machine.
-        outputs: where the result is written.
-        choices: choices of the user.
         comparison: of hammer tips; None for none.
     """
     machine, band_campaign = tests.machine, tests.campaign

@@ -78,7 +78,6 @@ def run(
     """Propose places and directions, or assess given ones; print which modes they confuse.
 
     Args:
-        simulated: simulated shapes.
         request: request for places.
         check: table of sites, or layout, to assess instead; None for a proposal.
         outputs: where the table is written: a folder, a .csv file, or stdout for None.

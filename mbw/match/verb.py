@@ -77,9 +77,7 @@ def run(
     """Match the modes, print a table, write the result and its page.
 
     Args:
-        simulated: simulated shapes.
         folder: folder of the campaign.
-        outputs: where the result is written.
         width_hz: width of the sliding average of amplitudes [Hz].
         band: lowest and highest frequency [Hz]; None for the band that campaign.toml states.
 

@@ -17,7 +17,6 @@ def motion_unit(quantity: str, output: str) -> str:
     """Return the unit of the motion at an output.
 
     Args:
-        quantity: quantity of the FRF.
         output: label such as ``acc1:+rz``.
     """
     if not split_label(output)[1]:
@@ -40,7 +39,6 @@ def frf_unit(quantity: str, output: str, reference: str) -> str:
     """Return the unit of an FRF, such as ``rad/s²/(N m)``.
 
     Args:
-        quantity: quantity of the FRF.
         output: label of its output.
         reference: label of its input, or name of a motor.
     """

@@ -20,8 +20,6 @@ def picture_data(layout: Layout, geometry: MachineGeometry, shapes: Complex) -> 
     """Return the data of the 3-D picture; vertices in metres, bodies by index, -1 for the world.
 
     Args:
-        layout: bodies and points.
-        geometry: surfaces and lines.
         shapes: motion of the centres of mass, mode after mode; (n_mode, 6 n_body).
     """
     return {

@@ -88,7 +88,6 @@ def study_loops(
     Args:
         machine: with its closed loops.
         model: its nominal model, for a machine without a posterior.
-        path: its MJCF.
         read_variants: returns the machines of tests with models or poses of their own.
         band: of interest [Hz].
 

@@ -36,7 +36,6 @@ def render_plant(
     """Return the HTML page of a budget.
 
     Args:
-        plant: the budget, and what stands beside it.
         row: its rows.
         names: of the machine, and of the counterpart.
         causes: sentences on what a diagnosis found.

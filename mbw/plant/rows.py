@@ -24,10 +24,7 @@ def budget_row(plant: PlantBudget, file: str, before: str | None, remarks: list[
     """Return the rows of a budget.
 
     Args:
-        plant: the budget, and what stands beside it.
-        file: budget.toml.
         before: the other machine; None without one.
-        remarks: sentences.
     """
     budget = plant.budget
     definition = budget.definition

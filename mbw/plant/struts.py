@@ -93,8 +93,6 @@ def compute_struts(
     Args:
         machine: with the struts.
         model: its nominal model, for a machine without a posterior.
-        path: its MJCF.
-        patterns: names of the struts.
         band: of the coupling [Hz].
 
     Raises:

@@ -161,7 +161,6 @@ def study_plant(
         machine: with what is put on it.
         model: its nominal model with laws of its springs, for a machine without a posterior.
         path: MJCF of the machine.
-        request: what is asked for.
         band: of the coupling of struts without a budget [Hz].
 
     Raises:

@@ -34,7 +34,6 @@ def read_alternatives(
         request: the machine whose bands are given, its state, and what is put on it.
         diagnosed: folder of ``mbw diagnose`` that the user names beside a tuning; None for none.
         posterior: posterior of the machine.
-        frfs: outputs, inputs and lines.
         bands: bands of the machine.
 
     Returns:
@@ -89,7 +88,6 @@ def _bands_of(
         request: the machine.
         file: the other MJCF.
         posterior: posterior of its parameters.
-        frfs: outputs, inputs and lines.
         is_moved: whether the posterior is that of another model, whose spread it has.
     """
     with load_machines(replace(request, path=file)) as machines:

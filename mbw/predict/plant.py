@@ -183,7 +183,6 @@ def compute_plant(
         machines: the machine, with what is put on it.
         machine_request: MJCF and state of the machine.
         frfs: outputs, inputs and lines; None if no port is requested.
-        request: what is asked for.
 
     Raises:
         InputError: no posterior, or one of another model.

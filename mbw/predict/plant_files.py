@@ -78,7 +78,6 @@ def write_bands(
     """Write FRFs with their intervals.
 
     Args:
-        machine: with its motors and joints.
         bands: FRFs of the tuned model.
         interval: ends of the 95 % interval of the magnitudes, over all alternatives.
         plants: alternatives; None without any.
@@ -213,7 +212,6 @@ def write_plant(plant: ControlPlant, machine: Machine, target: Path) -> None:
 
     Args:
         plant: the state space.
-        machine: with its motors and joints.
         target: .npz or .mat.
 
     Raises:

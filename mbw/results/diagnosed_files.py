@@ -136,12 +136,7 @@ _SURFACE_ARRAYS = {"vertices": np.float32, "triangles": np.int32, "edges": np.in
 
 
 def machine_rows(layout: Layout, geometry: MachineGeometry) -> tuple[MachineRow, dict[str, Any]]:
-    """Return the names of a machine as a row, and its numbers as arrays by name.
-
-    Args:
-        layout: bodies and points.
-        geometry: surfaces and lines.
-    """
+    """Return the names of a machine as a row, and its numbers as arrays by name."""
     row = MachineRow(
         bodies=list(layout.bodies),
         points=list(layout.points),

@@ -18,7 +18,6 @@ class IdentificationResult:
     Args:
         summary: names and modes, as in modes.json.
         arrays: arrays by name, as in modes.npz.
-        layout: bodies and points.
     """
 
     summary: IdentifiedModesFile

@@ -16,7 +16,6 @@ def read_measured_modes(folder: Path, campaign: Campaign) -> ModalModel:
 
     Args:
         folder: folder that the verb wrote, or its modes.json.
-        campaign: campaign on the frequency lines of the band.
 
     Raises:
         InputError: the folder holds no modes of this machine.

@@ -13,7 +13,6 @@ def rival_names(verdict: Verdict, held: Collection[str]) -> list[str]:
     hardly distinguish from the causes that are held.
 
     Args:
-        verdict: with causes and confounded pairs.
         held: causes of augmented.xml, as ``effect@location``.
     """
     further = {
@@ -36,7 +35,6 @@ def rival_sentence(verdict: Verdict, held: Collection[str]) -> str:
     """Return that the plants of rivals are not computed; empty without any.
 
     Args:
-        verdict: with causes and confounded pairs.
         held: causes of augmented.xml, as ``effect@location``.
     """
     names = rival_names(verdict, held)

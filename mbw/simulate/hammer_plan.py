@@ -50,7 +50,6 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
 
     Args:
         machine: with its sensors and hammer points.
-        options: of the user.
         suffix: of the files, such as ``.npz``.
 
     Raises:

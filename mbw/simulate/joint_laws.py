@@ -49,7 +49,6 @@ def open_machine(
     """Yield the machine of a file, with further nonlinear joints; its MJCF exists meanwhile.
 
     Args:
-        source: the MJCF.
         texts: laws of joints.
         rates: of spinning hinges [rad/s].
         key: keyframe that gives pose and controls; None for ``home`` if there is one.

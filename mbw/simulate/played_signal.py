@@ -94,7 +94,6 @@ def load_signal(options: PlayOptions, seed: int) -> PlayedSignal:
     """Return the signal that the options name.
 
     Args:
-        options: of the user.
         seed: of noise.
 
     Raises:
@@ -184,7 +183,6 @@ def write_response(target: Path, time_s: Real, columns: Sequence[tuple[str, str,
     """Write a response as CSV, .npz or .mat.
 
     Args:
-        target: file.
         time_s: instants [s]; (n_time,).
         columns: label, unit and values of inputs and outputs; (n_time,) each.
     """

@@ -100,7 +100,6 @@ def make_test(
 
     Args:
         simulated: machine to be hit.
-        options: of the test.
         outputs: where the campaign is written.
         rates: of spinning hinges [rad/s].
         file_format: of the records.

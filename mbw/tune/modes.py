@@ -34,7 +34,6 @@ def measured_modes(
     """Return the measured modes inside the campaign's band; None if the fit needs none.
 
     Args:
-        campaign: campaign on the frequency lines of the band.
         residuals: residuals of the fit, in order.
         folder: folder that ``mbw identify`` wrote, or its modes.json; None to identify anew.
 

@@ -126,11 +126,8 @@ def run(  # noqa: PLR0913  # one for each option
     """Tune the model, write the result, print the gap.
 
     Args:
-        campaign: folder of the campaign.
-        outputs: where the result is written.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
         starts: number of starts: the nominal model, then random ones.
-        seed: seed of the random starts.
         jobs: number of processes for the held-out fits.
         search: choices about the fit.
         resume: whether to continue from the steps that an interrupted run finished.

@@ -6,8 +6,8 @@ Each rule yields violations; ``tests/language/exceptions.toml`` lists those that
 
 import ast
 import re
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -121,6 +121,18 @@ def check_exports(package: str) -> list[Violation]:
         where = str(init.relative_to(ROOT))
         violations += [Violation("module", where, name) for name in sorted(exported & children)]
     return violations
+
+
+def count_repeated_entries(trees: Iterable[ast.Module]) -> int:
+    """Return how many entries of arguments and fields repeat an earlier one word for word."""
+    entries: Counter[str] = Counter()
+    for node in (node for tree in trees for node in ast.walk(tree)):
+        text = ast.get_docstring(node) or "" if isinstance(node, DEFINITIONS) else ""
+        section = re.search(r"^(?:Args|Attributes):\n((?:    .*\n?)*)", text, re.MULTILINE)
+        if section:
+            lines = re.split(r"\n(?=    \S)", section[1].rstrip())
+            entries.update(" ".join(entry.split()) for entry in lines)
+    return entries.total() - len(entries)
 
 
 def is_participle(name: str) -> bool:

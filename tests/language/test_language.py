@@ -14,6 +14,7 @@ from tests.language.rules import (
     check_package,
     check_together,
     check_tree,
+    count_repeated_entries,
     excepted,
     is_participle,
     long_sentences,
@@ -24,6 +25,7 @@ EXCEPTIONS = tomllib.loads((Path(__file__).parent / "exceptions.toml").read_text
     "exception"
 ]
 MOST_EXCEPTIONS = 20
+MOST_REPEATED_ENTRIES = 700
 TEXTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
 
@@ -37,6 +39,18 @@ def test_no_constant_and_no_class_has_two_meanings():
     trees = {path: tree for name in PACKAGES for path, tree in parse_package(name).items()}
     violations = check_together(trees)
     assert [str(v) for v in violations if not excepted(v, EXCEPTIONS)] == []
+
+
+def test_few_entries_of_docstrings_stand_twice():
+    trees = [tree for name in PACKAGES for tree in parse_package(name).values()]
+    assert count_repeated_entries(trees) <= MOST_REPEATED_ENTRIES
+
+
+def test_entries_that_stand_twice_are_counted():
+    entries = "x: [m]\n            or [rad].\n        y: {}."
+    source = f'def f(x, y):\n    """Return.\n\n    Args:\n        {entries}\n    """\n'
+    trees = [ast.parse(source.format(word)) for word in ("one", "another", "one")]
+    assert count_repeated_entries(trees) == 3
 
 
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -37,7 +37,6 @@ def fit_to_machine(protocol: Protocol, station: Station) -> Protocol:
 
     Args:
         protocol: for a usual station.
-        station: the machine.
     """
     modes = natural_frequencies(station)
     held = modes[modes > _STILL * np.median(modes)]

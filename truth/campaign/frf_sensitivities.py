@@ -64,7 +64,6 @@ def jacobian(machine: TrueMachine, freq_hz: Real, tolerance: Tolerances, weight:
     Args:
         machine: the true one, without effects.
         freq_hz: lines [Hz]; (n_line,).
-        tolerance: standard deviations of the priors.
         weight: of each value, one over its standard deviation; (n_line, n_out, n_in).
     """
     solved = _Solved(machine, freq_hz, weight)

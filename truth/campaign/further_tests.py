@@ -38,7 +38,6 @@ def list_further_tests(station: Station, protocol: Protocol) -> list[FurtherTest
 
     Args:
         station: the nominal machine.
-        protocol: how it is tested.
     """
     points = [
         FurtherTest(f"hammer point {_hit_name(station, node)}", _add_hits(station, protocol, node))

@@ -91,7 +91,6 @@ def locate_tests(station: Station, freq_hz: Real, stated: Sequence[StatedTest]) 
     """Return a user's campaign at the sensors, hammer points and motors of a machine.
 
     Args:
-        station: the machine.
         freq_hz: lines of the band [Hz]; (n_freq,).
         stated: tests in the user's words.
 

@@ -70,7 +70,6 @@ def check_choice(choice: Choice, station: Station, protocol: Protocol) -> None:
     Args:
         choice: what the user chose.
         station: the nominal machine.
-        protocol: how it is tested.
 
     Raises:
         TruthError: a place is none, or none of an effect.

@@ -294,9 +294,7 @@ def refit_of(
 
     Args:
         machine: the true one, its effects are left out.
-        protocol: how it is tested.
         takes: the files of one level.
-        tolerance: standard deviations of the priors.
         background: relative motion of each channel that small imperfections leave, which counts
             beside the noise; (n_out, n_in).
         count: number of lines, about.

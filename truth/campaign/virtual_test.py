@@ -258,7 +258,6 @@ def hammers_of(
 
     Args:
         drawing: the nominal machine.
-        protocol: how it is tested.
         tolerance: of places, directions and force channels.
         seed: of the machine.
     """

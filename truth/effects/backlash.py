@@ -43,7 +43,6 @@ class Backlash(Sized):
     the end of a decaying motion: however small the gap, what is smaller still finds no spring.
 
     Args:
-        direction: of the joint.
         spring: the joint's stiffness [N/m or N m/rad].
         peak: stretch under a usual hit, of the linear machine [m or rad].
         size: gap over that.

@@ -26,7 +26,6 @@ class FeedbackDelay(Sized):
 
     Args:
         size: tau [s].
-        direction: of the joint.
         longest: delay that leaves the machine stable [s].
     """
 

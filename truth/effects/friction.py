@@ -46,7 +46,6 @@ class Friction(Sized):
     At small motion it is the spring k, which belongs to the linear machine.
 
     Args:
-        direction: of the joint.
         spring: the joint's own stiffness [N/m or N m/rad].
         size: k over the joint's own stiffness.
         limit: [N or N m].

@@ -34,7 +34,6 @@ class Hardening(Sized):
     """A cubic spring (Duffing 1918) beside a joint's linear one.
 
     Args:
-        direction: of the joint.
         spring: the joint's stiffness k [N/m or N m/rad].
         peak: stretch under a usual hit, of the linear machine [m or rad].
         size: k3 peak^2 / k, how much stiffer the spring is there.

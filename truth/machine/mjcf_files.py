@@ -13,9 +13,6 @@ _COMPILER_FOLDERS = ("", "meshdir", "texturedir", "assetdir")
 def gather_files(path: Path) -> tuple[Mapping[str, bytes], str]:
     """Return the content of an MJCF and of all files that it reads.
 
-    Args:
-        path: the main file.
-
     Returns:
         Content by path within their common folder, and the main file's path there.
 

@@ -29,7 +29,6 @@ def balance(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     absolute value of its stiffness; a step that lessens neither the force nor the energy is halved.
 
     Args:
-        model: the compiled model.
         data: the pose at the start; moved in place.
 
     Raises:
@@ -80,8 +79,6 @@ def force_slopes(
     """Return stiffness or damping at rest: minus the slopes of MuJoCo's forces; (nv, nv).
 
     Args:
-        model: the compiled model.
-        data: at rest.
         along: ``position`` for the stiffness, ``velocity`` for the damping.
     """
     probe, step = copy.copy(data), _difference(model, data) if along == "position" else _DIFFERENCE

@@ -38,7 +38,6 @@ def point_row(tested: Prepared, stage: str, position: Real, axis: int) -> Real:
 
     Args:
         tested: the machine.
-        stage: name of the stage.
         position: of the point, at rest, in world axes [m]; (3,).
         axis: 0, 1, 2 for x, y, z.
     """

@@ -99,7 +99,6 @@ def _write_joint(model: mujoco.MjModel, data: mujoco.MjData, joint: Joint, numbe
     """Give a slide or hinge its place, stiffness and damping.
 
     Args:
-        model: to be changed.
         data: at the pose in which the joint's place is.
         joint: its values.
         number: of the joint in the model.

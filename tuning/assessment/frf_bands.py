@@ -29,7 +29,6 @@ def frf_deviations(
 
     Args:
         lines: model at the parameters of ``confidence``.
-        confidence: covariance of the coordinates.
         directions: u, one array for each direction; (n_freq, n_out, n_in) each.
 
     Returns:
@@ -81,11 +80,6 @@ def magnitude_deviations(
     """Return the standard deviation of the magnitude of each test's FRFs, in its labels.
 
     It is computed at up to 300 lines, between which the relative deviation is interpolated.
-
-    Args:
-        model: model that was fitted.
-        confidence: covariance of the coordinates.
-        campaign: tests.
 
     Returns:
         One array for each test; (n_freq, n_out, 1).

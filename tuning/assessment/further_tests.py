@@ -48,7 +48,6 @@ def rank_further_tests(session: Session, confidence: ParameterConfidence) -> tup
     """Rank further hammer points and sensors by the interval that would remain, shortest first.
 
     Args:
-        session: campaign and model.
         confidence: confidence in the parameters so far.
     """
     free = np.flatnonzero(~confidence.parametrisation.is_tolerance)
@@ -193,7 +192,6 @@ def predict_tests(
     """Return a campaign of one predicted test for each hit.
 
     Args:
-        model: machine and Parts.
         theta: parameters [SI]; (n_parameter,).
         campaign: campaign with the lines and the quantity.
         variances: variance of each channel; (n_freq,) each.

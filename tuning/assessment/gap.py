@@ -124,7 +124,6 @@ def gap_at_bodies(predicted: Sequence[Complex], campaign: Campaign) -> Gap:
 
     Args:
         predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
-        campaign: measurements.
     """
     return summarise_gaps(
         channel_gaps(
@@ -142,7 +141,6 @@ def reduce_answers_to_bodies(
 
     Args:
         predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
-        campaign: measurements.
     """
     tests = []
     for test, values in zip(campaign.tests, predicted, strict=True):
@@ -167,7 +165,6 @@ def block_error_shares(predicted: Sequence[Complex], campaign: Campaign, starts:
 
     Args:
         predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
-        campaign: measurements.
         starts: first line of each block; (n_block,).
     """
     lines = np.zeros(len(campaign.freq_hz))

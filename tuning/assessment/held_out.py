@@ -50,7 +50,6 @@ class HeldOutFits:
         """Predict each test's FRFs in its labels, each line by the fit that left it out.
 
         Args:
-            model: model that was fitted.
             campaign: any channels on the lines of the fits.
 
         Returns:
@@ -85,13 +84,11 @@ def fit_held_out(
     all lines.
 
     Args:
-        model: machine and Parts.
         full_fit: fit to all folds.
         campaign: tests on the lines of the band.
         jobs: threads; the result does not depend on it.
         min_gain_nats: predicted decrease of J below which no further step is taken.
         report: called with the number of each finished fold.
-        checkpoint: finished folds, which are not repeated.
 
     Returns:
         The fits; None if the band consists of a single block, which no other line could predict.
@@ -150,13 +147,8 @@ def hold_out_lines(
     These fits count twice as many lines as that fit.
 
     Args:
-        model: machine and Parts.
-        campaign: tests on the lines of the band.
+        campaign, jobs, report: as for ``fit_held_out``.
         settled: fit to all folds at its own floor.
-        schedule: schedule of that fit.
-        jobs: threads; the result does not depend on it.
-        report: called with the number of each finished fold.
-        checkpoint: finished folds, which are not repeated.
 
     Returns:
         The fits; None if the band consists of a single block.

@@ -209,7 +209,6 @@ def posterior_precision(varies: Parametrisation, x: Real) -> Real:
     """Return the precision of each coordinate's prior, with a wide one for those without; (n_x,).
 
     Args:
-        varies: coordinates.
         x: their values; (n_x,).
     """
     units = np.where(varies.is_logarithmic, 1.0, np.maximum(np.abs(x), 1.0))
@@ -240,9 +239,6 @@ def estimate_confidence(
     """Linearise at the end of a fit, on all lines and at the last stage's weights.
 
     Args:
-        model: model that was fitted.
-        campaign: campaign to which it was fitted.
-        fit: the fit.
         jobs: threads; the result does not depend on it.
         has_model_error: whether more than noise remains, though the weights tolerate it.
     """

@@ -93,7 +93,6 @@ class ParameterPosterior:
         """Draw whitened coordinates z; (count, n_x).
 
         Args:
-            count: number of samples.
             seed: of the random numbers.
         """
         drawn: Real = np.random.default_rng(seed).standard_normal((count, self.size))
@@ -186,7 +185,6 @@ class PosteriorOfModel:
         """Draw parameters of the model [SI]; (count, n_theta).
 
         Args:
-            count: number of samples.
             seed: of the random numbers.
         """
         drawn = self.posterior.draw(count, seed) @ self.posterior.root

@@ -105,9 +105,6 @@ def estimate_plant_confidence(
     """Estimate the discrepancy of a fitted model, and its parameters' covariance beside it.
 
     Args:
-        model: model that was fitted.
-        campaign: campaign to which it was fitted.
-        fit: the fit.
         confidence: of its parameters, from the noise alone.
         jobs: threads; the result does not depend on it.
     """

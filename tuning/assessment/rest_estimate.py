@@ -97,7 +97,6 @@ def estimate_rest(model: Model, theta: Real, campaign: Campaign) -> RestEstimate
     of the noise.
 
     Args:
-        model: machine and Parts.
         theta: fitted parameters [SI]; (n_parameter,).
         campaign: tests of one state.
     """
@@ -177,7 +176,6 @@ def shrink_rest(
     """Return the rest where noise does not hide it, and what it brings to the FRFs after a change.
 
     Args:
-        estimate: rest of the tests before.
         campaign: tests after the change, on the same lines.
         floor: relative model error of the fit before.
         drift: standard deviation of ln of the common factor on all stiffness.
@@ -248,7 +246,6 @@ def add_variance(campaign: Campaign, estimate: RestEstimate, carried: CarriedNoi
 
     Args:
         campaign: tests after the change, on the lines of the tests before.
-        estimate: rest of the tests before.
         carried: what is added.
     """
     outputs, inputs = estimate.rest.outputs, estimate.rest.inputs
@@ -274,7 +271,6 @@ def find_known_lines(campaign: Campaign, estimate: RestEstimate, carried: Carrie
 
     Args:
         campaign: tests after the change, on the lines of the tests before.
-        estimate: rest of the tests before.
         carried: what it adds to the receptances after.
 
     Returns:
@@ -295,7 +291,6 @@ def _smooth_lines(freq_hz: Real, values: Complex, variance: Real) -> tuple[Compl
     sharp mode in a dynamic stiffness, have little weight (local regression, Cleveland 1979).
 
     Args:
-        freq_hz: frequency lines [Hz]; (n_freq,).
         values: curves; (n_freq, n, n).
         variance: their variance; (n_freq, n, n).
 

@@ -26,7 +26,6 @@ def name_exchanged_channels(predicted: Sequence[Complex], campaign: Campaign) ->
 
     Args:
         predicted: answers of the tuned model to each test; (n_freq, n_out, 1) each.
-        campaign: measurements.
 
     Returns:
         The clause; None if each sensor fits best as it is, or no order explains it.

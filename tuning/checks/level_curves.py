@@ -56,7 +56,6 @@ def predict_on_lines(
 
     Args:
         model: the model.
-        campaign: tests.
         freq_hz: lines [Hz]; (n_freq,).
         theta: values of the parameters; None for the nominal ones.
     """

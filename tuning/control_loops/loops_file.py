@@ -52,7 +52,6 @@ def write_loops(loops: Sequence[Loop], file: Path) -> None:
 
     Args:
         loops: that were closed during the test.
-        file: its path.
     """
     if not loops:
         return
@@ -64,7 +63,6 @@ def read_loops_file(file: Path, machine: Machine) -> tuple[Loop, ...]:
     """Return the loops of a loops.json; none if there is no such file.
 
     Args:
-        file: its path.
         machine: with the names of its points.
 
     Raises:

@@ -81,7 +81,6 @@ def read_port_sum(
     """Return an output, or the difference of two.
 
     Args:
-        path: of the file, for messages.
         machine: with the outputs.
         key: of the table, such as ``loop.ty``; what follows the dot is the signal's name.
         texts: label of the output, and of the one to subtract or None.

@@ -105,7 +105,6 @@ def tuned_loop_remarks(model: Model, theta: Real) -> list[str]:
     """Return remarks if a tuned machine, or a variant of it, is unstable with its loops.
 
     Args:
-        model: machine and Parts.
         theta: tuned parameters in SI; (n_parameter,).
     """
     if not model.loops:

@@ -302,11 +302,8 @@ def predict_tests(
     """Return a test for each drive, as the nominal machine would give it.
 
     Args:
-        machine: the machine.
-        request: drives and outputs.
         freq_hz: lines [Hz]; (n_freq,).
         excitation: signals; None for FRFs without values, which say what is read.
-        tolerance: of the drawings.
     """
     shape = (len(freq_hz), len(request.outputs), len(request.drives))
     values, variance, averages = np.zeros(shape, complex), np.ones(shape), 2

@@ -186,7 +186,6 @@ def _price_limits(gains: Real, costs: Real, start: Real) -> Real:
 
     Args:
         gains: b; (n_freq, n_drive).
-        costs: A; (n_limit, n_freq, n_drive).
         start: m of the step before; (n_limit,).
     """
     rows, flat_gains = costs.reshape(len(costs), -1), gains.ravel()

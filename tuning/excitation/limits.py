@@ -77,7 +77,6 @@ def force_per_unit(machine: Machine, drive: Input) -> tuple[float, str]:
 
     Args:
         machine: with its motors.
-        drive: the drive.
 
     Raises:
         UsageError: the floor, whose motion is no drive, or a motor without force.
@@ -106,8 +105,6 @@ def motion_of(machine: Machine, drive: Input, at: str | None = None) -> Output:
     """Return the position that a drive moves.
 
     Args:
-        machine: with its joints.
-        drive: the drive.
         at: label of another position; None for the drive's own.
 
     Raises:
@@ -175,9 +172,7 @@ def drive_command(
     """Return the total command of a drive per signal that is added to each; (n_freq, n_drive).
 
     Args:
-        model: machine, with its loops closed.
-        theta: parameters [SI]; (n_parameter,).
-        freq_hz: lines [Hz]; (n_freq,).
+        model, theta [SI] (n_parameter,), freq_hz [Hz] (n_freq,): as for ``limited_signals``.
         drives: inputs to which signals are added.
         number: number of the drive.
     """

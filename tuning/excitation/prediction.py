@@ -49,7 +49,6 @@ def predict_record(excitation: Excitation, random: np.random.Generator) -> Real:
     """Return what the nominal machine records, settled from the start, with noise; (n_out, n_time).
 
     Args:
-        excitation: the signals.
         random: source of the noise.
     """
     plan, request = excitation.plan, excitation.request
@@ -122,7 +121,6 @@ def predict_sliding(excitation: Excitation, laws: Sequence[NonlinearJoint]) -> l
     its motion is that of a joint that sticks, which moves less than one that slides.
 
     Args:
-        excitation: the signals.
         laws: nonlinear joints of the machine.
     """
     rows = []

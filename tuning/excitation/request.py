@@ -97,7 +97,6 @@ def build_request(
 
     Args:
         machine: with its loops closed.
-        options: of the user.
 
     Returns:
         The request, and remarks on what was assumed.

@@ -105,7 +105,6 @@ def design_test(
 
     Args:
         tested: the machine, with all instruments of its campaign.
-        request: drives and outputs.
 
     Returns:
         The excitation; the machine with the instruments of this test, and remarks on them.

@@ -19,7 +19,6 @@ def pair_rows(
     """Return a row for each measured mode, and the tuned model's unpaired modes.
 
     Args:
-        model: machine and Parts.
         measured: modes inside the band.
         theta: tuned parameters [SI]; (n_parameter,).
         modes: modes of the model in the band, ``as_drawn`` and ``tuned``.

@@ -33,12 +33,7 @@ REACHED_SD, MISSED_SD = 1.0, 3.0  # of a row: reached within the first, missed b
 def summarise_mode_table(
     tuned: ModeTableTuning, written: WrittenModel = NOT_WRITTEN
 ) -> ModeTableFile:
-    """Return the content of mode_table.json.
-
-    Args:
-        tuned: the tuning.
-        written: what became of the tuned MJCF.
-    """
+    """Return the content of mode_table.json."""
     model, table, parameters = tuned.model, tuned.table, _parameter_rows(tuned)
     rows = [_pair_row(mode, k, tuned.before, tuned.after) for k, mode in enumerate(table.modes)]
     without_row, source = _modes_without_row(tuned), model.machine.source
@@ -154,7 +149,6 @@ def write_mode_table_result(tuned: ModeTableTuning, folder: Path) -> ModeTableFi
     """Write the tuned MJCF, mode_table.json, .csv and posterior.npz into an existing folder.
 
     Args:
-        tuned: the tuning.
         folder: the folder, which may be a temporary one of ``write_atomically``.
 
     Returns:

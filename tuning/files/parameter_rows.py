@@ -37,7 +37,6 @@ def parameter_rows(
     """Return one row for each parameter that varied, with its value in the tuned model.
 
     Args:
-        model: machine and Parts.
         model_fit: fit whose parameters are reported.
         confidence: confidence in the parameters; None if interrupted before.
         bounded: fit with tolerances within their bounds.
@@ -85,7 +84,6 @@ def fit_row(tuned: CampaignTuning, gap: LevelGap) -> FitRow:
     """Return how the search ended, and the reasons not to trust its result.
 
     Args:
-        tuned: the tuning.
         gap: gap at the place where FRFs counted.
     """
     fit = tuned.fit

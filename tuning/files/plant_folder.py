@@ -155,9 +155,6 @@ def has_posterior(path: Path) -> bool:
 def read_plant_row(path: Path) -> PlantRow | None:
     """Return what a diagnosis says of its plant; None for the MJCF of a tuning or of a user.
 
-    Args:
-        path: the MJCF.
-
     Raises:
         InputError: a file of the diagnosis is damaged.
     """
@@ -169,9 +166,6 @@ def read_plant_row(path: Path) -> PlantRow | None:
 
 def read_held_out(path: Path) -> HeldOutResult:
     """Return the FRFs of the fit that wrote an MJCF, measured and on held-out lines.
-
-    Args:
-        path: the MJCF.
 
     Raises:
         InputError: files that are missing or damaged.
@@ -208,9 +202,6 @@ def read_held_out(path: Path) -> HeldOutResult:
 def held_out_beside(path: Path) -> HeldOutResult | None:
     """Return the held-out FRFs of the fit that wrote an MJCF, if their errors are the plant's.
 
-    Args:
-        path: the MJCF.
-
     Returns:
         None if no fit of FRFs wrote the MJCF, or if loops were closed during its test: its errors
         are then those of the closed loops.
@@ -226,9 +217,6 @@ def held_out_beside(path: Path) -> HeldOutResult | None:
 
 def plant_doubts(path: Path) -> list[str]:
     """Return the doubts about the fit that wrote an MJCF, one sentence each; none for a drawing.
-
-    Args:
-        path: the MJCF.
 
     Raises:
         InputError: a file of the fit is damaged.

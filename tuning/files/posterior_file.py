@@ -34,8 +34,6 @@ def machine_posterior(
     """Return the posterior of the machine's parameters.
 
     Args:
-        model: model that was fitted.
-        parametrisation: coordinates of the fit.
         x: coordinates at its end; (n_x,).
         covariance: of all coordinates; (n_x, n_x).
         error_floor: relative error of the model beside the noise; None if it shows none.

@@ -93,13 +93,7 @@ def summarise_tuning(
     remaining: Sequence[ShareRow] = (),
     written: WrittenModel = NOT_WRITTEN,
 ) -> TunedFile:
-    """Return the content of tuned.json.
-
-    Args:
-        tuned: the tuning.
-        remaining: share of each body in the residual gap, from the diagnosis.
-        written: what became of the tuned MJCF.
-    """
+    """Return the content of tuned.json."""
     session = tuned.session
     model, campaign = session.model, session.campaign
     freq, theta = campaign.freq_hz, tuned.model_fit.theta
@@ -230,9 +224,7 @@ def write_result(
     were closed during the test no loops.json.
 
     Args:
-        tuned: the tuning.
         folder: created if missing; files of these names in it are replaced.
-        remaining: share of each body in the residual gap, from the diagnosis.
 
     Returns:
         The content of tuned.json.
@@ -264,9 +256,7 @@ def not_held_error(model: Model, theta: Real, campaign: Campaign) -> float | Non
     """Return the relative change of the FRFs of a campaign without what an MJCF cannot hold.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        campaign: its tests.
     """
     without_rest = replace(model, machine=replace(model.machine, rest=None))
     held = predict(without_rest, held_parameters(model, theta), campaign)

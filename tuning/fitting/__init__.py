@@ -1,1 +1,4 @@
-"""Fits in stages from several starts, and their checkpoints."""
+"""Fits in stages from several starts, and their checkpoints.
+
+A ``campaign`` here holds the tests on the lines that count.
+"""

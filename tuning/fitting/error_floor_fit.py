@@ -118,9 +118,6 @@ def fit_at_error_floor(
     """Fit parameters and the floor of the model's error in turn.
 
     Args:
-        model: machine and Parts.
-        campaign: tests on the lines that count.
-        parametrisation: coordinates that vary.
         start: theta [SI]; None for the nominal model, from which the fit goes by the logarithm of
             the FRFs first.
         first_stages: stages before the first fit at a floor, from the given start.

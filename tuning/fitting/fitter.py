@@ -257,8 +257,6 @@ def fit(  # noqa: PLR0913  # one for each option
     every start goes through all of them.
 
     Args:
-        model: machine and Parts.
-        campaign: tests on the lines that count.
         parametrisation: coordinates; by default of all that is not known exactly, with the
             campaign's tolerances.
         starts: theta of each start [SI]; the nominal model alone if None.
@@ -269,7 +267,6 @@ def fit(  # noqa: PLR0913  # one for each option
             use the Gauss-Newton method.
         jobs: processes for several starts, threads for one; the result does not depend on it.
         report: called at every evaluation; with several processes, in the last stages alone.
-        checkpoint: finished steps, which are not repeated.
         name: name of this fit in the checkpoint.
 
     Returns:
@@ -393,7 +390,6 @@ def fit_table(
     """Run stages of a table of modes from one start.
 
     Args:
-        model: machine and Parts.
         parametrisation: coordinates; all of them have a prior.
         x: start; (n_x,).
         stages: stages in order.
@@ -413,9 +409,7 @@ def random_starts(
     A random start multiplies the sizes that vary without a prior by factors exp(N(0, spread)).
 
     Args:
-        model: machine and Parts.
         count: number of starts, the nominal one included.
-        seed: seed of the random starts.
         spread: standard deviation of the logarithms.
         parametrisation: parameters that vary and their priors; by default as the Parts say.
 

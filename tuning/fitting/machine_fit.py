@@ -60,18 +60,13 @@ def fit_first_stages(  # noqa: PLR0913  # one for each option
     """Fit the stages before the first fit at a floor, from all starts.
 
     Args:
-        model: machine and Parts.
-        campaign: tests on the lines that count.
-        parametrisation: coordinates that vary.
         schedule: schedule for the lines of the campaign (``FloorSchedule.thin``).
         stages: stages in order.
         starts: number of starts: the nominal model, then random ones.
-        seed: seed of the random starts.
         measured: modes inside the band, for stages of modes.
         algorithm: algorithm of the stages in which stiffness and damping alone vary.
         jobs: processes for several starts, threads for one; the result does not depend on it.
         report: called at every evaluation.
-        checkpoint: finished steps, which are not repeated.
     """
     return fit(
         model,
@@ -104,12 +99,9 @@ def settle_floor(
     """Fit parameters and floor in turn, and admit tolerances beyond their bounds by chance.
 
     Args:
-        model: machine and Parts.
-        campaign: tests on the lines that count.
         first: fit of the first stages.
         schedule: schedule for the lines of the campaign.
         jobs: threads; the result does not depend on it.
-        checkpoint: finished steps, which are not repeated.
 
     Returns:
         The fit, in whose coordinates admitted tolerances have wider bounds, and the model error
@@ -192,14 +184,9 @@ def fit_all_lines(
     """Fit all lines at the model-error floor, from the fit to some of them.
 
     Args:
-        model: machine and Parts.
-        campaign: tests on the lines that count.
+        campaign, report: as for ``fit_first_stages``.
         settled: fit at its own floor.
-        error: model error that its residuals show.
-        schedule: schedule of that fit.
         jobs: threads; the result does not depend on it.
-        report: called at every evaluation.
-        checkpoint: finished steps, which are not repeated.
     """
     stage = replace(LAST_STAGE, model_error_floor=error.floor, at_bodies=schedule.at_bodies)
     whole = fit(

@@ -47,7 +47,6 @@ def minimise_stage(
 
     Args:
         problem: misfit of the stage.
-        parametrisation: coordinates that vary.
         x: start; (n_x,).
         stage: stage, which says when to end.
         algorithm: the Gauss-Newton method, or the name of an algorithm of NLopt.

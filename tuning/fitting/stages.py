@@ -53,9 +53,6 @@ class Stage:
         """Return the misfit of this stage.
 
         Args:
-            model: machine and Parts.
-            campaign: tests on the lines that count.
-            parametrisation: coordinates of the parameters.
             counted: whether each line counts, all if None; (n_freq,).
             threads: threads that form the normal equations.
         """
@@ -82,11 +79,7 @@ class Stage:
         """Return the problem to minimise: the misfit, with normal equations of fewer lines.
 
         Args:
-            model: machine and Parts.
-            campaign: tests on the lines that count.
-            parametrisation: coordinates of the parameters.
-            counted: whether each line counts, all if None; (n_freq,).
-            threads: threads that form the normal equations.
+            campaign, counted (n_freq,), threads: as for ``build_misfit``.
         """
         whole = self.build_misfit(
             model, campaign, parametrisation, counted=counted, threads=threads
@@ -116,12 +109,9 @@ class Stage:
         """Return the normal equations of all lines but one fold, for each fold.
 
         Args:
-            model: machine and Parts.
-            campaign: tests on the lines that count.
-            parametrisation: coordinates of the parameters.
+            campaign, threads: as for ``build_misfit``.
             x: coordinates; (n_x,).
             folds: fold of each line, from 0; (n_freq,).
-            threads: threads that form the normal equations.
         """
         thin_span, ratio = self._thin_normal_lines(campaign)
         problem = self.build_misfit(

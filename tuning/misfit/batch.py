@@ -86,8 +86,6 @@ def batch_tests(model: Model, campaign: Campaign, *, direct: bool = False) -> tu
     """Group the tests that one evaluation of the model answers.
 
     Args:
-        model: machine and Parts.
-        campaign: tests.
         direct: whether the model solves the equations of motion directly instead of by its modes.
     """
     return tuple(
@@ -165,9 +163,7 @@ def predict(model: Model, theta: Real, campaign: Campaign) -> tuple[Complex, ...
     """Return the model's answer to each test in the test's labels; (n_freq, n_out, 1) each.
 
     Args:
-        model: machine and Parts.
         theta: parameters [SI]; (n_parameter,).
-        campaign: tests.
     """
     return evaluate_tests(model, campaign, lambda lines: lines.values, theta)
 
@@ -178,8 +174,6 @@ def evaluate_tests(
     """Evaluate a function of the linearised model for each test; (n_freq, n_out, 1) each.
 
     Args:
-        model: machine and Parts.
-        campaign: tests.
         evaluate: function from a linearised model to (n_freq, n_out, n_in).
         theta: parameters [SI]; (n_parameter,).
     """

@@ -44,7 +44,6 @@ def sum_batch(term: WeightedBatch, lines: Linearised, *, logarithmic: bool) -> B
 
     Args:
         term: measured values and their weights.
-        lines: model at theta.
         logarithmic: whether r is the logarithm of the ratio.
     """
     sum_by_input = term.batch.sum_by_input

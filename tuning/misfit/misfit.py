@@ -50,9 +50,7 @@ class Misfit:
     """J of a campaign as a function of x.
 
     Args:
-        model: machine and Parts.
         campaign: tests on the lines that count.
-        parametrisation: coordinates of the parameters.
         model_error_floor: a, relative to the motion of each point.
         logarithmic: whether r is the logarithm of the ratio.
         at_bodies: whether differences count at the centres of mass, with the covariance of their
@@ -301,7 +299,6 @@ class Misfit:
         """Yield weights and differences of the channels of each batch; (n_freq, n_out, n_test).
 
         Args:
-            x: coordinates; (n_x,).
             max_values: number of values from which channels are split; None for all together.
         """
         if self._logarithmic or any(term.body_weights is not None for term in self._terms):

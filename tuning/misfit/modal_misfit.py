@@ -107,7 +107,6 @@ def select_modes(model: ModalModel, modes: Mask, outputs: Mask) -> ModalModel:
     """Return a modal model with some of its modes and outputs.
 
     Args:
-        model: modal model.
         modes: whether each mode is kept; (n_mode,).
         outputs: whether each output is kept; (n_out,).
     """
@@ -132,7 +131,6 @@ class ModalCost:
     measured, only translations count.
 
     Args:
-        model: machine and Parts.
         measured: measured modes that count, all inside the band.
         stage: model-error floors and the limit of pairing.
 
@@ -179,7 +177,6 @@ class ModalCost:
         """Pair measured modes and modes of the model.
 
         Args:
-            modes: modes of the model.
             shapes: their motion at ``outputs``; (n_out, n_mode).
         """
         oscillating, cost, mac_matrix = self._compare(modes, shapes)

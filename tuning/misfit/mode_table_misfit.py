@@ -121,7 +121,6 @@ class ModeTableMisfit:
     """J as a function of x, with its Gauss-Newton model.
 
     Args:
-        model: machine and Parts.
         parametrisation: coordinates x; all of them have a prior.
         stage: rows and what counts of them.
     """

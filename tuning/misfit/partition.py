@@ -63,8 +63,6 @@ def partition_coordinates(
     A sensor has a block if its coordinates change its own rows only.
 
     Args:
-        model: machine and Parts.
-        parametrisation: coordinates of the parameters.
         separate_channels: whether channels have weights of their own; if they are weighted
             together with those of their body, there are no blocks.
     """

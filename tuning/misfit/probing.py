@@ -53,7 +53,6 @@ def probe_by_columns(
     """Add the coupling of probes from their weighted columns, of equal projections.
 
     Args:
-        fitted: derivatives by what varies.
         probes: derivatives by the probes of some Parts.
         blocks: coordinates of each of these Parts, in the order of the columns.
         sums: sums to which to add.
@@ -89,7 +88,6 @@ def probe_by_forces(
     """Add the coupling of probes that act by forces alone, from the entries of these.
 
     Args:
-        fitted: derivatives by what varies.
         forward: derivatives by the probes of some Parts.
         blocks: coordinates of each of these Parts, in the order of the parameters.
         sums: sums to which to add.
@@ -141,8 +139,6 @@ def _project_columns(fitted: WeightedJacobian, span: slice, adjoints: Real) -> R
     """Return V = A' C of all coordinates, and A' r of the residual last.
 
     Args:
-        fitted: derivatives by what varies.
-        span: lines.
         adjoints: A; (n_line, n_in, 2 m, 2 nv).
 
     Returns:

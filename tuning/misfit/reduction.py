@@ -54,7 +54,6 @@ def body_weights(
     """Return M of each body whose channels determine at least one of its six degrees of freedom.
 
     Args:
-        layout: bodies and points.
         outputs: labels of the channels; n_out.
         variance: V, including the model-error floor; (n_freq, n_out, n_test).
         counts: whether each value counts; (n_freq, n_out, n_test). A line of a body counts if all
@@ -109,7 +108,6 @@ def apply_body_weights(weights: Sequence[BodyWeight], residual: Complex) -> Comp
     """Return M r; (n_freq, n_out, n_test).
 
     Args:
-        weights: M of each body.
         residual: r; (n_freq, n_out, n_test).
     """
     product = np.zeros_like(residual)
@@ -143,7 +141,6 @@ def body_weight_roots(
     order of the difference in phase between a body's channels.
 
     Args:
-        weights: M of each body.
         columns: index of each test's input; (n_test,).
         n_in: number of inputs.
         factor: c, None where all are one; (n_freq, n_out).

@@ -69,7 +69,6 @@ def residual_statistics(
 
     Args:
         predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
-        campaign: measurements.
     """
     outputs = {dof: row for row, dof in enumerate(campaign.outputs)}
     shape = (len(outputs), len(campaign.tests), len(campaign.freq_hz))
@@ -152,7 +151,6 @@ def estimate_model_error(predicted: Sequence[Complex], campaign: Campaign) -> Mo
 
     Args:
         predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
-        campaign: measurements.
 
     Returns:
         The error; None where no channel moves.

@@ -47,9 +47,7 @@ class StiffnessMisfit:
         """Return the least squares of tests that are one square matrix of FRFs.
 
         Args:
-            model: machine and Parts.
             campaign: each reference hit once, at all channels.
-            varies: coordinates.
         """
         n, n_freq = len(campaign.tests), len(campaign.freq_hz)
         measured, variance = np.zeros((n_freq, n, n), complex), np.zeros((n_freq, n, n))

@@ -48,7 +48,6 @@ def weight_batch(
     All arrays run along frequency in memory, as those of a batch do.
 
     Args:
-        batch: measured values.
         model_error_floor: a, relative to the motion of each point.
         logarithmic: whether the residual is a logarithm; values near the noise and channels that do
             not move have no weight then.
@@ -83,7 +82,6 @@ def weight_at_bodies(term: WeightedBatch, layout: Layout) -> WeightedBatch:
 
     Args:
         term: batch with a weight for each channel.
-        layout: bodies and points.
     """
     counts = term.weight > 0
     variance = 1 / np.where(counts, term.weight, 1.0)

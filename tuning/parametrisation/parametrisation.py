@@ -203,9 +203,6 @@ class Parametrisation:
         """Return a parametrisation in which some tolerances have neither prior nor bounds.
 
         A fault behind such a tolerance may then have any size.
-
-        Args:
-            names: names of the coordinates.
         """
         chosen = np.isin(np.array(self.names), list(names))
         return replace(
@@ -222,9 +219,6 @@ class Parametrisation:
         The new coordinate is (exp(scale x) - 1) / scale of the old one, so that both move the size
         equally near the nominal model; bounds are converted. If a sum of two parameters is
         constant, the misfit's valley is straight in these coordinates.
-
-        Args:
-            names: names of the coordinates.
         """
         chosen = np.isin(np.array(self.names), list(names)) & self.is_logarithmic
         is_chosen = np.append(chosen, False)[self.coordinate_of]

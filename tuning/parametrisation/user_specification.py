@@ -51,7 +51,6 @@ def fitting_specification(specification: UserSpecification, names: list[str]) ->
 
     Args:
         specification: of another test of the same machine, with other sensors.
-        names: names of the parameters.
     """
 
     def fits(pattern: str) -> bool:
@@ -72,7 +71,6 @@ def parametrise(
     """Return the parametrisation of a model: its default, changed by what a user specifies.
 
     Args:
-        model: machine and Parts.
         tolerance: standard deviations of what the drawings state; zero means known exactly.
         specification: what a user specifies.
 
@@ -237,7 +235,6 @@ def match_pattern(pattern: str, names: list[str], place: str = "[tuning]") -> li
 
     Args:
         pattern: a name, or a pattern with * and ?.
-        names: names of the parameters.
         place: where the user wrote the pattern, for the message.
 
     Raises:

@@ -130,9 +130,7 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
     best point.
 
     Args:
-        problem: function with its normal equations.
         start: start of the search, clipped to the bounds; (n,).
-        box: bounds and prior.
         initial_normal: normal equations near the start or of fewer lines, if available; they are
             kept as long as steps decrease J as predicted.
         damping: initial damping l; small if the start is close to the minimum.
@@ -206,9 +204,7 @@ def _advance(
     """Take one step that decreases J.
 
     Args:
-        problem: function to minimise.
         state: state of the search, which is updated.
-        box: bounds and prior.
         here: J, its gradient and N at the current point.
         min_decrease: decrease of J below which the search ends [nats].
         retry_shorter: whether a step that does not decrease J is repeated with more damping;
@@ -298,7 +294,6 @@ def _curvature_step(
     If no such step is better than the Gauss-Newton step, that step is returned.
 
     Args:
-        problem: function to minimise.
         state: state of the search.
         here: J, its gradient and N.
         model: Gauss-Newton step.

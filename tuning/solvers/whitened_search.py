@@ -301,9 +301,7 @@ def search_whitened(  # noqa: PLR0913  # one for each option
     the best point.
 
     Args:
-        problem: function with its normal equations.
         start: start of the search, clipped to the bounds; (n,).
-        box: bounds and prior.
         algorithm: name of a gradient-based algorithm of NLopt.
         damping: initial damping l.
         min_gain_nats: the search ends when the next step is predicted to decrease J by less,

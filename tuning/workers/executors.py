@@ -50,11 +50,7 @@ class Workers:
 
 
 def use_processes(jobs: int) -> Workers:
-    """Return processes of this computer; a single one is this process.
-
-    Args:
-        jobs: number of processes.
-    """
+    """Return processes of this computer; a single one is this process."""
     if jobs <= 1:
         return Workers(_open_here, at_once=1)
     return Workers(partial(_open_processes, jobs), at_once=jobs)

@@ -92,7 +92,6 @@ def run_in_parallel(calls: Sequence[Call], jobs: int) -> Iterator[Any]:
     """Yield the results of functions in the order of the calls, whatever the number of jobs.
 
     Args:
-        calls: functions with their arguments.
         jobs: processes; a single call is made here.
 
     Raises:
@@ -109,10 +108,6 @@ def run_in_parallel(calls: Sequence[Call], jobs: int) -> Iterator[Any]:
 
 def run_calls(calls: Sequence[Call], workers: Workers) -> Iterator[CallResult]:
     """Yield the result of each call as soon as it is finished; the first calls start first.
-
-    Args:
-        calls: functions with their arguments.
-        workers: where they run.
 
     Raises:
         InputError: a worker has other versions of the libraries, or the connection was lost.

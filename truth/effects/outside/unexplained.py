@@ -14,7 +14,6 @@ class Unexplained(Sized):
 
     Args:
         size: how strong it is.
-        direction: of the joint.
     """
 
     direction: StageDirection

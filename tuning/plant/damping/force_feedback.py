@@ -136,9 +136,7 @@ def force_feedback(
     """Find which struts, at which gain, damp a mode most by integral force feedback.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        patterns: names of the struts.
         target_hz: frequency near that of the target mode [Hz]; None for the mode with the largest
             share of its strain energy in the struts.
         leak_hz: corner of the leak [Hz]; None for a tenth of the target mode's frequency.

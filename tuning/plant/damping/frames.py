@@ -49,7 +49,6 @@ def strut_jacobian(model: Model, theta: Real, struts: Struts, body: str, point: 
     """Return J: elongations per motion of a platform at a point, its base at rest; (n_strut, 6).
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         struts: between the platform and its base.
         body: name of the platform.
@@ -95,7 +94,6 @@ def strut_frames(model: Model, theta: Real, struts: Struts, freq_hz: Real) -> St
     """Return the frames of the platform on struts, and the coupling of its plant in each.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         struts: six, between one platform and its base.
         freq_hz: lines [Hz]; (n_freq,).

@@ -45,7 +45,6 @@ def find_struts(model: Model, theta: Real, patterns: Sequence[str]) -> Struts:
     """Return the struts whose names match, in the order of the model.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         patterns: names of tendons or joints; ``*`` stands for any text.
 

@@ -178,9 +178,7 @@ def error_budget(model: Model, theta: Real, definition: BudgetDefinition) -> Err
     """Compute the error budget of a machine.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        definition: errors, sources and loops.
 
     Raises:
         InputError: the machine, or the closed loop, is unstable, or has no damping.

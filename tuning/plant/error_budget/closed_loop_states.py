@@ -52,10 +52,7 @@ def loop_states(
     """Return the state space of the machine with its loops.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        definition: loops.
-        ports: labels.
     """
     if sampling_period(definition.loops):
         return sampled_states(model, theta, definition, ports)
@@ -136,8 +133,7 @@ def refuse_undamped(poles: Complex, loops: Sequence[Loop], freq_hz: Real, densit
     """Refuse a pole without damping in the band that the sources drive.
 
     Args:
-        poles: of the machine with its loops [rad/s]; (n,).
-        loops: that are closed.
+        poles [rad/s] (n,), loops: as for ``refuse_unstable``.
         freq_hz: lines of the integral [Hz]; (n_freq,).
         density: of each error; (n_freq, n_error).
 
@@ -186,10 +182,7 @@ class LoopAliases:
         """Return the images of a budget's loops around a machine.
 
         Args:
-            model: machine and Parts.
             theta: parameters in SI; (n_parameter,).
-            definition: loops.
-            ports: labels.
         """
         if not sampling_period(definition.loops):
             return cls(definition.loops, None)
@@ -262,10 +255,8 @@ def sampled_states(
     """Return the state space of a machine with sampled loops, in discrete time.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         definition: loops, all of one sampling period.
-        ports: labels.
     """
     loops = definition.loops
     plant = control_plant(*machine_states(model, theta, definition, ports), ports)

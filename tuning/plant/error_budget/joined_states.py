@@ -41,10 +41,8 @@ def machine_states(
     """Return the machine with its positions as outputs, and what the loops measure.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         definition: loops, and the band in which laws are approximated.
-        ports: labels.
 
     Returns:
         The machine; C of the measurements, (n_loop, n), and D of them by its inputs,
@@ -72,7 +70,6 @@ def control_plant(
         machine: with its positions as outputs.
         read: C of the measurements; (n_loop, n).
         direct: D of them by its inputs; (n_loop, 3 n_in).
-        ports: labels.
     """
     inputs = len(ports.inputs)
     entry, through = machine.gain[:, :inputs], direct[:, :inputs]
@@ -85,9 +82,6 @@ def _machine_states(
     """Return the machine without integrators, its outputs in a quantity.
 
     Args:
-        model: machine and Parts.
-        theta: parameters in SI; (n_parameter,).
-        ports: labels.
         lines: at which laws are approximated [Hz]; (n_freq,).
         order: number of time derivatives of the outputs.
     """

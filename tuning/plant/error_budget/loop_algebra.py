@@ -119,8 +119,6 @@ def loop_gains(
     """Return the loop gains GK, G from the controls to what the loops measure.
 
     Args:
-        definition: loops.
-        ports: labels of the FRFs.
         frfs: H, receptances or what sensors read; (n_freq, n_out, n_in).
         laplace: s of every line [rad/s]; (n_freq,).
         aliases: images of sampled loops; (n_freq, n_loop, n_loop).
@@ -149,10 +147,8 @@ def close_loops(
 
     Args:
         definition: loops and sources.
-        ports: labels of the FRFs.
-        frfs: H, receptances or what sensors read; (n_freq, n_out, n_in).
-        laplace: s of every line [rad/s]; (n_freq,).
-        aliases: images of sampled loops; (n_freq, n_loop, n_loop).
+        frfs (n_freq, n_out, n_in), laplace [rad/s] (n_freq,),
+            aliases (n_freq, n_loop, n_loop): as for ``loop_gains``.
     """
     measured, count = measured_rows(definition, ports, laplace), len(definition.loops)
     to_controls = frfs @ ports.controls

@@ -85,7 +85,6 @@ def plant_margins(
     """Compute the margins of loops that are stable.
 
     Args:
-        plant: FRFs between the ports of the loops.
         theta: its parameters in SI; (n_theta,).
         posterior: of the parameters, with the model-error floor; None for none.
         samples: parameters (n_theta,) and closed-loop poles (n_pole,) of machines of the
@@ -146,11 +145,8 @@ def closed_loops(
     """Compute the margins of loops that may be unstable.
 
     Args:
-        plant: FRFs between the ports of the loops.
-        theta: its parameters in SI; (n_theta,).
-        posterior: of the parameters, with the model-error floor; None for none.
+        theta (n_theta,), posterior, tuning: as for ``plant_margins``.
         thetas: machines of the posterior [SI]; (n_sample, n_theta).
-        tuning: whose held-out error the plants have; None for none.
     """
     drawn = [] if thetas is None else [(each, plant.poles(each, is_closed=True)) for each in thetas]
     stable = [(each, poles) for each, poles in drawn if growing_pole(poles) is None]

@@ -111,7 +111,6 @@ def sample_rms(budget: ErrorBudget, thetas: Real) -> Real:
     """Return the rms errors of machines drawn from the posterior; (n_sample, n_error).
 
     Args:
-        budget: of the fitted machine.
         thetas: parameters of each machine [SI]; (n_sample, n_theta).
 
     Raises:
@@ -125,7 +124,6 @@ def stable_poles_of_samples(budget: ErrorBudget, thetas: Real) -> list[Complex]:
     """Return the closed-loop poles of machines of the posterior [rad/s]; (n_pole,) each.
 
     Args:
-        budget: of the fitted machine.
         thetas: parameters of each machine [SI]; (n_sample, n_theta).
 
     Raises:
@@ -254,7 +252,6 @@ def plant_budget(
 
     Args:
         model: of the machine; that of the posterior if there is one.
-        definition: errors, sources and loops.
         before: another machine with the same labels; None for none.
         posterior: of the parameters; None for no intervals.
 

@@ -62,7 +62,6 @@ def plant_curves(
     """Compute the FRFs of a budget.
 
     Args:
-        budget: of the machine.
         before: of the machine before it was tuned; None for none.
         posterior: of the parameters; None for no bands.
         thetas: samples of the posterior; (n_sample, n_theta).

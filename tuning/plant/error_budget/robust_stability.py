@@ -112,7 +112,6 @@ def floor_tests(
     """Return |W T| of each loop and of all by a relative error of the machine's forces.
 
     Args:
-        plant: FRFs between the ports of the loops.
         theta: its parameters in SI; (n_theta,).
         nominal: margins with the lines.
         discrepancy: relative error of the forces.
@@ -182,7 +181,6 @@ def floor_deviations(
     """Return the deviations of the margins of each loop by a relative error of all forces.
 
     Args:
-        plant: FRFs between the ports of the loops.
         theta: its parameters in SI; (n_theta,).
         nominal: margins there.
         discrepancy: relative error e of the machine's forces.

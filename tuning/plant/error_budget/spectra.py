@@ -140,7 +140,6 @@ def read_spectrum(
     Their unit is that in brackets in the heading, such as ``w [rad/s]``; Hz without one.
 
     Args:
-        path: the file.
         column: heading of the column of the density, with or without its unit in brackets; None
             for the second one.
         unit: of the density; None if the heading states it in brackets.

@@ -84,7 +84,6 @@ class ControlPlant:
         """Return the reduced plant; see ``reduce_system``.
 
         Args:
-            method: ``balanced`` or ``modal``.
             order: number of states; None for as many as the bands can tell, or by the bound.
             bands: of the FRFs; None without a fit.
 
@@ -182,7 +181,6 @@ def make_control_plant(
     """Return the plant of a model with all its states in continuous time.
 
     Args:
-        model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
         request: outputs, inputs and quantity; its lines are the band of reduction and laws.
         delays_s: of the inputs [s], 0 if None; (n_in,).

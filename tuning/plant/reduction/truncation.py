@@ -119,7 +119,6 @@ def reduce_system(system: SystemMatrices, freq_hz: Real, method: ReductionMethod
     Args:
         system: any state space.
         freq_hz: lines at which outputs and inputs are compared [Hz]; (n_freq,).
-        method: ``balanced`` or ``modal``.
     """
     outputs, inputs = _units(system, freq_hz)
     stable, remainder = split_stable_part(system)

@@ -46,7 +46,6 @@ class FrfBands:
     """FRFs with standard deviations.
 
     Args:
-        request: lines, outputs, inputs, quantity.
         values: FRFs H of the fitted model; (n_freq, n_out, n_in).
         magnitude: standard deviation of |H| by the parameters; (n_freq, n_out, n_in).
         phase: standard deviation of |H| times the phase by the parameters; (n_freq, n_out, n_in).
@@ -89,7 +88,6 @@ def frf_bands(posterior: PosteriorOfModel, request: FrfRequest) -> FrfBands:
     """Return the FRFs between ports with their bands.
 
     Args:
-        posterior: of the model.
         request: lines, outputs, inputs, quantity; no output or input need have been measured.
     """
     lines = Evaluator(posterior.model, request).at(posterior.model.drawn)
@@ -114,9 +112,7 @@ def sample_frfs(posterior: PosteriorOfModel, thetas: Real, request: FrfRequest) 
     """Return the FRFs of samples; (n_sample, n_freq, n_out, n_in).
 
     Args:
-        posterior: of the model.
         thetas: parameters of the samples [SI]; (n_sample, n_theta).
-        request: lines, outputs, inputs, quantity.
     """
     evaluator = Evaluator(posterior.model, request)
     shape = (len(thetas), len(request.freq_hz), len(request.outputs), len(request.inputs))

@@ -49,7 +49,6 @@ def held_out_input_error(result: HeldOutResult, probability: float = 0.95) -> Mu
     """Return the error at the inputs of a tuning on its held-out lines.
 
     Args:
-        result: the tuning as read from its folder.
         probability: of the quantile over the lines of a window.
 
     Raises:
@@ -75,7 +74,6 @@ def held_out_loop_error(
     the error at the inputs, which has a meaning if all inputs have one unit.
 
     Args:
-        result: the tuning as read from its folder.
         loop: its input, and what it measures.
         probability: of the quantile over the lines of a window.
 
@@ -106,7 +104,6 @@ def _with_quantile(result: HeldOutResult, every: Real, probability: float) -> Mu
     Args:
         result: the tuning.
         every: e of each file at all lines; (n_file, n_line).
-        probability: of the quantile.
     """
     lines = np.flatnonzero(result.freq_hz > 0)
     errors = every[:, lines]

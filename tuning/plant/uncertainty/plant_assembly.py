@@ -25,7 +25,6 @@ def assemble_uncertain_plant(
     """Return the uncertain plant between ports.
 
     Args:
-        posterior: of the model.
         request: outputs, inputs and quantity; its lines say which parameters matter, and in which
             band laws of springs are approximated.
         min_share: parameters whose share in the variance of every FRF, at every line, is smaller
