@@ -2,7 +2,7 @@
 
 from diagnosis.algorithm import Diagnosis, diagnose
 from diagnosis.effects import EFFECTS, PROVEN, Effect, load_catalogue
-from diagnosis.estimates.residual_shares import ResidualShare, compute_residual_shares
+from diagnosis.estimates.residual_shares import compute_residual_shares
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.input_hash import hash_inputs
 from diagnosis.known_cause_bound import read_fault, refit_true_cause
@@ -15,7 +15,6 @@ __all__ = [
     "Diagnosis",
     "Effect",
     "Hypothesis",
-    "ResidualShare",
     "Scene",
     "Verdict",
     "build_verdict",

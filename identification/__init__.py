@@ -6,7 +6,6 @@ from identification.checks.channels import duplicate_channels, noise_only_channe
 from identification.checks.reciprocity import check_reciprocity
 from identification.noise.line_independence import lines_are_independent
 from identification.noise.repeatability import (
-    OverstatedNoise,
     find_overstated_noise,
     remove_overstated_noise,
 )
@@ -17,7 +16,6 @@ from identification.solid import (
     FAULT_PHRASES,
     MIN_REDUNDANT_CHANNELS,
     MOUNT_ENDS,
-    BendingShape,
     BodyCheck,
     Fault,
     body_inverse,
@@ -35,11 +33,9 @@ __all__ = [
     "FAULT_PHRASES",
     "MIN_REDUNDANT_CHANNELS",
     "MOUNT_ENDS",
-    "BendingShape",
     "BodyCheck",
     "CampaignSettings",
     "Fault",
-    "OverstatedNoise",
     "band_lines",
     "body_inverse",
     "check_bodies",

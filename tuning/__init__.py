@@ -45,7 +45,6 @@ from tuning.misfit.batch import predict
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.modal_misfit import modes_in_band, select_modes
 from tuning.misfit.residual_statistics import (
-    ResidualStatistics,
     estimate_model_error,
     residual_statistics,
 )
@@ -82,7 +81,6 @@ __all__ = [
     "PosteriorOfModel",
     "ProgressCallbacks",
     "ResidualKind",
-    "ResidualStatistics",
     "Session",
     "Stage",
     "TunedFile",

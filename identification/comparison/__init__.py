@@ -16,7 +16,6 @@ from identification.comparison.compared_modes import (
     compute_scatter,
     compute_shifts,
     pair_tests,
-    select_modes,
 )
 from identification.comparison.sentences import describe_fleet, describe_shifts
 
@@ -36,5 +35,4 @@ __all__ = [
     "describe_shifts",
     "name_campaigns",
     "pair_tests",
-    "select_modes",
 ]

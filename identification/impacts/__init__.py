@@ -1,16 +1,14 @@
 """Impact tests with unmeasured force: channels with clocks of their own, and spectra."""
 
 from identification.impacts.campaign import ImpactCampaign, read_impacts
-from identification.impacts.common_clock import SynchronisedImpact, synchronise
-from identification.impacts.records import ImpactRecord, StampedChannel, impact_record, read_impact
+from identification.impacts.common_clock import synchronise
+from identification.impacts.records import ImpactRecord, impact_record, read_impact
 from identification.impacts.spectra import ImpactSpectra, impact_spectra, sliding_average
 
 __all__ = [
     "ImpactCampaign",
     "ImpactRecord",
     "ImpactSpectra",
-    "StampedChannel",
-    "SynchronisedImpact",
     "impact_record",
     "impact_spectra",
     "read_impact",

@@ -13,7 +13,6 @@ from identification.matching.mode_matching import (
     shapes_at_channels,
 )
 from identification.matching.ratio_method import (
-    RatioMatch,
     RatioReference,
     choose_reference,
     match_by_ratios,
@@ -26,7 +25,6 @@ __all__ = [
     "MatchingPriors",
     "ModeCircles",
     "ModeMatch",
-    "RatioMatch",
     "RatioReference",
     "best_matching",
     "channel_geometry",

@@ -24,10 +24,10 @@ from identification.modal.indicators import (
     pair_shapes,
     signed_comac,
 )
-from identification.modal.lscf_method import Poles, lscf
+from identification.modal.lscf_method import lscf
 from identification.modal.mode_selection import IdentifiedModes, identify_modes
 from identification.modal.pole_clusters import ModeCriteria
-from identification.modal.shape_fit import ModalFit, WeightedFrfs
+from identification.modal.shape_fit import WeightedFrfs
 from identification.modal.shapes import (
     UNIT_MASS,
     BodyShapes,
@@ -54,10 +54,8 @@ __all__ = [
     "Circle",
     "IdentifiedModes",
     "MeasuredFrfs",
-    "ModalFit",
     "ModeChoices",
     "ModeCriteria",
-    "Poles",
     "ScaledModes",
     "SingleModeCheck",
     "SynthesisError",

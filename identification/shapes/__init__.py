@@ -4,7 +4,6 @@ from identification.shapes.fe_file import read_shapes
 from identification.shapes.fe_shapes import Shapes
 from identification.shapes.rigid_mass import MassCheck, RigidModes, compare_mass, rigid_modes
 from identification.shapes.sensor_placement import (
-    ModeDistinction,
     antinodes,
     distinguish_modes,
     effective_independence,
@@ -13,7 +12,6 @@ from identification.shapes.sensor_shapes import ShapeSampling, closest_barycentr
 
 __all__ = [
     "MassCheck",
-    "ModeDistinction",
     "RigidModes",
     "ShapeSampling",
     "Shapes",

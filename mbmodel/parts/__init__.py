@@ -3,7 +3,7 @@
 from mbmodel.parts.added import AddedPart
 from mbmodel.parts.attached import AttachedPart, Stinger
 from mbmodel.parts.bodies import BodyPart, body_parts
-from mbmodel.parts.channels import ChannelPart, HammerGainPart, channel_parts, hammer_gain_parts
+from mbmodel.parts.channels import ChannelPart, HammerGainPart, hammer_gain_parts
 from mbmodel.parts.joints import JointPart, joint_parts
 from mbmodel.parts.part import (
     Change,
@@ -36,7 +36,6 @@ __all__ = [
     "Stinger",
     "ToleranceKind",
     "body_parts",
-    "channel_parts",
     "hammer_gain_parts",
     "hammer_parts",
     "joint_parts",
