@@ -7,9 +7,8 @@ between the smallest ones of both tests, are tested without and with the further
 Page of further tests: their ranking, and where they act on the machine.
 """
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -18,16 +17,14 @@ import numpy as np
 
 from diagnosis.next_test.further_gains import FurtherGain, compare_sizes, rank_gains
 from diagnosis.next_test.smallest_sizes import SmallestSize
-from identification.readers.result_files import FORMAT
 from identification.words import InputError, Layout
-from mbmodel import load_machine
-from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
+from mbmodel.geometry.surfaces import MachineGeometry
 from mbw.blind.chosen_cases import BlindOptions, run_chosen, run_prediction
 from mbw.blind.grading import count_found
 from mbw.blind.size_text import size_text
-from mbw.blind.smallest import describe_unpredicted, predict
+from mbw.blind.smallest import describe_unpredicted, predict, write
 from mbw.blind.smallest_page import PLACES_SCRIPTS, find_points
-from mbw.blind.user_test import find_model, read_test, title_of
+from mbw.blind.user_test import read_test
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
 from mbw.page.html import fill_template, read_fragment
@@ -35,7 +32,7 @@ from mbw.page.picture import picture_data
 from truth import Choice, list_further_tests
 from truth.campaign.further_tests import FORCE, HITS
 
-FURTHER_JSON, FURTHER_PAGE, FURTHER_TEXT = "further.json", "further.html", "further.txt"
+FURTHER_FILES = "further.json", "further.html", "further.txt"
 _BEYOND = 1.2  # of the smallest size after, where no size is found before
 
 
@@ -92,27 +89,13 @@ def run_further(options: BlindOptions, confirm: int) -> Path:
             _confirm(options, gain, folder / f"confirm_{number}", options.seed + number)
             for number, gain in enumerate(helpful[:confirm])
         ]
-        rows = {
-            "gains": [asdict(gain) for gain in gains],
-            "confirmed": [asdict(row) for row in confirmed],
-        }
+        rows: dict[str, Sequence[object]] = {"gains": gains, "confirmed": confirmed}
         table = further_table(gains, confirmed)
-        path = find_model(Path(options.model))
-        machine = load_machine(path)
-        page = render(
-            rows, machine.layout, machine_geometry(machine), title_of(Path(options.model))
+        return write(
+            output, options.model, FURTHER_FILES, "further tests", rows, table, render=render
         )
-        with output.write() as place:
-            (place / FURTHER_PAGE).write_text(page, encoding="utf-8")
-            (place / FURTHER_JSON).write_text(
-                json.dumps({"format": FORMAT, **rows}, indent=1) + "\n", encoding="utf-8"
-            )
-            (place / FURTHER_TEXT).write_text(table, encoding="utf-8")
-        SCREEN.say(f"further tests in {folder / FURTHER_JSON}")
-        SCREEN.say(f"pictures in {(folder / FURTHER_PAGE).as_uri()}")
-        return table
 
-    return run_prediction(options, "further", FURTHER_JSON, compute)
+    return run_prediction(options, "further", FURTHER_FILES[0], compute)
 
 
 def rank_further(path: Path, band: tuple[float, float] | None, choice: Choice) -> list[FurtherGain]:

@@ -5,10 +5,11 @@ the places that matter most, if they are wanted.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from identification.words import InputError
 from mbmodel import load_machine
 from mbmodel.geometry.surfaces import machine_geometry
 from mbw.blind.size_text import size_text
-from mbw.blind.smallest_page import render
 from mbw.blind.user_test import UserTest, find_model, title_of
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder
@@ -40,7 +40,7 @@ from tuning import open_session
 # Effects without a linear prediction: laws of joints, and what data checks prove before any fit.
 _UNPREDICTED = frozenset((*OUTSIDE, *PROVEN, *NONLINEAR, "sensor_swap", "flexible_body"))
 _INSTRUMENTS = "sensor", "hammer"  # their effects need a tolerance
-SMALLEST_JSON, SMALLEST_PAGE, SMALLEST_TEXT = "smallest.json", "smallest.html", "smallest.txt"
+SMALLEST_FILES = "smallest.json", "smallest.html", "smallest.txt"
 
 
 @dataclass(frozen=True)
@@ -170,32 +170,32 @@ def _rank_place(row: SmallestSize) -> tuple[bool, bool, float]:
 def write(
     output: OutputFolder,
     model: str,
-    sizes: Sequence[SmallestSize],
-    confirmed: Sequence[Confirmation],
+    names: tuple[str, str, str],
+    what: str,
+    rows: Mapping[str, Sequence[Any]],
+    table: str,
+    *,
+    render: Callable[..., str],
 ) -> str:
-    """Write sizes, table and page; return the table.
+    """Write rows, page and table of a prediction, and say where they are; return the table.
 
     Args:
-        output: folder of the result.
         model: MJCF of a machine, or the user's campaign.
-        confirmed: those that drawn cases confirm.
+        names: names of the JSON file, the page and the text.
+        what: what the JSON file holds, for the message.
+        rows: records of each key of the JSON file.
+        render: makes the page of rows, layout, geometry and title.
     """
-    path = find_model(Path(model))
-    machine = load_machine(path)
-    table = size_table(sizes, confirmed)
-    rows = {
-        "sizes": [asdict(row) for row in sizes],
-        "confirmed": [asdict(row) for row in confirmed],
-    }
-    page = render(rows, machine.layout, machine_geometry(machine), title_of(Path(model)))
+    machine = load_machine(find_model(Path(model)))
+    content = {name: [asdict(row) for row in records] for name, records in rows.items()}
+    page = render(content, machine.layout, machine_geometry(machine), title_of(Path(model)))
+    text = json.dumps({"format": FORMAT, **content}, indent=1) + "\n"
     with output.write() as place:
-        (place / SMALLEST_JSON).write_text(
-            json.dumps({"format": FORMAT, **rows}, indent=1) + "\n", encoding="utf-8"
-        )
-        (place / SMALLEST_TEXT).write_text(table, encoding="utf-8")
-        (place / SMALLEST_PAGE).write_text(page, encoding="utf-8")
-    SCREEN.say(f"smallest sizes in {output.path.absolute() / SMALLEST_JSON}")
-    SCREEN.say(f"pictures in {(output.path.absolute() / SMALLEST_PAGE).as_uri()}")
+        for name, written in zip(names, (text, page, table), strict=True):
+            (place / name).write_text(written, encoding="utf-8")
+    folder = output.path.absolute()
+    SCREEN.say(f"{what} in {folder / names[0]}")
+    SCREEN.say(f"pictures in {(folder / names[1]).as_uri()}")
     return table
 
 

@@ -30,14 +30,16 @@ from mbw.blind.page import GRADES, PAGE
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import choose_workers
 from mbw.blind.smallest import (
-    SMALLEST_JSON,
+    SMALLEST_FILES,
     Confirmation,
     choose_places,
     describe_unpredicted,
     describe_unproposed,
     predict,
+    size_table,
     write,
 )
+from mbw.blind.smallest_page import render
 from mbw.blind.user_test import read_test, title_of
 from mbw.files import write_json
 from mbw.messages import SCREEN
@@ -166,9 +168,13 @@ def run_smallest(options: BlindOptions, confirm: int) -> Path:
             _confirm(options, row, folder / f"confirm_{number}", options.seed + number)
             for number, row in enumerate(choose_places(sizes, confirm))
         ]
-        return write(output, options.model, sizes, confirmed)
+        rows: dict[str, Sequence[object]] = {"sizes": sizes, "confirmed": confirmed}
+        table = size_table(sizes, confirmed)
+        return write(
+            output, options.model, SMALLEST_FILES, "smallest sizes", rows, table, render=render
+        )
 
-    return run_prediction(options, "smallest", SMALLEST_JSON, compute)
+    return run_prediction(options, "smallest", SMALLEST_FILES[0], compute)
 
 
 def _confirm(options: BlindOptions, row: SmallestSize, out: Path, seed: int) -> Confirmation:
