@@ -25,7 +25,7 @@ from diagnosis.search.refit_round import _select_promising
 from diagnosis.search.score_test import Score, list_peaks
 from diagnosis.settings import SETTINGS
 from tests.helpers.drawn import drawn
-from tests.helpers.refits import draw_imperfect, early_scene, propose_at, refit_null, refit_with
+from tests.helpers.refits import early_scene, propose_at, refit_null, refit_with
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
 from truth.machine.random_tree import draw_tree
 from tuning import is_gap_visible, open_session
@@ -248,27 +248,6 @@ def test_a_single_cause_is_not_eliminated(tmp_path):
     after, kept = reconsider_causes(base, search, refit, SETTINGS)
     assert kept is refit
     assert after.refits == ()
-
-
-def test_small_errors_everywhere_are_unexplained_and_no_cause_is_probable(tmp_path):
-    session, _ = draw_imperfect(tmp_path, 72_502, dirt=10.0)
-    verdict = build_verdict(diagnose(session))
-    assert verdict.verdict == "unexplained"
-    assert all(cause.probability < 0.5 for cause in verdict.causes)
-    assert verdict.rest.significant
-    assert verdict.rest.model_error > 0.003
-
-
-def test_a_strong_appendage_beside_small_errors_is_found_and_the_rest_is_everywhere(tmp_path):
-    session, text = draw_imperfect(tmp_path, 72_510, "appendage", dirt=5.0, ratio=8.0)
-    answer = tomllib.loads(text)
-    verdict = build_verdict(diagnose(session))
-    first = verdict.causes[0]
-    assert verdict.verdict == "partly"
-    assert (first.effect, first.location) == ("appendage", answer["location"])
-    assert first.probability > 0.9
-    assert verdict.rest.significant
-    assert verdict.rest.spread == "everywhere"
 
 
 def test_on_a_machine_that_lacks_nothing_no_set_is_selected(tmp_path):

@@ -86,8 +86,7 @@ def test_an_offset_is_estimated_in_world_axes():
     np.testing.assert_allclose(found.faults[0].parameters["offset"], offset, atol=0.03)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize("noise", [0.02, 0.005])
+@pytest.mark.parametrize(("seed", "noise"), [(0, 0.02), (1, 0.005)])
 def test_a_place_far_outside_its_body_is_no_exchange_of_sensors(seed, noise):
     # On its way there from the drawn place a fit took the errors of other sensors along, and three
     # faults of three sensors were left.
@@ -130,7 +129,7 @@ def read_at(campaign: Campaign, layout: Layout) -> Campaign:
     return replace(campaign, layout=layout, tests=tuple(tests))
 
 
-@pytest.mark.parametrize("turns", [0.2, -0.9, 1.7])
+@pytest.mark.parametrize("turns", [-0.9, 1.7])
 def test_a_delay_is_estimated_though_the_phase_turns_along_the_band(turns):
     case = Case(14, lines=LINES)
     delay = turns / float(draw(case).freq_hz[-1])
@@ -191,16 +190,15 @@ def test_two_faults_are_taken_out_one_after_the_other():
 
 
 def test_two_sensors_of_different_bodies_exchanged_are_found_on_both():
-    campaign = draw(Case(17, bodies=2, lines=LINES, read=exchange(4, 9 + 6)))
+    campaign = draw(Case(17, sensors=3, bodies=2, lines=LINES, read=exchange))
     first, second = check_bodies(campaign)
     for found in (first, second):
         assert named(found) == [("sensor_swap", "sensor:p0_1+p1_1", None)], found.sentence
         assert found.solid_to_hz == found.freq_hz[-1]
 
 
-def exchange(*_):
-    order = [*range(3), *range(15, 18), *range(6, 15), *range(3, 6), *range(18, 24)]
-    return lambda freq, values: values[:, order]
+def exchange(_, values):
+    return values[:, [*range(3), *range(12, 15), *range(6, 12), *range(3, 6), *range(15, 18)]]
 
 
 def test_a_fault_leaves_the_other_bodies_alone():

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from truth.campaign.measure import Measurement
 from truth.machine.mjcf_reader import read_station
 from truth.machine.station import GROUND, Hammer, Joint, Sensor, StageBody, Station
 
@@ -77,3 +78,23 @@ def hammers_at() -> object:
         return tuple(Hammer(node, stage, position, axis) for axis in np.eye(3))
 
     return hit
+
+
+@pytest.fixture(scope="session")
+def silence() -> object:
+    """Makes draws quick by a patch: FRFs are left zero, and sizes are not sought."""
+
+    def silent(machine, protocol, files, seed):
+        del machine, seed
+        references = tuple((node, axis) for node in protocol.nodes for axis in (1, 2, 3))
+        for take in files:
+            shape = (protocol.lines, len(take.channels), len(references))
+            zero = np.zeros(shape) if protocol.coherence else None
+            freq = protocol.freq_hz
+            yield Measurement(freq, np.zeros(shape, complex), zero, take.channels, references)
+
+    def apply(patch: pytest.MonkeyPatch) -> None:
+        patch.setattr("truth.campaign.virtual_test.hammer_tests", silent)
+        patch.setattr("truth.campaign.virtual_test._refit", lambda *_: None)
+
+    return apply

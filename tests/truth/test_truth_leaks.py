@@ -1,11 +1,9 @@
 """Nothing but the FRFs tells the cause; a leak that is planted is found."""
 
-import numpy as np
 import pytest
 
 from tests.helpers.leaks import features, seen
 from truth.campaign.case_design import draw_case
-from truth.campaign.measure import Measurement
 from truth.machine.random_tree import draw_tree
 
 ROUND = 43  # cases, in which every cause comes and twins are together
@@ -22,23 +20,12 @@ def drawn(number, machines):
 
 
 @pytest.fixture(scope="module")
-def campaigns(nominal):
+def campaigns(nominal, silence):
     """Rounds of a small tree and of the station in turn.
 
-    Values are no features: they are left zero, and sizes are not sought. The bench has both."""
-
-    def silent(machine, protocol, files, seed):
-        del machine, seed
-        references = tuple((node, axis) for node in protocol.nodes for axis in (1, 2, 3))
-        for take in files:
-            shape = (protocol.lines, len(take.channels), len(references))
-            zero = np.zeros(shape) if protocol.coherence else None
-            freq = protocol.freq_hz
-            yield Measurement(freq, np.zeros(shape, complex), zero, take.channels, references)
-
+    Values are no features, nor are sizes. The bench has both."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("truth.campaign.virtual_test.hammer_tests", silent)
-        patch.setattr("truth.campaign.virtual_test._refit", lambda *_: None)
+        silence(patch)
         machines = draw_tree(2, 3), nominal
         return [drawn(number, machines) for number in range(CASES)]
 

@@ -61,7 +61,7 @@ def test_each_test_is_predicted_by_its_own_machine(tmp_path, line, state):
     ("line", "state"), [(LOADED, {"added_mass": ADDED}), (POSE, {"shift": 0.12})]
 )
 def test_stiffness_is_tuned_to_tests_of_both_machines(tmp_path, line, state):
-    write_case(tmp_path, {line: state}, scales=SCALES, lines=80)
+    write_case(tmp_path, {line: state}, scales=SCALES, lines=40)
     tuned, theta = fitted(tmp_path)
     for name, factor in SCALES.items():
         drawn = {"carriage_tx": 3e5, "frame_tx": 5e6, "frame_ry": 4e5}[name]
@@ -78,10 +78,10 @@ def test_a_known_mass_tells_a_wrong_force_channel_from_heavier_bodies(tmp_path):
     # All force channels read 10 % too little: as if all masses and springs were 10 % smaller.
     gains = dict.fromkeys(("drive", "coil-magnet:+tx", "hit1:+z"), 0.9)
     names = ("hammer(drive).gain", "hammer(coil-magnet:+tx).gain", "hammer(default).gain")
-    write_case(tmp_path / "alone", {}, gains=gains, extra=WIDE, lines=80)
+    write_case(tmp_path / "alone", {}, gains=gains, extra=WIDE, lines=40)
     alone_tuning, alone = fitted(tmp_path / "alone")
     write_case(
-        tmp_path / "both", {LOADED: {"added_mass": ADDED}}, gains=gains, extra=WIDE, lines=80
+        tmp_path / "both", {LOADED: {"added_mass": ADDED}}, gains=gains, extra=WIDE, lines=40
     )
     both_tuning, both = fitted(tmp_path / "both")
     for name in names:
@@ -107,7 +107,7 @@ def test_the_other_way_round_heavier_bodies_are_found(tmp_path):
             ("frame_tx", "frame_tz", "frame_ry", "carriage_tx", "carriage_ry"), 1.1
         ),
         extra=WIDE,
-        lines=80,
+        lines=40,
     )
     _, theta = fitted(tmp_path)
     assert theta["carriage.mass"] == pytest.approx(1.1 * 16.0, rel=0.02)
