@@ -1,7 +1,10 @@
 """A folder that ``mbw diagnose`` left, of a small campaign of truth."""
 
+import atexit
 import re
 import shutil
+import tempfile
+from functools import cache
 from html import unescape
 from pathlib import Path
 
@@ -12,6 +15,7 @@ from typer.testing import CliRunner
 from diagnosis import EFFECTS
 from diagnosis.search import refit_round
 from mbw.command import app
+from tests.helpers.refits import few_refits
 
 RUNNER = CliRunner()
 LINES = 161
@@ -26,11 +30,19 @@ CASES: dict[str, tuple[int, tuple[str, ...], float | None, str | None]] = {
 
 
 def diagnosed(name: str, folder: Path) -> Path:
-    """Diagnose one of the cases; what nobody explains by a catalogue that knows too little."""
+    """Return the result of one of the cases in a folder; each case is diagnosed once."""
+    return shutil.copytree(_diagnose_case(name), folder / "result")
+
+
+@cache
+def _diagnose_case(name: str) -> Path:
+    """Diagnose a case; what nobody explains by a catalogue that knows too little."""
     seed, effects, ratio, known = CASES[name]
+    folder = Path(tempfile.mkdtemp())
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     drawn(folder, seed, *effects, ratio=ratio, lines=LINES)
     result = folder / "result"
-    with pytest.MonkeyPatch.context() as patch:
+    with few_refits(), pytest.MonkeyPatch.context() as patch:
         if known is not None:
             patch.setattr(refit_round, "load_catalogue", lambda: {known: EFFECTS[known]})
         outcome = RUNNER.invoke(app, ["diagnose", str(folder / "campaign"), "--out", str(result)])
