@@ -3,7 +3,6 @@
 import json
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from mbw.command import app
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import early_scene, refit_null
 from truth.grade.read_verdict import read_verdict
-from tuning import UserSpecification, fit, open_session, parametrise
+from tuning import UserSpecification, fit, parametrise
 from tuning.fitting import error_floor_fit
 
 CASES = {
@@ -192,15 +191,3 @@ def test_without_a_model_there_is_one_sentence(tmp_path):
     run = CliRunner().invoke(app, ["diagnose", str(tmp_path)])
     assert run.exit_code == 3
     assert len(run.stderr.strip().splitlines()) == 1
-
-
-OPEN = Path(__file__).resolve().parents[3] / "shared" / "campaigns" / "open" / "drift"
-
-
-@pytest.mark.skipif(not OPEN.exists(), reason="the shared campaigns are not beside the clone")
-def test_a_campaign_of_another_make_is_diagnosed_right():
-
-    verdict = build_verdict(diagnose(open_session(OPEN)))
-    first = verdict.causes[0]
-    assert (first.effect, first.location, first.dof) == ("drift", "joint:tilt", "acc11:+ty")
-    assert verdict.gap.closed > 0.95

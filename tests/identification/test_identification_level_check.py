@@ -99,8 +99,7 @@ def test_a_cubic_spring_raises_one_frequency_with_the_level(block):
     assert "run mbw diagnose" in check.sentence
 
 
-@pytest.mark.parametrize("levels", [(3.0, 411.0), LEVELS_N])
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("levels", "seed"), [((3.0, 411.0), 1), (LEVELS_N, 2)])
 def test_a_linear_machine_changes_nothing(block, levels, seed):
     check = check_levels(level_campaign(block, None, levels, seed=seed))
     assert len(check.trends) == 3
@@ -343,7 +342,7 @@ def test_a_mode_that_was_followed_badly_is_not_the_clearest():
 
 
 @pytest.mark.skipif(not BRB.exists(), reason="the measured beam is not at hand")
-@pytest.mark.parametrize("first", [0, 329, 400, 1000, 4000])
+@pytest.mark.parametrize("first", [0, 400, 4000])
 def test_the_bolted_beam_changes_wherever_its_record_begins(first):
     data = np.load(BRB / "decay_after_a_hammer_hit.npz")
     check = check_decay(data["acceleration_m_s2"][:, first:].astype(float), float(data["rate_hz"]))

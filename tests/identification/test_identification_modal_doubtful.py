@@ -82,14 +82,14 @@ def drawn(seed, drift):
     return Drawn(model.freq_hz[:count], find_doubtful_modes(model, count, identified.misfit))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_real_modes_and_a_close_pair_are_not_doubtful(seed):
     found = drawn(seed, 0.0)
     assert len(found.freq_hz) == len(MODES_HZ)
     assert not any(found.reasons)
 
 
-@pytest.mark.parametrize(("seed", "drift"), [(0, 3e-4), (1, 3e-4), (4, 3e-4), (0, 1e-3), (1, 1e-3)])
+@pytest.mark.parametrize(("seed", "drift"), [(0, 3e-4), (4, 3e-4), (1, 1e-3)])
 def test_modes_of_hits_that_differ_are_doubtful_and_every_true_mode_stays(seed, drift):
     found = drawn(seed, drift)
     assert len(found.freq_hz) > len(MODES_HZ)

@@ -29,14 +29,11 @@ def check_flexible(seed: int, size: float):
 
 @pytest.mark.parametrize("size", [0.03, 0.1, 0.3])
 def test_a_flexible_mode_ends_solidity_below_it_and_is_no_sensors_fault(size):
-    for seed in range(2):
-        body_check = check_flexible(1500 + seed, size)
-        assert [fault.effect for fault in body_check.faults] == ["flexible_body"], (
-            body_check.sentence
-        )
-        assert body_check.faults[0].location == "body:body0"
-        assert 60 < body_check.solid_to_hz < 148
-        assert body_check.faults[0].parameters["frequency"] == pytest.approx(150, rel=0.05)
+    body_check = check_flexible(1500, size)
+    assert [fault.effect for fault in body_check.faults] == ["flexible_body"], body_check.sentence
+    assert body_check.faults[0].location == "body:body0"
+    assert 60 < body_check.solid_to_hz < 148
+    assert body_check.faults[0].parameters["frequency"] == pytest.approx(150, rel=0.05)
 
 
 def twisted(case: Case, size=0.5, frequency=160.0, corner=None, reversed_corner=None) -> Case:
@@ -64,7 +61,7 @@ def twisted(case: Case, size=0.5, frequency=160.0, corner=None, reversed_corner=
     return replace(case, read=read)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_plate_that_twists_is_flexible_though_any_of_its_corners_would_tell_as_much(seed):
     body_check = check(twisted(Case(1550 + seed, lines=LINES, level=True)))
     assert "flexible_body" in [fault.effect for fault in body_check.faults], body_check.sentence

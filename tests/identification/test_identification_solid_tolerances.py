@@ -36,7 +36,7 @@ def late(channels: list[int], delays: list[float]):
     return read
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_delays_within_tolerance_are_no_fault_however_low_the_noise(seed):
     exact = replace(Tolerance(), sensor_delay=0.0)
     case = Case(seed, **PRECISE, tolerance=exact, read=late([1, 5, 9], [11e-6, 27e-6, 19e-6]))

@@ -338,10 +338,7 @@ def test_a_model_is_simulated_in_time(model):
     assert len(repr(response).splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("name", "is_hidden"),
-    [("plant", False), ("budget", False), ("tuning", True), ("identification", True)],
-)
+@pytest.mark.parametrize(("name", "is_hidden"), [("plant", False), ("identification", True)])
 def test_beside_a_users_file_it_works_or_says_what_to_do(name, is_hidden, tmp_path):
     (tmp_path / f"{name}.py").write_text("x = 1\n")
     script = tmp_path / "script.py"

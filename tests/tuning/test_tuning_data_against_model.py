@@ -24,7 +24,7 @@ from tuning.checks.data_against_model import (
 from tuning.checks.export_faults import StatedExport, list_faults
 
 FREQ = np.arange(2.0, 242.0, 1.0)
-HEALTHY = range(15)
+HEALTHY = range(6)
 FILE = "impact.uff"
 
 
@@ -102,7 +102,7 @@ UNITS = {"g/N": 9.80665, "mm/s^2/N": 1e-3, "m/s^2/lbf": 1 / 4.44822, "in/s^2/N":
 
 
 @pytest.mark.parametrize(("unit", "si"), UNITS.items())
-@pytest.mark.parametrize("seed", [0, 1, 5])
+@pytest.mark.parametrize("seed", [0, 5])
 def test_a_wrong_unit_is_named_with_its_key(random_case, seed, unit, si):
     model, campaign = random_case(seed)
     (finding,) = compare(model, as_exported(campaign, 1 / si))
@@ -121,7 +121,7 @@ def test_a_stated_unit_that_the_file_does_not_have_is_named(random_case):
     assert "values in m/s^2/N were labelled g/N" in finding.sentence
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize(
     ("factor", "order", "keys"),
     [
@@ -138,7 +138,7 @@ def test_another_quantity_is_named_by_its_slope(random_case, seed, factor, order
 
 
 @pytest.mark.parametrize(("unit", "axis"), [("rad/s", 2 * np.pi), ("kHz", 1e-3)])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_another_frequency_unit_is_named(random_case, seed, unit, axis):
     model, campaign = random_case(seed)
     (finding,) = compare(model, as_exported(campaign, axis=axis))
@@ -169,7 +169,7 @@ def _scale(key, factor, match):
     return f'{key}="{numbers}"'
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_masses_in_grams_are_named(scaled_case, seed):
     # A unit 1000 times larger has the same level above the modes, and may be named too.
     model, campaign = scaled_case(seed, mass=1e3)
@@ -179,7 +179,7 @@ def test_masses_in_grams_are_named(scaled_case, seed):
 
 
 @pytest.mark.parametrize("reference", [1.0, 1e-6])
-@pytest.mark.parametrize("seed", [0, 1, 2, 6])
+@pytest.mark.parametrize("seed", [0, 6])
 def test_decibels_with_a_phase_are_named_as_such(random_case, seed, reference):
     model, campaign = random_case(seed)
 
@@ -197,7 +197,7 @@ def test_decibels_with_a_phase_are_named_as_such(random_case, seed, reference):
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-@pytest.mark.parametrize("seed", [0, 3, 5])
+@pytest.mark.parametrize("seed", [0, 3])
 def test_a_factor_of_two_is_a_remark(random_case, seed, factor):
     model, campaign = random_case(seed)
     (finding,) = compare(model, as_exported(campaign, factor))
@@ -263,7 +263,7 @@ def test_a_file_that_is_as_stated_is_questioned_but_not_refused(folder, key):
     assert any(f"set {key} in its [[test]]" in remark for remark in session.campaign.remarks)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_less_than_an_octave_holds_too_little_for_a_refusal_by_one_unit(random_case, seed):
     model, campaign = random_case(seed)
     narrow = as_exported(campaign, 4.44822).select_lines(slice(60, 100))  # 62..101 Hz
