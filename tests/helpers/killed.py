@@ -35,8 +35,8 @@ class Killed:
 
 def campaign_in(folder: Path, seed: int) -> Path:
     """A campaign of a small random machine."""
-    tree = draw_tree(seed, 3)
-    protocol = Protocol(nodes=(tree.first_aim(),), lines=161, resolution_hz=1.0)
+    tree = draw_tree(seed, 2)
+    protocol = Protocol(nodes=(tree.first_aim(),), lines=81, resolution_hz=2.0)
     write_campaign(draw_campaign(tree, Plan(seed, protocol=protocol)), folder / "campaign")
     return folder / "campaign"
 

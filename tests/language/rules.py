@@ -9,6 +9,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,6 +49,7 @@ class Violation:
         return f"{self.rule}: {self.path}: {self.name}"
 
 
+@cache
 def check_package(package: str) -> list[Violation]:
     """Return what the files of one package break by themselves."""
     violations: list[Violation] = []

@@ -2,6 +2,7 @@
 
 import ast
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,11 @@ MOST_REPEATED_ENTRIES = 700
 TEXTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
 
+@cache
+def violations_together():
+    return check_together({k: v for name in PACKAGES for k, v in parse_package(name).items()})
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_names_and_docstrings_follow_the_language(package):
     violations = [*check_package(package), *check_exports(package)]
@@ -36,8 +42,7 @@ def test_names_and_docstrings_follow_the_language(package):
 
 
 def test_no_constant_and_no_class_has_two_meanings():
-    trees = {path: tree for name in PACKAGES for path, tree in parse_package(name).items()}
-    violations = check_together(trees)
+    violations = violations_together()
     assert [str(v) for v in violations if not excepted(v, EXCEPTIONS)] == []
 
 
@@ -60,9 +65,8 @@ def test_no_sentence_of_the_docs_is_too_long(path):
 
 def test_exceptions_are_few_have_reasons_and_are_needed():
     assert len(EXCEPTIONS) <= MOST_EXCEPTIONS
-    trees = {path: tree for name in PACKAGES for path, tree in parse_package(name).items()}
     violations = [v for name in PACKAGES for v in (*check_package(name), *check_exports(name))]
-    violations += check_together(trees)
+    violations += violations_together()
     for entry in EXCEPTIONS:
         assert len(entry["reason"].split()) >= 4
         assert any(excepted(violation, [entry]) for violation in violations), entry
