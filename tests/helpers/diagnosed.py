@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 from diagnosis import EFFECTS
 from diagnosis.search import refit_round
 from mbw.command import app
-from tests.helpers.refits import few_refits
 
 RUNNER = CliRunner()
 LINES = 161
@@ -42,7 +41,7 @@ def _diagnose_case(name: str) -> Path:
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     drawn(folder, seed, *effects, ratio=ratio, lines=LINES)
     result = folder / "result"
-    with few_refits(), pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch:
         if known is not None:
             patch.setattr(refit_round, "load_catalogue", lambda: {known: EFFECTS[known]})
         outcome = RUNNER.invoke(app, ["diagnose", str(folder / "campaign"), "--out", str(result)])

@@ -1,13 +1,8 @@
 """Refits of small machines, made one by one for tests of the diagnosis."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
-from diagnosis import EFFECTS, Hypothesis, Scene, diagnose
+from diagnosis import EFFECTS, Hypothesis, Scene
 from diagnosis.null_model import fit_null_model
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import add_cause, run_refits
@@ -15,14 +10,6 @@ from diagnosis.settings import SETTINGS
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
 from truth.machine.random_tree import draw_tree
 from tuning import STAGES, Session, fit, open_session
-
-
-@contextmanager
-def few_refits(count: int = 3) -> Iterator[None]:
-    """Let the commands refit fewer hypotheses in each round, where the cause scores high."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(diagnose.__kwdefaults__, "settings", replace(SETTINGS, max_refits=count))
-        yield
 
 
 def early_scene(session: Session, jobs: int = 1) -> Scene:
