@@ -73,9 +73,15 @@ def dense(scene, found, force, power, model_error):
     return cost(0.0) - cost(power / middle)
 
 
-def test_the_gain_is_that_of_the_dense_covariance(tmp_path):
-    scene, _ = begun(tmp_path, 72_031, lines=161)
-    early = refit_null(scene).fit
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A machine that lacks nothing: its scene and its null model."""
+    scene, _ = begun(tmp_path_factory.mktemp("fitted"), 72_031, lines=161)
+    return scene, refit_null(scene).fit
+
+
+def test_the_gain_is_that_of_the_dense_covariance(fitted):
+    scene, early = fitted
     size = len(scene.model.machine.coordinates)
     forces = np.random.default_rng(3).standard_normal((size, 3))
     powers = np.full(3, POWER)
@@ -89,9 +95,8 @@ def test_the_gain_is_that_of_the_dense_covariance(tmp_path):
             assert gain == pytest.approx(expected, rel=1e-5, abs=1e-3)
 
 
-def test_the_power_is_that_of_the_largest_gain_if_nothing_else_varies(tmp_path):
-    scene, _ = begun(tmp_path, 72_031, lines=161)
-    early = refit_null(scene).fit
+def test_the_power_is_that_of_the_largest_gain_if_nothing_else_varies(fitted):
+    scene, early = fitted
     forces = np.random.default_rng(3).standard_normal((len(scene.model.machine.coordinates), 3))
     linearised = _LinearisedFit.linearise(scene, early, 3e-3)
     powers = np.array(SETTINGS.force_powers)

@@ -16,13 +16,13 @@ def found_in(seed):
 
 def test_intervals_hold_for_machines_with_modes_above_the_band() -> None:
     pulls, misfits = [], []
-    for seed in range(60_000, 60_016):
+    for seed in range(60_000, 60_008):
         case, _, found = found_in(seed)
         near = np.abs(found.fit.freq_hz[:, None] / case.modes_hz - 1).argmin(axis=0)
         pulls.append((found.fit.freq_hz[near] - case.modes_hz) / found.freq_sd[near])
         pulls.append((found.fit.damping[near] - case.damping) / found.damping_sd[near])
         misfits.append(found.misfit)
-    # 256 pulls, robust against a single one: without guards the rms is above 1.3.
+    # 128 pulls, robust against a single one: without guards the rms is above 1.3.
     assert np.sqrt(np.mean(np.square(np.clip(pulls, -4, 4)))) < 1.2
     assert max(misfits) < 1.06
 

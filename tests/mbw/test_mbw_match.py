@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from tests.helpers.virtual_gondola import Trial, read_structure, write_impacts
 
 ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
 SHAPES = str(ASSETS / "shapes.vtu")
+BAND = ("--band", 15, 40)
 
 
 @pytest.fixture(scope="module")
@@ -26,15 +28,21 @@ def campaign(tmp_path_factory):
     return folder
 
 
+def match(out, *arguments):
+    return CliRunner().invoke(app, ["match", *map(str, arguments), "--out", str(out)])
+
+
 @pytest.fixture
 def called(tmp_path):
     """The verb, its result in a folder of its own."""
+    return partial(match, tmp_path / "matched")
 
-    def call(*arguments):
-        words = ["match", *map(str, arguments), "--out", str(tmp_path / "matched")]
-        return CliRunner().invoke(app, words)
 
-    return call
+@pytest.fixture(scope="module")
+def narrow(campaign, tmp_path_factory):
+    """What is matched in the lower band."""
+    out = tmp_path_factory.mktemp("narrow") / "matched"
+    return match(out, SHAPES, campaign, *BAND, "--json", "-", "--quiet").stdout
 
 
 def test_a_campaign_is_matched_and_written(campaign, tmp_path, called):
@@ -119,10 +127,11 @@ def test_a_campaign_without_channels_is_named(campaign, tmp_path, called):
 @pytest.mark.parametrize(
     ("mass", "agrees"), [("800+-40", False), ("240+-30", True), ("240+-10%", False)]
 )
-def test_another_mass_is_a_remark_and_the_match_stays(campaign, tmp_path, called, mass, agrees):
-    band = "--band", 15, 40
-    plain = json.loads(called(SHAPES, campaign, *band, "--json", "-", "--quiet").stdout)
-    done = called(SHAPES, campaign, *band, "--mass", mass, "--json", tmp_path / "match.json")
+def test_another_mass_is_a_remark_and_the_match_stays(
+    campaign, narrow, tmp_path, called, mass, agrees
+):
+    plain = json.loads(narrow)
+    done = called(SHAPES, campaign, *BAND, "--mass", mass, "--json", tmp_path / "match.json")
     assert done.exit_code == 0, done.output
     found = json.loads((tmp_path / "match.json").read_text())
     check = found.pop("mass_check")
@@ -191,12 +200,12 @@ def test_a_channel_that_is_ignored_is_not_matched(campaign, tmp_path, called):
     assert matched == [7, 8, 9, 10, 11, 12, 13, 14]
 
 
-def test_a_band_of_the_user_replaces_that_of_the_campaign(campaign, tmp_path, called):
-    done = called(SHAPES, campaign, "--band", 15, 40, "--json", "-", "--quiet", "--jobs", 2)
-    assert (done.exit_code, done.stderr) == (0, "")
+def test_a_band_of_the_user_replaces_that_of_the_campaign(campaign, narrow, called):
+    done = called(SHAPES, campaign, *BAND, "--json", "-", "--quiet", "--jobs", 2)
+    assert (done.exit_code, done.stderr, done.stdout) == (0, "", narrow)
     found = MatchFile.model_validate_json(done.stdout)
     assert found.modes
     assert all(15 < row.frequency < 40 for row in found.modes)
-    silent = called(SHAPES, campaign, "--band", 15, 40, "-q")
+    silent = called(SHAPES, campaign, *BAND, "-q")
     assert (silent.exit_code, silent.output) == (0, "")
     assert called(SHAPES, campaign, "--band", 40, 15).exit_code == 2

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -81,26 +82,40 @@ def drifting(station: Station, joint: str = "slide") -> Station:
     return replace(station, stages=stages)
 
 
+@cache
 def machine(name: str) -> Station:
     """A machine that has a place for the effect."""
     return chain(hinges=name == "missing_dof")
 
 
+@cache
+def scene(name: str) -> Scene:
+    """A test of that machine."""
+    return scene_of(machine(name))
+
+
 def drawn(name: str, seed: int = 3, place: str | None = None) -> Effect:
-    effect = DRAWS[name](random_of(seed), scene_of(machine(name)), place)
+    effect = DRAWS[name](random_of(seed), scene(name), place)
     assert effect is not None
     return effect
 
 
+LATER = tuple(replace(one, time=1.0) for one in OCCASIONS)
+
+
+@cache
+def unchanged(name: str) -> np.ndarray:
+    return frf_of(machine(name), occasions=LATER)
+
+
 def change(name: str, effect: Effect) -> float:
     """How much an effect changes the FRFs of its machine, relative."""
-    occasions = tuple(replace(one, time=1.0) for one in OCCASIONS)
-    before = frf_of(machine(name), occasions=occasions)
-    return float(np.linalg.norm(frf_of(machine(name), effect, occasions=occasions) - before)) / (
-        float(np.linalg.norm(before))
-    )
+    before = unchanged(name)
+    after = frf_of(machine(name), effect, occasions=LATER)
+    return float(np.linalg.norm(after - before) / np.linalg.norm(before))
 
 
+@cache
 def locations(name: str, count: int = 60) -> set[str]:
     return {drawn(name, seed).answer().location for seed in range(count)}
 
