@@ -77,12 +77,19 @@ def test_a_moved_effect_is_felt_alike_where_both_bodies_move_as_one(scene, effec
     np.testing.assert_allclose(after, before, atol=1e-9 * np.abs(before).max())
 
 
-def test_a_link_at_the_wrong_one_of_two_joined_bodies_is_moved_to_the_right_one(tmp_path):
-    session, text = drawn(tmp_path, 72_520, "parallel_path", ratio=6.0, lines=161, stages=4)
+@pytest.fixture(scope="module")
+def linked(tmp_path_factory):
+    """A machine that lacks a link: its scene, null model and link."""
+    folder = tmp_path_factory.mktemp("linked")
+    session, text = drawn(folder, 72_520, "parallel_path", ratio=6.0, lines=161, stages=4)
     location = text.partition('location = "')[2].partition('"')[0]
     scene = early_scene(session)
-    null = refit_null(scene)
-    right = propose_at(scene, "parallel_path", location)[0]
+    return scene, refit_null(scene), propose_at(scene, "parallel_path", location)[0]
+
+
+def test_a_link_at_the_wrong_one_of_two_joined_bodies_is_moved_to_the_right_one(linked):
+    scene, null, right = linked
+    location = right.location
     wrong = [
         link
         for link in EFFECTS["parallel_path"](scene)
@@ -129,12 +136,9 @@ def test_what_two_refits_take_off_the_gap_has_a_cosine_in_sigmas():
     assert compute_cosine(without, first, second, weights) == pytest.approx(counted)
 
 
-def test_a_link_to_either_of_two_bodies_that_move_as_one_is_interchangeable(tmp_path):
-    session, text = drawn(tmp_path, 72_520, "parallel_path", ratio=6.0, lines=161, stages=4)
-    location = text.partition('location = "')[2].partition('"')[0]
-    scene = early_scene(session)
-    null = refit_null(scene)
-    right = propose_at(scene, "parallel_path", location)[0]
+def test_a_link_to_either_of_two_bodies_that_move_as_one_is_interchangeable(linked):
+    scene, null, right = linked
+    location = right.location
     fits = [refit_with(scene, null, right)]
     far = [place for place in propose_places(scene) if place != location]
     fits += [refit_with(scene, null, propose_at(scene, "parallel_path", place)[0]) for place in far]

@@ -32,9 +32,14 @@ def environment(tmp_path_factory):
 def _mypy(environment, folder, code):
     script = folder / "script.py"
     script.write_text(code)
-    call = ["-m", "mypy", "--strict", "--python-executable", environment, script]
+    cache = environment.parent / "mypy_cache"  # for all calls
+    call = ["-m", "mypy", "--strict", "--cache-dir", cache, "--python-executable", environment]
     return subprocess.run(
-        [sys.executable, *map(str, call)], cwd=folder, capture_output=True, text=True, check=False
+        [sys.executable, *map(str, call), script],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
