@@ -52,8 +52,9 @@ def test_gains_and_springs_of_a_drawn_machine_are_found_from_motors_to_encoders(
     assert np.mean(inside) > 0.8
 
 
-def test_the_fault_of_a_drawn_machine_is_named_from_motors_to_encoders(tmp_path):
-    subject, gains = drawn_campaign(tmp_path / "case", 2, "appendage")
+@pytest.mark.parametrize("effect", ["joint_coupling", "appendage"])
+def test_the_fault_of_a_drawn_machine_is_named_from_motors_to_encoders(tmp_path, effect):
+    subject, gains = drawn_campaign(tmp_path / "case", 2, effect)
     target = tmp_path / "verdict.json"
     command = ["diagnose", tmp_path / "case", "--json", target, "--out", tmp_path / "out"]
     run(*command, "--jobs", 1, "-q")
@@ -61,8 +62,11 @@ def test_the_fault_of_a_drawn_machine_is_named_from_motors_to_encoders(tmp_path)
     (drawn,) = subject.draws.drawn
     assert verdict["verdict"] == "explained"
     cause = verdict["causes"][0]
-    assert (cause["effect"], cause["location"]) == ("appendage", f"body:{drawn.effect.body}")
+    stage = drawn.effect.stage if effect == "joint_coupling" else drawn.effect.body
+    place = f"joint:{stage}" if effect == "joint_coupling" else f"body:{stage}"
+    assert (cause["effect"], cause["location"]) == (effect, place)
     assert cause["probability"] > 0.9
-    assert cause["parameters"]["frequency"] == pytest.approx(drawn.effect.frequency, rel=0.01)
+    if effect == "appendage":
+        assert cause["parameters"]["frequency"] == pytest.approx(drawn.effect.frequency, rel=0.01)
     for name, (gain, _) in fitted_gains(verdict["channel_gains"]).items():
         assert gain == pytest.approx(gains[name], rel=0.03), name
