@@ -112,6 +112,21 @@ def real_table() -> str:
     return table(header, rows, text=2)
 
 
+def compare_table() -> str:
+    """Rates of two visits to dirty virtual machines."""
+    rows = []
+    for row in bench_rows("compare"):
+        rates = [
+            Rate(row[name], (row[f"{name} from"], row[f"{name} to"]), row["n"])
+            for name in ("named first", "wrong cause")
+            if row[name] is not None
+        ]
+        cells = [*(["-"] * (2 - len(rates))), *map(str, rates)]
+        rows.append((row["cases"], row["n"], *cells, row["errors"], f"{row['core s']:.0f}"))
+    header = ("Between the visits", "n", "Named first", "A wrong cause", "Errors", "Core seconds")
+    return table(header, rows, text=1)
+
+
 def reciprocity_table() -> str:
     """Ratios and differences by reciprocity on computed changes of the tower."""
     header = (
@@ -133,6 +148,7 @@ def reciprocity_table() -> str:
 FIGURES = {
     "reciprocity-table": reciprocity_table,
     "real-table": real_table,
+    "compare-table": compare_table,
     "measured-levels-table": levels_table,
     "measured-table": measured_table,
     "measured-tower-table": tower_table,
