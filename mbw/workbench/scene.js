@@ -59,6 +59,7 @@ export function createScene(canvas, marks, onPick) {
       return {...point, dot};
     });
     shape = new Float32Array(12 * data.stages.length);
+    isSlow = null;  // measured at the next picture, which has this machine in it
     if (size) return;  // the picture stays where the user has turned it
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     const include = p => p.forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
@@ -149,7 +150,7 @@ export function createScene(canvas, marks, onPick) {
         [moved(place, stage), moved(add(place, axes.slice(3 * k, 3 * k + 3), 0.035 * size), stage)]),
     ], rgba(colour)));
     mark(look);
-    if (isSlow === null) {
+    if (isSlow === null && meshes.length) {
       gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));  // waits for the picture
       isSlow = performance.now() - began > SLOW_MS;
     }

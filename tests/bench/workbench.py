@@ -5,6 +5,7 @@ their coherence, modes with MAC to the measured ones, misfit over all 207 channe
 each of the 72 stiffnesses and dampers beside those of the tolerances. Keys move the sliders, one
 after the other; each state is new, so that no frame is a kept one. A frame counts as painted in the
 task that follows the browser's next animation frame. The browser draws without a graphics card.
+Then the server is used as in an hour, and its memory is compared.
 """
 
 import os
@@ -19,7 +20,10 @@ from unittest import mock
 
 import numpy as np
 
+from mbw.workbench.desk import Desk
+from mbw.workbench.edits import AddedMass
 from mbw.workbench.opening import open_subject
+from mbw.workbench.state import Action, Move, Put
 from mbw.workbench.subject import StoredFrfs, WorkbenchSubject
 from tests.helpers.browser import Tab, open_tab
 from tests.helpers.workbench_server import serve
@@ -27,6 +31,7 @@ from tuning import modes_in_band, predict
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo"
 N_SLIDERS, WARM_UP, STROKES = 72, 12, 144
+WARM_UP_S, HOUR_S = 1200, 3600
 SOFTWARE_GL = "--enable-unsafe-swiftshader"  # the machine in 3-D without a graphics card
 MEASURE = """
 window.times = [];
@@ -68,12 +73,17 @@ def four_curves() -> WorkbenchSubject:
     return replace(subject, stored={"tuned": stored}, measured_modes=modes_in_band(campaign))
 
 
-def measure(tab: Tab, address: str, *, moves: bool) -> np.ndarray:
-    """Return the latencies [ms] of strokes on all sliders."""
+def measure(tab: Tab, address: str, *, moves: bool, adds: bool) -> np.ndarray:
+    """Return the latencies [ms] of strokes on all sliders, or on those of an appendage."""
     tab.show(address, still=not moves)
     tab.wait("document.documentElement?.dataset.ready")
+    if adds:
+        tab.run("[...document.querySelectorAll('#adders button')].at(-1).click()")
+        tab.wait("document.querySelector('#marks i.edit')")
     tab.run(MEASURE)
-    assert tab.run("window.sliders.length") == N_SLIDERS
+    if adds:
+        tab.run("window.sliders = [...document.querySelectorAll('.edit input[type=range]')]; 0")
+    assert tab.run("window.sliders.length") == (3 if adds else N_SLIDERS)
     times = [tab.run(f"window.stroke({k})") for k in range(WARM_UP + STROKES)]
     assert tab.run("FAULTS") == []
     return np.array(times[WARM_UP:])
@@ -92,6 +102,31 @@ def computation() -> Iterator[None]:
             job.wait()
 
 
+def use_for_an_hour(desk: Desk) -> dict[str, object]:
+    """Return the memory of the server before and after as many moves as an hour has seconds.
+
+    Each is another state; every tenth time a mass is added or changed. Frames are kept up to a
+    bound, which the first moves reach.
+    """
+    random, body = np.random.default_rng(1), next(iter(desk.subject.model.machine.layout.bodies))
+    names = desk.subject.parametrisation.names[:N_SLIDERS]
+
+    def use(seconds: int) -> int:
+        for second in range(seconds):
+            values = {names[second % len(names)]: float(random.normal(0, 0.3))}
+            action: Action = Move(values=values)
+            if not second % 10:
+                mass = AddedMass(name="mass1", body=body, mass=float(random.uniform(1, 50)))
+                action = Put(edit=mass)
+            desk.act(desk.history.revision, action)
+        resident = Path("/proc/self/statm").read_text().split()[1]
+        return int(resident) * os.sysconf("SC_PAGE_SIZE")
+
+    before = use(WARM_UP_S)
+    grown = use(HOUR_S) - before
+    return {"seconds": HOUR_S, "before_mb": before / 1e6, "grown_mb": round(grown / 1e6, 1)}
+
+
 def run() -> list[dict[str, object]]:
     """Latency with the machine at rest, with a moving mode, and beside a computation."""
     rows = []
@@ -101,13 +136,14 @@ def run() -> list[dict[str, object]]:
         serve(four_curves()) as server,
         open_tab(SOFTWARE_GL) as tab,
     ):
-        for name, moves, job in (
-            ("machine at rest", False, nullcontext()),
-            ("a mode in motion", True, nullcontext()),
-            ("at rest, a computation on each core", False, computation()),
+        for name, moves, adds, job in (
+            ("machine at rest", False, False, nullcontext()),
+            ("a mode in motion", True, False, nullcontext()),
+            ("at rest, a computation on each core", False, False, computation()),
+            ("sizes of an appendage", False, True, nullcontext()),
         ):
             with job:
-                times = measure(tab, server.address, moves=moves)
+                times = measure(tab, server.address, moves=moves, adds=adds)
             rows.append(
                 {
                     "case": name,
@@ -118,4 +154,5 @@ def run() -> list[dict[str, object]]:
                     "largest_ms": round(float(times.max()), 1),
                 }
             )
+        rows.append(use_for_an_hour(server.workbench.desk))
     return rows

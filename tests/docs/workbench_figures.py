@@ -13,6 +13,7 @@ def workbench_table() -> str:
             *(significant(row[name], 2) for name in ("median_ms", "p95_ms", "largest_ms")),
         )
         for row in bench_rows("workbench")
+        if "case" in row
     ]
     return table(("Case", "Inputs", "Median [ms]", "95 % [ms]", "Largest [ms]"), rows)
 
@@ -22,7 +23,14 @@ def workbench_parameters() -> str:
     return str(bench_rows("workbench")[0]["sliders"])
 
 
+def workbench_memory() -> str:
+    """By how much an hour of use lets the server grow."""
+    (row,) = (row for row in bench_rows("workbench") if "grown_mb" in row)
+    return f"{row['grown_mb']:.0f} MB, from {row['before_mb']:.0f} MB"
+
+
 FIGURES = {
     "workbench-table": workbench_table,
+    "workbench-memory": workbench_memory,
     "workbench-parameters": workbench_parameters,
 }
