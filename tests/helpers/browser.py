@@ -10,7 +10,9 @@ import subprocess
 import sys
 import tempfile
 from contextlib import contextmanager
+from pathlib import Path
 
+import axe_core_python
 import numpy as np
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -144,6 +146,15 @@ class Tab:
                 "Input.dispatchKeyEvent", type=kind, key=key, code=key, modifiers=modifiers,
                 windowsVirtualKeyCode=code,
             )  # fmt: skip
+
+    def find_barriers(self):
+        """What axe objects to on the page, each with its elements."""
+        axe = Path(axe_core_python.__file__).with_name("axe.min.js")
+        self.run(axe.read_text("utf-8") + "; 0")
+        return self.run(
+            "axe.run().then(result => result.violations.map(each => [each.id, "
+            "...each.nodes.map(node => node.target[0] + ' ' + node.failureSummary)]))"
+        )
 
     def shot(self):
         """What the tab shows as PNG."""
