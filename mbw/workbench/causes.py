@@ -18,7 +18,7 @@ from mbw.results.diagnosed_files import StoredDiagnosis
 from mbw.results.stored_causes import StoredCause, read_causes, read_fitted_values
 from tuning import Parametrisation, parametrise
 
-_MOST = 1.5  # share of a cause that its slider reaches
+_MAX_SHARE = 1.5  # share of a cause that its slider reaches
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class ShownVerdict:
         x = extended.coordinates(np.where(extended.free, theta, extended.fixed))
         is_share = np.isin(extended.names, [_share(cause) for cause in self.causes])
         lower = np.where(is_share, 0.0, np.minimum(extended.lower, x))
-        upper = np.where(is_share, _MOST, np.maximum(extended.upper, x))
+        upper = np.where(is_share, _MAX_SHARE, np.maximum(extended.upper, x))
         return whole, replace(extended, lower=lower, upper=upper)
 
     def describe(self, coordinates: Mapping[str, float]) -> dict[str, Any]:

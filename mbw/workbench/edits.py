@@ -1,4 +1,4 @@
-"""What if: masses, springs, appendages and delays that a state adds to the machine.
+"""Masses, springs, appendages and delays that a state adds to the machine.
 
 Each edit is written into a copy of the machine's MJCF, which is then read like any other. So
 statics, modes, ports, plant and saved files follow it without a rule of their own.

@@ -280,11 +280,11 @@ class JobQueue:
             ["sh", "-c", _RUN, "job", *words], cwd=place, start_new_session=True
         )
         Thread(target=process.wait, daemon=True).start()  # leaves no process without a parent
-        known = {"pid": process.pid, "began": _read_beginning(process.pid)}
+        process_row = {"pid": process.pid, "began": _read_beginning(process.pid)}
         try:
-            return self._keep(job.model_copy(update=known))
+            return self._keep(job.model_copy(update=process_row))
         except OSError:
-            _send_interrupt(job.model_copy(update=known))  # nobody could end it later
+            _send_interrupt(job.model_copy(update=process_row))  # nobody could end it later
             raise
 
     def _end(self, job: Job) -> Job:

@@ -29,7 +29,7 @@ class PreviewRequest(_Request):
 
 
 class JobRequest(_Request):
-    """What the page asks of the jobs."""
+    """A request to add, cancel, resume or show a job."""
 
     do: Literal["add", "cancel", "resume", "show"]
     verb: Verb = "tune"
@@ -37,7 +37,7 @@ class JobRequest(_Request):
     number: int = 0
 
     def run(self, jobs: JobQueue, desk: Desk) -> list[str]:
-        """Do it, and return sentences.
+        """Carry out the request, and return sentences for the page.
 
         Args:
             jobs: all jobs.

@@ -3,7 +3,7 @@
 They take longer than a frame, and are computed for a state that rests.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +83,7 @@ class StateStudy:
             ends = float(subject.freq_hz[subject.freq_hz > 0][0]), float(subject.freq_hz[-1])
             definition = loops_alone(known_loops(subject.source, machine), ends)
         loops = delay_loops(definition.loops, subject.edits)
-        return BudgetDefinition(**{**vars(definition), "loops": loops})
+        return replace(definition, loops=loops)
 
     def _compute(self, subject: WorkbenchSubject, state: SessionState) -> dict[str, Any]:
         """Return margins and errors of one state; the last few states are kept."""

@@ -148,7 +148,7 @@ class Tab:
             )  # fmt: skip
 
     def find_barriers(self):
-        """What axe objects to on the page, each with its elements."""
+        """Violations that axe reports on the page, each with its elements."""
         axe = Path(axe_core_python.__file__).with_name("axe.min.js")
         self.run(axe.read_text("utf-8") + "; 0")
         return self.run(
@@ -157,7 +157,7 @@ class Tab:
         )
 
     def shot(self):
-        """What the tab shows as PNG."""
+        """Picture of the tab as PNG."""
         return base64.b64decode(self.send("Page.captureScreenshot")["data"])
 
     def picture(self, path):

@@ -1,4 +1,4 @@
-"""What is added to a machine on the workbench: its physics, its states, its margins and budget."""
+"""Additions to a machine on the workbench: physics, states, margins and budget."""
 
 import json
 from dataclasses import replace
