@@ -58,7 +58,8 @@ def coverage_table() -> str:
     """Coverage of the 95 % intervals of a tuning."""
     rows = [
         (
-            row["of"][0].upper() + row["of"][1:],
+            row["plant"].capitalize(),
+            row["of"].capitalize(),
             fixed(row["coverage %"], 1),
             f"{row['from']:.1f} to {row['to']:.1f}",
             row["n"],
@@ -81,7 +82,8 @@ def plant_coverage_table() -> str:
     rows = [
         (
             "None" if row["dirt %"] == 0 else f"{row['dirt %']:g} % of the motion",
-            row["of"][0].upper() + row["of"][1:],
+            row["plant"].capitalize(),
+            row["of"].capitalize(),
             fixed(row["coverage %"], 1),
             f"{row['from']:.1f} to {min(row['to'], 100.0):.1f}",
             significant(row["median width %"], 2),
@@ -90,9 +92,11 @@ def plant_coverage_table() -> str:
             row["machines"],
         )
         for row in bench_rows("plant_coverage")
+        if row["machines"]
     ]
     header = (
         "Imperfections leave",
+        "Plant",
         "Bands of",
         "Hold the truth [%]",
         "95 % interval over machines",
