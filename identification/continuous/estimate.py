@@ -6,6 +6,10 @@ S_xx, S_yx and S_yy (Bendat and Piersol 2010, ch. 7):
     H1 = S_yx S_xx^-1
     g2 = (H1 S_xx H1^H) / S_yy                        multiple coherence
     cov(H_yi, H_yj) = (1 - g2) S_yy [S_xx^-1]_ij / (n - q)
+    p2_i = |H_yi|^2 / (|H_yi|^2 + (1 - g2) S_yy [S_xx^-1]_ii)    partial coherence
+
+The coherence of an FRF is the partial one: what its own force explains of the motion once all that
+the other forces explain is taken off both. With one force it is the ordinary coherence.
 
 *Leakage*: a Hann window of N samples smears a peak by a term that falls with 1 / N^2, so that the
 FRFs of half the length differ by three times the error of the whole one. The square of that error,
@@ -119,7 +123,7 @@ def estimate_continuous_frf(
         # Of periods the noise is averaged over lines already, and the variance follows the force.
         variance_source="stated" if blocks.kind == "periodic" else "coherence",
         measured=np.ones((len(records.outputs), 1), bool),
-        coherence=implied_coherence(values, variance, averages)[:, :, None],
+        coherence=implied_coherence(values, variance, averages - inputs + 1)[:, :, None],
         averages=averages,
     )
     return ContinuousEstimate(estimate, blocks, tuple(remarks))

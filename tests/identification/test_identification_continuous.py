@@ -10,6 +10,7 @@ import scipy.stats
 from identification import read_campaign, read_layout, read_settings, smooth_variance
 from identification.continuous import estimate_continuous_frf
 from identification.continuous.plan import _hann, _independent_blocks, find_period
+from identification.continuous.spectra import average_blocks, choose_lines
 from identification.hits import HitSettings
 from identification.words import Dof, InputError
 from tests.helpers.shaken_machine import (
@@ -33,6 +34,12 @@ FORCES = {
         scipy.signal.chirp(np.arange(40_000) / RATE_HZ, 3, 156, 65)[None, None],
         (1,),
     ),
+    "a stepped sine": (  # 56 lines of 4 s each
+        np.sin(np.cumsum(np.repeat(np.linspace(5, 60, 56), 1024)) * 2 * np.pi / RATE_HZ)[
+            None, None
+        ],
+        (0,),
+    ),
     "bursts": (
         random_force(16, 8192) * (np.abs(np.arange(8192) / RATE_HZ - 12) < 2),
         (0,),
@@ -52,7 +59,9 @@ def test_the_error_is_that_which_the_variance_says(name):
     count, inputs = result.estimate.averages, len(points)
     inside = squares < scipy.stats.f.ppf(0.95, 2, 2 * (count - inputs))
     assert inside.mean() > 0.93
-    assert np.median(result.estimate.variance / np.abs(result.estimate.frf.values) ** 2) < 0.1
+    frf = result.estimate.frf
+    band = (frf.freq_hz > 4) & (frf.freq_hz < 60)
+    assert np.median((result.estimate.variance / np.abs(frf.values) ** 2)[band]) < 0.1
 
 
 def test_each_force_has_its_own_column():
@@ -70,6 +79,26 @@ def test_each_force_has_its_own_column():
     alone = replace(records, further_forces=np.zeros((0, 0, 0)), further_references=())
     coherence = estimate_continuous_frf(alone).estimate.coherence
     assert np.median(coherence) < 0.8  # the force that is left out is noise to one input
+
+
+def test_the_coherence_is_what_a_force_explains_beside_the_others():
+    # Bendat and Piersol 2010, ch. 7: both records without what the other force explains of them.
+    burst = random_force(3, 16, 8192, seed=5) * (np.abs(np.arange(8192) / RATE_HZ - 12) < 2)
+    force = np.array([burst[0] + 0.8 * burst[1], 0.3 * burst[1], burst[2]])
+    records = shake(force, (0, 2, 1), noise=1e-5)
+    known = {"further_forces": force[1:2, :, -records.force.shape[1] :]}
+    records = replace(records, **known, further_references=records.further_references[:1])
+    result = estimate_continuous_frf(records)
+    assert result.blocks.kind == "burst"  # a third force, that nobody measured, is the noise
+    spectra = average_blocks(records, result.blocks)
+    lines = choose_lines(spectra, result.blocks, records)
+    sxx, syx, syy = spectra.force[lines], spectra.cross[lines], spectra.motion[lines]
+    shared = sxx[:, 0, 1] / sxx[:, 1, 1].real  # of the first force and the other
+    cross = syx[:, :, 0] - syx[:, :, 1] * shared[:, None].conj()
+    power = sxx[:, 0, 0].real - np.abs(sxx[:, 0, 1]) ** 2 / sxx[:, 1, 1].real
+    rest = syy - np.abs(syx[:, :, 1]) ** 2 / sxx[:, 1, 1].real[:, None]
+    conditioned = np.abs(cross) ** 2 / (power[:, None] * rest)
+    np.testing.assert_allclose(result.estimate.coherence[:, :, 0], conditioned, rtol=1e-9)
 
 
 def test_bursts_need_no_window():
