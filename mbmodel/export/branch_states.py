@@ -9,9 +9,6 @@ from identification.words import Real
 from mbmodel.assembly import FrequencyDependentTerm, Matrices
 from mbmodel.export.approximations import Approximation, approximate
 
-_MAX_SOFTENING = 0.5  # of the static stiffness that the branches of a law may take away
-_LOSS_OF_WEIGHTS = 0.02  # loss factor of all springs where lines are weighted by their strain
-
 
 @dataclass(frozen=True, eq=False)
 class ApproximatedLaw:
@@ -32,10 +29,12 @@ class ApproximatedLaw:
 class BranchStates:
     """Equation of motion with further states xi.
 
-        M v' + C v + K q + force xi = f,    xi' = dynamics xi + gain_0 q + gain_1 v + gain_2 v'
+        M v' + C v + (K + i H) q + force xi = f
+        xi' = dynamics xi + gain_0 q + gain_1 v + gain_2 v'
 
     Args:
         matrices: M, C, K with the polynomial parts of the rational functions.
+        loss: H of losses that are constant at all positive frequencies; (nv, nv).
         dynamics: (n_branch, n_branch).
         gains: of q, v and v'; (3, n_branch, nv).
         force: (nv, n_branch).
@@ -43,6 +42,7 @@ class BranchStates:
     """
 
     matrices: Matrices
+    loss: Real
     dynamics: Real
     gains: Real
     force: Real
@@ -60,7 +60,7 @@ def branch_states(
     """Return the states of terms f(s) left (core_0 + s core_1 + s^2 core_2) right'.
 
     With f(s) ~ constant + slope s + c (s - A)^-1 b, constant and slope go into K, C and M, and each
-    row of the core drives a copy of the states (A, b, c).
+    row of the core drives a copy of the states (A, b, c). A constant loss goes into H.
 
     Args:
         matrices: M, C, K without the terms.
@@ -69,20 +69,15 @@ def branch_states(
     """
     size, lines = len(matrices.mass), freq_hz[freq_hz > 0]
     total = np.stack([matrices.stiffness, matrices.damping, matrices.mass])
-    blocks: list[Real] = []
+    loss, blocks = np.zeros((size, size)), list[Real]()
     gains, forces, laws = [np.zeros((3, 0, size))], [np.zeros((size, 0))], []
     for term in terms:
         shape, core = term.change.shape, term.change.core
         if shape is None:
             raise ValueError("a term without f(s) belongs to the matrices")
-        result = approximate(
-            shape,
-            lines,
-            has_slope=not core[2].any(),
-            weights=_strain(matrices, term, lines),
-            lowest_constant=_lowest_constant(total[0], term),
-        )
-        function, products = result.function, term.left @ core @ term.right.T
+        products = term.left @ core @ term.right.T
+        result = approximate(shape, lines, has_slope=not core[2].any(), has_loss=not core[1:].any())
+        function, loss = result.function, loss + result.loss * products[0]
         total += function.constant * products
         total[1:] += function.slope * products[:2]
         dynamics, drive, reading = function.states()
@@ -95,31 +90,12 @@ def branch_states(
     stiffness, damping, mass = total
     return BranchStates(
         Matrices(mass, damping, stiffness),
+        loss,
         _block_diagonal(blocks),
         np.concatenate(gains, axis=1),
         np.concatenate(forces, axis=1),
         tuple(laws),
     )
-
-
-def _strain(matrices: Matrices, term: FrequencyDependentTerm, freq_hz: Real) -> Real:
-    """Return how far a law's own force strains it at each line, right' Z^-1 left; (n_freq,).
-
-    It is largest where the modes that strain the law resonate. A relative error of the law changes
-    FRFs in proportion to it.
-
-    Args:
-        matrices: M, C, K without laws; a loss keeps what is undamped finite.
-        term: the law.
-    """
-    laplace = 2j * np.pi * freq_hz[:, None, None]
-    stiffness = laplace**2 * matrices.mass + laplace * matrices.damping
-    stiffness = stiffness + (1 + 1j * _LOSS_OF_WEIGHTS) * matrices.stiffness
-    motion = np.linalg.solve(
-        stiffness, np.broadcast_to(term.left, (len(freq_hz), *term.left.shape))
-    )
-    strain: Real = np.linalg.norm(term.right.T @ motion, axis=(1, 2))
-    return strain
 
 
 def _used_rows(core: Real) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -136,17 +112,3 @@ def _block_diagonal(blocks: Sequence[Real]) -> Real:
         matrix[place:end, place:end] = block
         place = end
     return matrix
-
-
-def _lowest_constant(stiffness: Real, term: FrequencyDependentTerm) -> float:
-    """Return the lowest f(0) that leaves a static stiffness in every direction of a term.
-
-    K + c L core R' stays positive for c > -1 / lambda, lambda the largest eigenvalue of
-    core R' K^-1 L.
-    """
-    try:
-        compliance = term.right.T @ np.linalg.solve(stiffness, term.left)
-    except np.linalg.LinAlgError:  # a free machine: a negative spring would not be held
-        return 0.0
-    largest = float(np.linalg.eigvals(term.change.core[0] @ compliance).real.max(initial=0.0))
-    return -_MAX_SOFTENING / largest if largest > 0 else 0.0

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identification.words import DERIVATIVE_ORDER, Integers, Real, UsageError
-from mbmodel.assembly import Assembly
+from mbmodel.assembly import Assembly, FrequencyDependentTerm
 from mbmodel.export.branch_states import ApproximatedLaw, BranchStates, branch_states
+from mbmodel.export.discrete import SystemMatrices
+from mbmodel.export.positive_frequencies import keep_positive_frequencies
 from mbmodel.model import Model
 from mbmodel.ports.ports import Ports, apply_point_changes, find_ports
 from mbmodel.ports.request import FrfRequest
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 
 
 _MIN_FITTED_LINES = 8  # of a band in which laws are approximated
+_COMPARED_LINES = 200  # on which the error of a constant loss is stated, about
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +54,8 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
 
     x = [q; q'; xi], x' = [[0, 1, 0], [-M^-1 K, -M^-1 C, -M^-1 B], [xi']] x + [0; M^-1 F; ..] u, q
     the joint coordinates (relative to the floor), xi the states of laws that are no polynomials in
-    s, such as losses and delays (``branch_states``). The outputs are L (T q + z), L (T q' + z') or
+    s, such as delays (``branch_states``). Constant losses are in A: ``positive_frequencies``. The
+    outputs are L (T q + z), L (T q' + z') or
     L (T q'' + U u), with z the motion of the bodies with the floor, z'' = U u. Accelerance has a
     direct feed-through; for the other quantities each direction of a moving floor adds two
     integrators.
@@ -107,7 +111,11 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
         outputs=_signal_names(map(str, request.outputs)),
         name=_signal_names([model.machine.name])[0],
     )
-    return StateSpaceExport(system, branches.laws)
+    laws = tuple(
+        _with_error_of_loss(law, term, branches, request.freq_hz)
+        for law, term in zip(branches.laws, assembly.frequency_dependent, strict=True)
+    )
+    return StateSpaceExport(system, laws)
 
 
 def refuse_floor_in_loops(assembly: Assembly, ports: Ports) -> None:
@@ -159,13 +167,28 @@ def first_order_form(branches: BranchStates, drive: Real) -> FirstOrderForm:
     Args:
         branches: matrices, and states xi of laws.
         drive: generalised forces per unit of each input; (nv, n_force).
+
+    Raises:
+        InputError: losses turn strongly damped modes into single poles.
     """
+    dynamics, gain = _extended_form(branches, drive)
+    if branches.loss.any():
+        dynamics, gain = keep_positive_frequencies(dynamics, gain)
+    return FirstOrderForm(len(drive), dynamics, gain)
+
+
+def _extended_form(branches: BranchStates, drive: Real) -> tuple[np.ndarray, np.ndarray]:
+    """Return A and B, complex with losses that are constant at positive frequencies."""
     matrices, size = branches.matrices, len(drive)
-    rows = [matrices.stiffness, matrices.damping, branches.force, -drive]
+    stiffness = (
+        matrices.stiffness + 1j * branches.loss if branches.loss.any() else matrices.stiffness
+    )
+    rows = [stiffness, matrices.damping, branches.force, -drive]
     accelerations = -np.linalg.solve(matrices.mass, np.hstack(rows))
     further = len(branches.dynamics)
     count = 2 * size + further
-    dynamics, gain = np.zeros((count, count)), np.zeros((count, drive.shape[1]))
+    kind = accelerations.dtype
+    dynamics, gain = np.zeros((count, count), kind), np.zeros((count, drive.shape[1]), kind)
     dynamics[:size, size : 2 * size] = np.eye(size)
     dynamics[size : 2 * size] = accelerations[:, :count]
     gain[size : 2 * size] = accelerations[:, count:]
@@ -174,7 +197,28 @@ def first_order_form(branches: BranchStates, drive: Real) -> FirstOrderForm:
         dynamics[2 * size :] = np.hstack([position, rate, branches.dynamics])
         dynamics[2 * size :] += acceleration @ dynamics[size : 2 * size]
         gain[2 * size :] = acceleration @ gain[size : 2 * size]
-    return FirstOrderForm(size, dynamics, gain)
+    return dynamics, gain
+
+
+def _with_error_of_loss(
+    law: ApproximatedLaw, term: FrequencyDependentTerm, branches: BranchStates, freq_hz: Real
+) -> ApproximatedLaw:
+    """Return a law, one with a constant loss with the error of the accelerance along it."""
+    fit, lines = law.approximation, freq_hz[freq_hz > 0]
+    if not fit.loss:
+        return law
+    laplace = np.asarray(2j * np.pi * lines[:: max(1, len(lines) // _COMPARED_LINES)], complex)
+    forms = (
+        first_order_form(branches, term.left),
+        FirstOrderForm(len(term.left), *_extended_form(branches, term.left)),
+    )
+    held, exact = (
+        SystemMatrices(form.dynamics, form.gain, *form.read(2, term.right.T)).at(laplace)
+        for form in forms
+    )
+    error = np.abs(held - exact) / np.abs(exact).max()
+    rms = float(np.sqrt((error**2).mean()))
+    return replace(law, approximation=replace(fit, max_error=float(error.max()), rms_error=rms))
 
 
 def _readings(

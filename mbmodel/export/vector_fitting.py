@@ -10,9 +10,9 @@ _START_POLE_DAMPING = 0.01  # ratio of the poles at the start (Gustavsen and Sem
 
 
 def fit_poles_and_residues(
-    laplace: Complex, values: Complex, order: int, *, has_slope: bool
-) -> RationalFunction:
-    """Fit a stable rational function in least squares.
+    laplace: Complex, values: Complex, order: int, *, has_slope: bool, has_loss: bool = False
+) -> tuple[RationalFunction, float]:
+    """Fit a stable rational function in least squares, and a constant loss h beside it.
 
     Gustavsen and Semlyen (1999): with poles p_k, sigma(s) f(s) = N(s) is linear in the residues of
     sigma and N. The zeros of sigma are better poles; those of the right half plane are reflected.
@@ -23,16 +23,22 @@ def fit_poles_and_residues(
         values: f(s); (n_freq,).
         order: number of poles.
         has_slope: whether a term proportional to s is fitted.
+        has_loss: whether i h, at w > 0, is fitted.
+
+    Returns:
+        The function, and h; 0 without a loss.
     """
     poles = _start(laplace.imag, order)
     for _ in range(_RELOCATIONS):
         basis = _basis(poles, laplace)
-        polynomial = _polynomial(laplace, has_slope=has_slope)
+        polynomial = _polynomial(laplace, has_slope=has_slope, has_loss=has_loss)
         matrix = np.hstack([basis, polynomial, -values[:, None] * basis])
         solution = _solve(matrix, values)
         poles = _zeros(poles, solution[-order:])
-    residues, constant, slope = _residues(poles, laplace, values, has_slope=has_slope)
-    return RationalFunction(poles, residues, constant, slope)
+    polynomial = _polynomial(laplace, has_slope=has_slope, has_loss=has_loss)
+    residues, rest = _residues(poles, laplace, values, polynomial)
+    loss = rest.pop() if has_loss else 0.0
+    return RationalFunction(poles, residues, *rest), loss
 
 
 def _start(omega: Real, order: int) -> Complex:
@@ -56,10 +62,10 @@ def _basis(poles: Complex, laplace: Complex) -> Complex:
     return np.stack(columns, axis=1) if columns else np.zeros((len(laplace), 0), complex)
 
 
-def _polynomial(laplace: Complex, *, has_slope: bool) -> Complex:
-    """Return the columns 1 and s; (n_freq, 1 or 2)."""
+def _polynomial(laplace: Complex, *, has_slope: bool, has_loss: bool) -> Complex:
+    """Return the columns 1, s and i; (n_freq, 1 to 3)."""
     columns = [np.ones_like(laplace), *([laplace] if has_slope else [])]
-    return np.stack(columns, axis=1)
+    return np.stack([*columns, *([1j * columns[0]] if has_loss else [])], axis=1)
 
 
 def _solve(matrix: Complex, values: Complex) -> Real:
@@ -92,11 +98,11 @@ def _zeros(poles: Complex, coefficients: Real) -> Complex:
 
 
 def _residues(
-    poles: Complex, laplace: Complex, values: Complex, *, has_slope: bool
-) -> tuple[Complex, float, float]:
-    """Return residues, constant and slope for given poles, in least squares."""
+    poles: Complex, laplace: Complex, values: Complex, polynomial: Complex
+) -> tuple[Complex, list[float]]:
+    """Return residues, and the coefficients of further columns, for given poles."""
     basis = _basis(poles, laplace)
-    solution = _solve(np.hstack([basis, _polynomial(laplace, has_slope=has_slope)]), values)
+    solution = _solve(np.hstack([basis, polynomial]), values)
     residues, place = [], 0
     for pole in poles:
         if pole.imag > 0:
@@ -105,5 +111,4 @@ def _residues(
         else:
             residues.append(complex(solution[place]))
             place += 1
-    rest = solution[basis.shape[1] :]
-    return np.array(residues), float(rest[0]), float(rest[1]) if has_slope else 0.0
+    return np.array(residues), solution[basis.shape[1] :].tolist()

@@ -118,14 +118,15 @@ class LawRow(ResultRow):
 
     Args:
         parameter: such as ``tilt_tx.loss_factor``; ``loop:ty`` for a control loop that is closed.
-        kind: ``exact``, ``pade``, ``tustin``, ``maxwell branches`` or ``fitted poles``.
+        kind: ``exact``, ``pade``, ``tustin``, ``fitted poles``, or ``positive frequencies`` of a
+            constant loss.
         order: of the rational function.
         states: that it adds.
         max_error, rms_error: of the law over the lines of the band, relative to its largest
-            magnitude there.
-        weighted_error: root mean square over lines weighted by the strain of the spring.
+            magnitude there; of a constant loss, of the accelerance along the spring.
+        weighted_error: equal to rms_error.
         max_error_of_stiffness: largest error relative to the static stiffness; null for a control
-            loop.
+            loop and a constant loss.
         is_passive: whether the approximation dissipates at every frequency; null for laws that
             need not.
     """

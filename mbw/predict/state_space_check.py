@@ -14,9 +14,9 @@ from mbw.predict.requests import PredictRequest, band_lines, read_quantity
 from mbw.predict.schema import LawRow, StateSpaceCheckRow
 from mbw.site_kinds import hammer_sites
 
+_LOSS = "positive frequencies"  # kind of a constant loss
 _KINDS = {
     "pade": "Pade's fraction",
-    "maxwell branches": "Maxwell branches with a spring and a damper,",
     "fitted poles": "fitted stable poles",
 }
 
@@ -45,7 +45,8 @@ def law_sentences(rows: Sequence[LawRow]) -> list[str]:
     groups: dict[tuple[object, ...], list[LawRow]] = {}
     for row in rows:
         law = row.parameter.rpartition(".")[2]
-        key = (law, row.kind, row.order, row.states, row.max_error, row.max_error_of_stiffness)
+        errors = () if row.kind == _LOSS else (row.max_error, row.max_error_of_stiffness)
+        key = (law, row.kind, row.order, row.states, *errors)
         groups.setdefault(key, []).append(row)
     return [_law_sentence(group) for group in groups.values()]
 
@@ -56,7 +57,14 @@ def _law_sentence(rows: Sequence[LawRow]) -> str:
     states = f"{row.states} state{'' if row.states == 1 else 's'}{' each' * (len(rows) > 1)}"
     if row.kind == "exact":
         return f"{names}: exact, with {states}"
-    passive = ", passive" if row.is_passive else ""
+    if row.kind == _LOSS:
+        worst = max(rows, key=lambda each: each.max_error)
+        joint = worst.parameter.rpartition(".")[0]
+        return (
+            f"{names}: by the poles of positive frequency, as no causal system has constant "
+            f"losses; along {joint} the accelerance is off by at most "
+            f"{format_percent(worst.max_error)} of its peak"
+        )
     if row.kind == "tustin":
         return (
             f"{names}: sampled controller by Tustin's rule with the delay of its hold ({states}), "
@@ -68,9 +76,8 @@ def _law_sentence(rows: Sequence[LawRow]) -> str:
             f"{format_percent(row.max_error)}"
         )
     return (
-        f"{names}: {_KINDS[row.kind]} of order {row.order} ({states}{passive}), error of the law "
-        f"at most {format_percent(row.max_error)}, rms {format_percent(row.rms_error)}, where the "
-        f"spring is strained {format_percent(row.weighted_error)}; at most "
+        f"{names}: {_KINDS[row.kind]} of order {row.order} ({states}), error of the law at most "
+        f"{format_percent(row.max_error)}, rms {format_percent(row.rms_error)}; at most "
         f"{format_percent(row.max_error_of_stiffness)} of the stiffness"
     )
 
@@ -94,9 +101,9 @@ def law_rows(laws: Sequence[ApproximatedLaw], model: Model) -> list[LawRow]:
                 states=law.states,
                 max_error=fit.max_error,
                 rms_error=fit.rms_error,
-                weighted_error=fit.weighted_error,
+                weighted_error=fit.rms_error,
                 max_error_of_stiffness=None
-                if law.owner not in sizes
+                if law.owner not in sizes or fit.kind == _LOSS
                 else fit.max_error * fit.largest_size * abs(sizes[law.owner]),
                 is_passive=fit.is_passive,
             )
