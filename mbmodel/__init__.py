@@ -82,7 +82,7 @@ from mbmodel.parts.spring_laws import (
     spring_law_part,
     with_spring_laws,
 )
-from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
+from mbmodel.ports.port_units import CONTROL, input_unit, output_unit, usual_quantity
 from mbmodel.ports.ports import find_ports, parse_input, parse_output
 from mbmodel.ports.request import FrfRequest
 from mbmodel.ports.rest_change import REST_FACTOR, RestPart
@@ -209,6 +209,7 @@ __all__ = [
     "strike",
     "suspended_mass_elements",
     "transport",
+    "usual_quantity",
     "weighted_motions",
     "with_loops",
     "with_spring_laws",

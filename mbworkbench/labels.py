@@ -16,7 +16,7 @@ from identification.words import (
     Signal,
     UsageError,
 )
-from mbmodel import Machine, parse_input, parse_output
+from mbmodel import FrfRequest, Machine, parse_input, parse_output, usual_quantity
 
 AnyPath = str | PathLike[str]
 AnyLabel = str | Input
@@ -89,6 +89,19 @@ def check_quantity(quantity: str) -> Quantity:
         if name == quantity:
             return name
     raise UsageError(f"{quantity!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}")
+
+
+def parse_request(
+    machine: Machine,
+    outputs: AnyLabel | Iterable[AnyLabel],
+    inputs: AnyLabel | Iterable[AnyLabel],
+    freq_hz: Sequence[float] | Real,
+    quantity: Quantity | None,
+) -> FrfRequest:
+    """Return a request of FRFs as a user writes it; see ``Model.frf``."""
+    lines, readings = check_frequencies(freq_hz), parse_outputs(machine, outputs)
+    chosen = usual_quantity(readings) if quantity is None else check_quantity(quantity)
+    return FrfRequest(lines, readings, parse_inputs(machine, inputs), chosen)
 
 
 def check_band(band: tuple[float, float] | None) -> tuple[float, float] | None:

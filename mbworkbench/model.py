@@ -8,7 +8,6 @@ import numpy as np
 
 from identification.words import Frf, Quantity, Real, shorten_names
 from mbmodel import (
-    FrfRequest,
     Machine,
     Model,
     Modes,
@@ -26,10 +25,8 @@ from mbworkbench.labels import (
     AnyPath,
     as_labels,
     as_path,
-    check_frequencies,
     check_quantity,
-    parse_inputs,
-    parse_outputs,
+    parse_request,
 )
 from mbworkbench.tables import Shown, Table
 
@@ -108,7 +105,7 @@ class MachineModel(Shown):
         outputs: AnyLabel | Iterable[AnyLabel],
         inputs: AnyLabel | Iterable[AnyLabel],
         freq_hz: Sequence[float] | Real,
-        quantity: Quantity = "accelerance",
+        quantity: Quantity | None = None,
     ) -> Frf:
         """Compute frequency response functions.
 
@@ -116,7 +113,8 @@ class MachineModel(Shown):
             outputs: labels of motions, such as ``acc11:+tx`` or ``hexapod:+rz``.
             inputs: labels of forces, ``floor:+tx`` for motions of the floor, or motors by name.
             freq_hz: frequencies [Hz], increasing; (n_freq,).
-            quantity: receptance, mobility or accelerance.
+            quantity: receptance, mobility or accelerance; None for the receptance where all outputs
+                are joints or sensors by name, as encoders read it, else the accelerance.
 
         Returns:
             FRFs; ``frf["acc11:+tx", "acc11:+ty"]`` is the curve of one output and input.
@@ -124,12 +122,7 @@ class MachineModel(Shown):
         Raises:
             UsageError: a label that the machine does not have.
         """
-        request = FrfRequest(
-            check_frequencies(freq_hz),
-            parse_outputs(self.machine, outputs),
-            parse_inputs(self.machine, inputs),
-            check_quantity(quantity),
-        )
+        request = parse_request(self.machine, outputs, inputs, freq_hz, quantity)
         model = self.nominal
         return linearise(model, model.drawn, request).frf()
 
@@ -155,12 +148,7 @@ class MachineModel(Shown):
             UsageError: a label that the machine does not have.
         """
         model = self.nominal
-        request = FrfRequest(
-            np.array([1.0]),
-            parse_outputs(self.machine, outputs),
-            parse_inputs(self.machine, inputs),
-            check_quantity(quantity),
-        )
+        request = parse_request(self.machine, outputs, inputs, (1.0,), quantity)
         return state_space(model, model.drawn, request)
 
     def simulate(  # one for each thing that a simulation needs

@@ -12,10 +12,7 @@ from mbworkbench.labels import (
     AnyLabel,
     AnyPath,
     as_path,
-    check_frequencies,
-    check_quantity,
-    parse_inputs,
-    parse_outputs,
+    parse_request,
 )
 from mbworkbench.tables import Shown, Table
 from tuning import PosteriorOfModel, read_posterior
@@ -141,7 +138,7 @@ def read_plant(
     outputs: AnyLabel | Iterable[AnyLabel],
     inputs: AnyLabel | Iterable[AnyLabel],
     freq_hz: Sequence[float] | Real,
-    quantity: Quantity = "accelerance",
+    quantity: Quantity | None = None,
     closed: Iterable[str] = (),
 ) -> TunedPlant:
     """Read the plant between some ports from the folder of a tuning or diagnosis.
@@ -154,7 +151,8 @@ def read_plant(
         outputs: labels of motions; none need have been measured.
         inputs: labels of forces or motors.
         freq_hz: frequencies [Hz], increasing; (n_freq,).
-        quantity: receptance, mobility or accelerance.
+        quantity: receptance, mobility or accelerance; None for the receptance where all outputs are
+            joints or sensors by name, as encoders read it, else the accelerance.
         closed: names of the loops of the test that stay closed; ``"*"`` for all.
 
     Raises:
@@ -167,12 +165,7 @@ def read_plant(
     patterns = (closed,) if isinstance(closed, str) else closed
     machine = with_loops(machine, choose_loops(loops, patterns))
     posterior = read_posterior(source.parent).on(machine_model(machine))
-    request = FrfRequest(
-        check_frequencies(freq_hz),
-        parse_outputs(machine, outputs),
-        parse_inputs(machine, inputs),
-        check_quantity(quantity),
-    )
+    request = parse_request(machine, outputs, inputs, freq_hz, quantity)
     file = result_file(source)
     lags = found_lag_remarks(file, machine.motors)
     ends = float(request.freq_hz[0]), float(request.freq_hz[-1])

@@ -1,5 +1,7 @@
 """Units of ports: what an output reads, and what one unit of an input is."""
 
+from collections.abc import Sequence
+
 from identification.words import Input, Output, Quantity, Signal
 from mbmodel.machine import Machine
 from mbmodel.ports.signal_rows import find_sensor, is_floor, turns
@@ -10,6 +12,20 @@ _MOTION_UNITS: dict[Quantity, tuple[str, str]] = {  # along and about an axis
     "mobility": ("m/s", "rad/s"),
     "accelerance": ("m/s²", "rad/s²"),
 }
+
+
+def usual_quantity(outputs: Sequence[Output]) -> Quantity:
+    """Return the quantity that is meant where none is stated.
+
+    Args:
+        outputs: of a request.
+
+    Returns:
+        receptance where all are joints or sensors of the MJCF, as encoders read positions; else
+        accelerance.
+    """
+    read = [isinstance(port, Signal) and not port.is_directed for port in outputs]
+    return "receptance" if read and all(read) else "accelerance"
 
 
 def output_unit(machine: Machine, port: Output, quantity: Quantity) -> str:

@@ -53,8 +53,12 @@ def predict(  # noqa: PLR0913  # one for each option
         ),
     ] = None,
     quantity: Annotated[
-        str, typer.Option(help="receptance, mobility or accelerance.")
-    ] = "accelerance",
+        str | None,
+        typer.Option(
+            help="receptance, mobility or accelerance; default: accelerance, or receptance where "
+            "all outputs are joints and sensors by name."
+        ),
+    ] = None,
     band: Annotated[
         tuple[float, float] | None,
         typer.Option(metavar="LOW HIGH", help="Frequency band [Hz]; default: 0 to 200 Hz."),

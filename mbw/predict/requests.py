@@ -16,7 +16,16 @@ from identification.words import (
     Real,
     UsageError,
 )
-from mbmodel import Evaluator, FrfRequest, Machine, Modes, as_drawn, parse_input, parse_output
+from mbmodel import (
+    Evaluator,
+    FrfRequest,
+    Machine,
+    Modes,
+    as_drawn,
+    parse_input,
+    parse_output,
+    usual_quantity,
+)
 from mbw.site_kinds import hammer_sites, sensor_sites
 
 DEFAULT_BAND_HZ = (0.0, 200.0)
@@ -38,7 +47,7 @@ class PredictRequest:
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    quantity: str
+    quantity: str | None
     band: tuple[float, float] | None
     lines: int
 
@@ -62,6 +71,8 @@ def frf_request(machine: Machine, request: PredictRequest, *, is_needed: bool) -
     layout = machine.layout
     inputs: tuple[Input, ...] = tuple(parse_input(machine, text) for text in request.inputs)
     outputs: tuple[Output, ...] = tuple(parse_output(machine, text) for text in request.outputs)
+    if request.quantity is None:
+        quantity = usual_quantity(outputs)
     frfs = FrfRequest(
         lines,
         outputs or _axes(sensor_sites(layout)),
@@ -91,7 +102,9 @@ def band_lines(request: PredictRequest) -> Real:
 
 
 def read_quantity(request: PredictRequest) -> Quantity:
-    """Return the quantity of a request, if it is one."""
+    """Return the quantity of a request; the accelerance without one."""
+    if request.quantity is None:
+        return "accelerance"
     if request.quantity not in DERIVATIVE_ORDER:
         raise UsageError(
             f"{request.quantity!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}"

@@ -74,7 +74,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     frf: bool,
     inputs: list[str],
     outputs: list[str],
-    quantity: str,
+    quantity: str | None,
     band: tuple[float, float] | None,
     lines: int,
     statespace: Path | None,

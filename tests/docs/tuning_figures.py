@@ -58,8 +58,7 @@ def coverage_table() -> str:
     """Coverage of the 95 % intervals of a tuning."""
     rows = [
         (
-            row["plant"].capitalize(),
-            row["of"].capitalize(),
+            row["of"][0].upper() + row["of"][1:],
             fixed(row["coverage %"], 1),
             f"{row['from']:.1f} to {row['to']:.1f}",
             row["n"],

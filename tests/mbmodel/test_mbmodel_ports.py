@@ -21,6 +21,7 @@ from mbmodel import (
     parse_input,
     parse_output,
     state_space,
+    usual_quantity,
 )
 from tests.helpers.port_machine import state_space_by_differences, write_port_machine
 
@@ -149,6 +150,20 @@ def test_a_sensor_reads_its_own_quantity_whatever_is_requested(machine: Machine)
     assert np.allclose(receptance[:, :2], accelerance[:, :2], rtol=1e-10)
     s = 2j * np.pi * FREQ
     assert np.allclose(accelerance[:, 2, 0], s**2 * receptance[:, 2, 0], rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("labels", "quantity"),
+    [
+        (("joint:slide_a",), "receptance"),
+        (("joint:slide_a", "encoder"), "receptance"),
+        (("joint:slide_a", "acc1:+tx"), "accelerance"),
+        (("acc1-acc2:+tx",), "accelerance"),
+        ((), "accelerance"),
+    ],
+)
+def test_positions_of_encoders_are_meant_where_no_quantity_is_stated(labels, quantity) -> None:
+    assert usual_quantity([parse_port(label) for label in labels]) == quantity
 
 
 @pytest.mark.parametrize(

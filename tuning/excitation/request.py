@@ -19,6 +19,7 @@ from mbmodel import (
     output_unit,
     parse_input,
     parse_output,
+    usual_quantity,
 )
 from mbmodel.modes.modal_overlap import highest_separate_mode
 from tuning.excitation.limits import DriveLimits, motion_of
@@ -114,9 +115,7 @@ def build_request(
     _refuse_repeated("drive", list(options.limits), drives)
     limits = dict(zip(drives, options.limits.values(), strict=True))
     outputs = _find_outputs(machine, drives, options.outputs, options.ignored)
-    quantity: Quantity = (
-        "accelerance" if any(isinstance(port, Dof) for port in outputs) else "receptance"
-    )
+    quantity = usual_quantity(outputs)
     band = options.band or _default_band(machine)
     rate_hz = options.rate_hz or _nice_rate(RATE_OVER_BAND * band[1])
     for name, value in (("--seconds", options.seconds), ("--rate", rate_hz)):
