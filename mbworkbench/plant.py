@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,15 +23,17 @@ from tuning.files.found_lags import (
     moved_sensor_remark,
     untested_band_remark,
 )
-from tuning.files.plant_folder import plant_doubts, plant_file, result_file
+from tuning.files.plant_folder import plant_doubts, plant_file, read_held_out, result_file
 from tuning.plant import (
     ControlPlant,
     FrfBands,
     UncertainPlant,
     assemble_uncertain_plant,
+    bound_magnitudes,
     frf_bands,
     make_control_plant,
 )
+from tuning.plant.uncertainty.multiplicative_error import held_out_input_error
 
 if TYPE_CHECKING:
     import control
@@ -47,10 +50,12 @@ class TunedPlant(Shown):
         remarks: on gains and lags of drives and encoders that the plant does not hold, and on
             lines outside the band of the test.
         doubts: about the fit, such as that something is missing; one sentence each.
+        source: MJCF of the tuning or diagnosis.
     """
 
     posterior: PosteriorOfModel
     request: FrfRequest
+    source: Path
     loops: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
@@ -84,6 +89,24 @@ class TunedPlant(Shown):
     def uncertain(self) -> UncertainPlant:
         """Return the plant as a linear fractional transformation of the parameters' changes."""
         return assemble_uncertain_plant(self.posterior, self.request)
+
+    def weight(self, order: int) -> "control.TransferFunction":
+        """Return W: the machine is within G (1 + W D), |D| <= 1, by the held-out lines of its test.
+
+        A stable minimum-phase filter whose magnitude bounds the error at the inputs of the fit that
+        left each line out (multiplicative uncertainty; Skogestad and Postlethwaite 2005, ch. 8).
+
+        Args:
+            order: of the filter, 0 to 20.
+
+        Raises:
+            InputError: the fit has no held-out predictions.
+            UsageError: an order that cannot be used.
+        """
+        import control  # noqa: PLC0415  # with its matplotlib it would slow down every start
+
+        error = held_out_input_error(read_held_out(self.source))
+        return control.tf(*bound_magnitudes(error.freq_hz, error.quantile, order).polynomials())
 
     def table(self) -> Table:
         """Return a table of the FRFs: magnitude, its 95 % interval, and phase [degrees]."""
@@ -172,4 +195,4 @@ def read_plant(
     moved = moved_sensor_remark(file, [p.point for p in (*request.outputs, *request.inputs)])
     remarks = tuple(filter(None, (*lags, untested_band_remark(file, ends), moved)))
     names, doubts = tuple(loop.name for loop in loops), tuple(plant_doubts(source))
-    return TunedPlant(posterior, request, names, remarks, doubts)
+    return TunedPlant(posterior, request, source, names, remarks, doubts)

@@ -1,4 +1,4 @@
-"""The page that designs a controller: its code runs, and prints what the page says."""
+"""The pages that design controllers: their code runs, and prints what the page says."""
 
 import re
 
@@ -6,19 +6,22 @@ import pytest
 
 from tests.docs.results import ROOT
 
-PAGE = ROOT / "docs" / "howto" / "design_a_controller.md"
+PAGES = ROOT / "docs" / "howto"
 BLOCK = re.compile(r"^```(python|text)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-def test_the_page_prints_what_it_says(monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("page", "count"), [("design_a_controller.md", 5), ("robust_controller.md", 3)]
+)
+def test_the_page_prints_what_it_says(page, count, monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     names = {}
-    blocks = BLOCK.findall(PAGE.read_text(encoding="utf-8"))
-    assert [kind for kind, _ in blocks].count("text") == 5
+    blocks = BLOCK.findall((PAGES / page).read_text(encoding="utf-8"))
+    assert [kind for kind, _ in blocks].count("text") == count
     for kind, content in blocks:
         if kind == "python":
-            exec(compile(content, PAGE.name, "exec"), names)
+            exec(compile(content, page, "exec"), names)
             continue
         printed = capsys.readouterr().out
         assert NUMBER.sub("#", printed).split() == NUMBER.sub("#", content).split()
