@@ -22,12 +22,9 @@ moves positions at once by a part of the order eta, which vanishes without losse
 
 import numpy as np
 import scipy.linalg
+import scipy.optimize
 
-from identification.words import Complex, InputError, Real
-
-# Of a pole's size: an imaginary part below is that of a real pole. The first that leaves as many
-# poles of positive as of negative frequency counts: a loss turns real poles off the axis.
-_REAL_POLE_SHARES = (1e-6, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 0.6)
+from identification.words import Complex, Mask, Real
 
 
 def keep_positive_frequencies(dynamics: Complex, gain: Complex) -> tuple[Real, Real]:
@@ -36,44 +33,53 @@ def keep_positive_frequencies(dynamics: Complex, gain: Complex) -> tuple[Real, R
     Args:
         dynamics: A, complex; (n, n).
         gain: B; (n, n_in).
-
-    Raises:
-        InputError: poles of positive and negative frequency differ in number.
     """
     a, (units, _) = scipy.linalg.matrix_balance(dynamics, permute=False, separate=True)
     b = gain / units[:, None]
-    turns = np.linalg.eigvals(a)
-    turns = turns.imag / np.maximum(np.abs(turns), np.finfo(float).tiny)
-    for share in _REAL_POLE_SHARES:
-        if (turns > share).sum() == (turns < -share).sum():
-            break
-    else:
-        raise InputError(
-            "the loss factors turn strongly damped modes into single poles, which no state space "
-            "has: make dampers or loss factors smaller"
-        )
-    upper, form, drive = _subspace(a, b, share, 1)
-    level, real_form, real_drive = _real_subspace(a, b, share)
+    poles = np.linalg.eigvals(a)
+    positive, real = _find_kinds(poles)
+    upper, form, drive = _subspace(a, b, poles, positive)
+    level, real_form, real_drive = _real_subspace(a, b, poles, real)
     inner = np.block([[form.real, -form.imag], [form.imag, form.real]])
-    states = np.hstack([2 * upper.real, -2 * upper.imag, level]) * 1.0
+    states = np.hstack([2 * upper.real, -2 * upper.imag, level])
     whole = scipy.linalg.block_diag(inner, real_form)
     kept = states @ np.vstack([drive.real, drive.imag, real_drive])
-    real = np.linalg.solve(states.T, (states @ whole).T).T
-    return real * units[:, None] / units, kept * units[:, None]
+    real_dynamics = np.linalg.solve(states.T, (states @ whole).T).T
+    return real_dynamics * units[:, None] / units, kept * units[:, None]
 
 
-def _subspace(a: Complex, b: Complex, share: float, side: int) -> tuple[Complex, Complex, Complex]:
+def _find_kinds(poles: Complex) -> tuple[Mask, Mask]:
+    """Return which poles are of positive frequency, and which are real but for the losses; (n,).
+
+    A pole of positive frequency has a partner whose conjugate is nearer than the real axis. Losses
+    turn real poles off the axis, which have none. Both poles of a mode with a damping ratio above
+    0.7 act on the whole band, and count as real ones.
+    """
+    above, below = np.flatnonzero(poles.imag > 0), np.flatnonzero(poles.imag < 0)
+    distances = np.abs(poles[above][:, None] - poles[below].conj())
+    rows, columns = scipy.optimize.linear_sum_assignment(distances)
+    size = poles[above[rows]].imag
+    is_pair = (distances[rows, columns] < size) & (np.abs(poles[above[rows]].real) < size)
+    positive, real = np.zeros(len(poles), bool), np.ones(len(poles), bool)
+    positive[above[rows[is_pair]]] = True
+    real[above[rows[is_pair]]] = real[below[columns[is_pair]]] = False
+    return positive, real
+
+
+def _subspace(
+    a: Complex, b: Complex, poles: Complex, chosen: Mask
+) -> tuple[Complex, Complex, Complex]:
     """Return an invariant subspace V of A, T with A V = V T, and W B of the projector V W.
 
     Args:
         a: A; (n, n).
         b: B; (n, n_in).
-        share: imaginary part of a real pole, of its size.
-        side: 1 for the poles of positive frequency, 0 for real ones.
+        poles: of A; (n,).
+        chosen: those of the subspace; (n,).
     """
 
     def is_inside(pole: complex) -> bool:
-        return (pole.imag > share * abs(pole)) if side else (abs(pole.imag) <= share * abs(pole))
+        return bool(chosen[np.abs(poles - pole).argmin()])
 
     form, right, count = scipy.linalg.schur(a, output="complex", sort=is_inside)
     _, left, _ = scipy.linalg.schur(
@@ -83,9 +89,9 @@ def _subspace(a: Complex, b: Complex, share: float, side: int) -> tuple[Complex,
     return right, form[:count, :count], np.linalg.solve(left @ right, left @ b)
 
 
-def _real_subspace(a: Complex, b: Complex, share: float) -> tuple[Real, Real, Real]:
+def _real_subspace(a: Complex, b: Complex, poles: Complex, chosen: Mask) -> tuple[Real, Real, Real]:
     """Return the real subspace nearest to that of the real poles, with its A and B."""
-    basis, form, projector = _subspace(a, np.eye(len(a), dtype=complex), share, 0)
+    basis, form, projector = _subspace(a, np.eye(len(a), dtype=complex), poles, chosen)
     plane = (basis @ projector).real
     level = np.linalg.svd(plane)[0][:, : basis.shape[1]]
     return level, level.T @ (basis @ form @ projector).real @ level, level.T @ plane @ b.real

@@ -167,9 +167,6 @@ def first_order_form(branches: BranchStates, drive: Real) -> FirstOrderForm:
     Args:
         branches: matrices, and states xi of laws.
         drive: generalised forces per unit of each input; (nv, n_force).
-
-    Raises:
-        InputError: losses turn strongly damped modes into single poles.
     """
     dynamics, gain = _extended_form(branches, drive)
     if branches.loss.any():

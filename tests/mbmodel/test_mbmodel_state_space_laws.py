@@ -211,6 +211,38 @@ def test_a_law_that_poles_alone_do_not_reach_has_a_constant_loss_beside_them():
         approximate(shape, FREQ_HZ, has_slope=True, has_loss=False)
 
 
+def lossy_system(seed, eta):
+    """Springs of which some have losses, and dampers from slight to far above critical."""
+    rng = np.random.default_rng(seed)
+    size = int(rng.integers(2, 7))
+    springs, dampers = rng.standard_normal((2, size, size))
+    lossy = springs[:, : rng.integers(1, size + 1)]
+    stiffness = 1e4 * springs @ springs.T + 10 * np.eye(size)
+    damping = rng.choice([0.01, 1, 30]) * dampers @ dampers.T
+    inverse = np.diag(1 / rng.uniform(0.5, 2, size))
+    complex_stiffness = stiffness + 1j * eta * 1e4 * lossy @ lossy.T
+    rates = np.hstack([-inverse @ complex_stiffness, -inverse @ damping])
+    a = np.vstack([np.eye(2 * size)[size:], rates])
+    return a, np.eye(2 * size)[:, size:] @ inverse + 0j
+
+
+def mobility_of(a, b):
+    unit, lines = np.eye(len(a)), np.geomspace(5, 400, 100)
+    return np.array([np.linalg.solve(1j * w * unit - a, b)[len(a) // 2 :] for w in lines])
+
+
+def test_losses_beside_any_damping_leave_the_system_stable_and_near():
+    errors = []
+    for seed in range(60):
+        lossy = lossy_system(seed, 0.05)
+        kept = keep_positive_frequencies(*lossy)
+        assert np.linalg.eigvals(kept[0]).real.max() < 0
+        exact, held = mobility_of(*lossy), mobility_of(*kept)
+        errors.append(np.abs(held - exact).max() / np.abs(exact).max())
+    assert np.median(errors) < 0.01
+    assert max(errors) < 0.1
+
+
 def test_a_system_without_losses_stays_as_it_is_with_rigid_modes_too():
     rng = np.random.default_rng(3)
     root = rng.standard_normal((4, 6))
