@@ -1,11 +1,15 @@
-"""Opening of a campaign that names a model or a layout."""
+"""What a path means: the model of a campaign or of a fit, and the tests of a campaign."""
 
 from pathlib import Path
 
 from identification import correct_layout, read_campaign, read_layout, read_settings, select_band
-from identification.words import Campaign
+from identification.words import Campaign, InputError
 from mbmodel import Machine
 from tuning import open_campaign
+from tuning.files.plant_folder import plant_file
+from tuning.files.result import TUNED_MJCF
+
+_CAMPAIGN_TOML = "campaign.toml"  # of the folder of a campaign
 
 
 def open_any_campaign(
@@ -19,3 +23,33 @@ def open_any_campaign(
     layout = correct_layout(source, settings, read_layout(source.parent / settings.layout))
     all_lines = read_campaign(source, settings, layout)
     return source, None, select_band(all_lines, band, source)
+
+
+def find_model(path: Path, key: str | None = None) -> tuple[Path, Path, str | None]:
+    """Return the MJCF of a model, a fit or a campaign, and the file that states its loops.
+
+    Args:
+        path: an MJCF, a folder of ``mbw tune`` or ``mbw diagnose``, or a campaign.
+        key: keyframe that the user states; None for that of a campaign.
+
+    Returns:
+        The MJCF, the campaign.toml or the MJCF beside which its loops stand, and the keyframe.
+
+    Raises:
+        InputError: a folder without one.
+    """
+    is_campaign = path.suffix == ".toml" or (path / _CAMPAIGN_TOML).is_file()
+    if is_campaign:
+        source, settings = read_settings(path)
+        if settings.model is None:
+            raise InputError(f"{source} names no model, only a layout: name an MJCF")
+        return source.parent / settings.model, source, settings.key if key is None else key
+    if not path.is_dir():
+        return path, path, key
+    mjcf = plant_file(path)
+    if not mjcf.is_file():
+        raise InputError(
+            f"{path} holds no {TUNED_MJCF}: name an MJCF, a folder of mbw tune or mbw diagnose, or "
+            "a campaign"
+        )
+    return mjcf, mjcf, key

@@ -34,7 +34,8 @@ from identification.words import (
     UsageError,
     WorkbenchError,
 )
-from mbworkbench.budgets import ErrorBudgetResult, error_budget
+from mbmodel.simulation.signals import move_signal
+from mbworkbench.budgets import ErrorBudgetResult, SimulatedBudget, error_budget, simulate_budget
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
 from mbworkbench.comparison import ComparisonResult, compare
 from mbworkbench.diagnosis import DiagnosisResult, diagnose
@@ -66,6 +67,7 @@ __all__ = [
     "ModalModel",
     "ModelModes",
     "ParameterTable",
+    "SimulatedBudget",
     "Tolerance",
     "TunedModel",
     "TunedPlant",
@@ -77,10 +79,12 @@ __all__ = [
     "error_budget",
     "excite",
     "identify",
+    "move_signal",
     "plot",
     "read_campaign",
     "read_model",
     "read_plant",
+    "simulate_budget",
     "tune",
 ]
 

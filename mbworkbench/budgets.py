@@ -4,7 +4,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mbmodel import as_drawn, with_loops
+import numpy as np
+
+from identification.words import Real
+from mbmodel import TimeResponse, as_drawn, load_machine, with_loops
+from mbmodel.simulation.drives import REFERENCE, parse_drive
 from mbworkbench.labels import AnyPath, as_path
 from mbworkbench.model import MachineModel, read_model
 from mbworkbench.tables import Shown, Table
@@ -17,6 +21,8 @@ from tuning.plant.error_budget.machine_files import model_with_posterior
 from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.sampling_images import image_sentences
+from tuning.plant.error_budget.simulated_budget import SimulatedErrors
+from tuning.plant.error_budget.simulated_budget import simulate_budget as simulate_budget_in_time
 from tuning.plant.variant_model import read_variant_model
 
 
@@ -109,6 +115,98 @@ class ErrorBudgetResult(Shown):
         header = ("error", "rms", "95 % interval", "largest source")
         title = "; ".join(("Error budget", *self.doubts))
         return Table(title, header, self._rows())
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedBudget(Shown):
+    """A machine in time under the sources of a budget, with its loops closed.
+
+    Attributes:
+        simulated: errors (``response.watched``), loops and outputs in time, beside the budget.
+    """
+
+    simulated: SimulatedErrors
+
+    @property
+    def response(self) -> TimeResponse:
+        """Time, outputs, and ``loops`` with reference, error and control of each."""
+        return self.simulated.response
+
+    @property
+    def rms(self) -> dict[str, float]:
+        """Root mean square of each error over the time [m or rad]."""
+        names = [error.name for error in self.simulated.definition.errors]
+        return dict(zip(names, self.simulated.rms.tolist(), strict=True))
+
+    def __repr__(self) -> str:
+        """Return each error with that of the budget, and the tracking error of each loop."""
+        expected = self.simulated.predicted
+        lines = [
+            f"{name}: {rms:.4g} rms"
+            + ("" if expected is None else f", {expected[k]:.4g} predicted")
+            for k, (name, rms) in enumerate(self.rms.items())
+        ]
+        lines += [
+            f"loop {row[0]}: error {row[1]:.4g} {row[3]} rms, {row[2]:.4g} {row[3]} at most"
+            for row in self._loop_rows()
+        ]
+        return "\n".join([*lines, *self.simulated.remarks, *self.response.remarks])
+
+    def _loop_rows(self) -> list[tuple[str, float, float, str]]:
+        """Return name, rms, largest value and unit of the error of each loop."""
+        return [
+            (
+                record.loop.name,
+                float(np.sqrt(np.mean(record.error**2))),
+                float(np.abs(record.error).max()),
+                record.loop.measured.unit,
+            )
+            for record in self.response.loops
+        ]
+
+    def table(self) -> Table:
+        """Return a table of the loops."""
+        header = ("loop", "error rms", "error at most", "unit")
+        return Table(repr(self).splitlines()[0], header, self._loop_rows())
+
+
+def simulate_budget(
+    model: MachineModel | AnyPath,
+    budget: AnyPath,
+    time_s: Real,
+    *,
+    references: Mapping[str, Real] | None = None,
+    controllers: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> SimulatedBudget:
+    """Simulate a machine in time with the loops and sources of a budget.
+
+    Args:
+        model: as for ``error_budget``; its joints may be nonlinear.
+        budget: path of budget.toml.
+        time_s: evenly spaced from 0 on [s]; a whole number of samples to each sampling period, and
+            8 to each period of the highest frequency of the sources; (n_time,).
+        references: of loops, by their names, in the unit of what they measure; (n_time,) each.
+        controllers: systems of python-control that replace controllers of the file.
+        seed: of the sources.
+
+    Raises:
+        InputError: a file cannot be used.
+        UsageError: a reference of no loop, or times that do not suit loops and sources.
+        ConvergenceError: the motion grows without bound.
+    """
+    if not isinstance(model, MachineModel):
+        source = plant_file(as_path(model))
+        model = MachineModel(load_machine(source, without_friction=True))
+    definition = read_definition(as_path(budget), model.machine, controllers)
+    played = {
+        parse_drive(model.machine, f"{REFERENCE}:{name}", definition.loops): np.asarray(values)
+        for name, values in (references or {}).items()
+    }
+    times = np.asarray(time_s, float)
+    return SimulatedBudget(
+        simulate_budget_in_time(model.machine, definition, times, played, seed=seed)
+    )
 
 
 def error_budget(

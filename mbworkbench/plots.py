@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from identification.words import Complex, Dof, Frf, FrfEstimate, Real, Test
-from mbworkbench.budgets import ErrorBudgetResult
+from mbworkbench.budgets import ErrorBudgetResult, SimulatedBudget
 from mbworkbench.campaign import MeasuredCampaign
 from mbworkbench.comparison import ComparisonResult
 from mbworkbench.diagnosis import DiagnosisResult
@@ -150,6 +150,24 @@ def _(result: ErrorBudgetResult) -> go.Figure:
     figure.update_xaxes(type="log", title_text="frequency [Hz]")
     figure.update_yaxes(title_text="rms above the frequency")
     figure.update_layout(title="cumulative amplitude spectra")
+    return figure
+
+
+@plot.register
+def _(result: SimulatedBudget) -> go.Figure:
+    response, definition = result.response, result.simulated.definition
+    titles = [*(f"loop {record.loop.name}" for record in response.loops), "errors"]
+    figure = make_subplots(rows=len(titles), shared_xaxes=True, subplot_titles=titles)
+    for row, record in enumerate(response.loops, start=1):
+        curves = {"reference": record.reference, "measured": record.measured}
+        for name, values in {**curves, "error": record.error}.items():
+            figure.add_scatter(x=response.time_s, y=values, name=name, row=row, col=1)
+    for number, error in enumerate(definition.errors):
+        unit, size = definition.units[error.name]
+        watched = np.zeros(0) if response.watched is None else response.watched[:, number] / size
+        name = f"{error.name} [{unit}]"
+        figure.add_scatter(x=response.time_s, y=watched, name=name, row=len(titles), col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(titles), col=1)
     return figure
 
 

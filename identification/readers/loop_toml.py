@@ -39,7 +39,11 @@ ControllerSource = Annotated[
 
 
 class LoopTable(TomlTable):
-    """Settings of ``[loop.NAME]``: a controller between an output and an input."""
+    """Settings of ``[loop.NAME]``: a controller between an output and an input.
+
+    Simulations in time have the ``resolution`` of the encoder, the ``quantisation`` of the control
+    and its ``limit``, which linear predictions leave out.
+    """
 
     input: str
     output: str
@@ -47,6 +51,9 @@ class LoopTable(TomlTable):
     quantity: Quantity = "receptance"
     controller: ControllerSource
     delay: float = Field(default=0.0, ge=0, le=1.0)
+    resolution: float = Field(default=0.0, ge=0)
+    quantisation: float = Field(default=0.0, ge=0)
+    limit: float | None = Field(default=None, gt=0)
 
 
 class CampaignLoopTable(LoopTable):

@@ -27,6 +27,7 @@ from identification.words.control_loop import (
     PortSum,
     between_multiples,
     poles_in_s,
+    sampling_period,
     zero_order_hold,
 )
 from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
@@ -115,6 +116,7 @@ __all__ = [
     "parse_port",
     "percent_text",
     "poles_in_s",
+    "sampling_period",
     "settle_port",
     "shorten_names",
     "split_label",

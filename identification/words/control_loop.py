@@ -9,11 +9,13 @@ ch. 7)
     K(z) h(s) y,    z = exp(s T),    h(s) = (1 - exp(-s T)) / (s T)
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from identification.words._arrays import Complex, Real, frozen_array
+from identification.words.errors import InputError
 from identification.words.signal import Input, Output
 
 # Of s T, where searches of poles pass far from the imaginary axis.
@@ -164,6 +166,10 @@ class Loop:
         controller: K, in units of the input per SI unit of the signal.
         input_unit: SI unit of the input, or that it is a control.
         delay: of the controller [s].
+        resolution: step in which the encoder reads the signal; 0 for a continuous reading. This and
+            the next two act in time alone: linear predictions leave them out.
+        quantisation: step of the controller's output; 0 for none.
+        limit: largest magnitude of the input; None without a limit.
     """
 
     name: str
@@ -172,3 +178,33 @@ class Loop:
     controller: Controller
     input_unit: str
     delay: float = 0.0
+    resolution: float = 0.0
+    quantisation: float = 0.0
+    limit: float | None = None
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether neither encoder, nor output steps, nor a limit make it nonlinear."""
+        return not (self.resolution or self.quantisation) and self.limit is None
+
+
+def sampling_period(loops: Sequence[Loop]) -> float:
+    """Return the sampling period of loops [s]; 0 if they are continuous.
+
+    Raises:
+        InputError: loops of different periods, or sampled and continuous ones.
+    """
+    periods = {loop.controller.period_s for loop in loops}
+    if len(periods) > 1:
+        each = ", ".join(f"{loop.name} {_period_text(loop)}" for loop in loops)
+        raise InputError(
+            f"loops that act together must have one sampling period, but they are {each}: state "
+            "all controllers with one period, or all as continuous ones with their delays"
+        )
+    return periods.pop() if periods else 0.0
+
+
+def _period_text(loop: Loop) -> str:
+    """Return the period of a loop in words."""
+    period = loop.controller.period_s
+    return f"sampled every {period:g} s" if period else "continuous"

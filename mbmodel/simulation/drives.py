@@ -8,18 +8,29 @@ gain the floor's own motion.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final, Literal
 
 import mujoco
 import numpy as np
 
-from identification.words import Dof, Input, Real, Signal, UsageError, shorten_names
+from identification.words import (
+    JOINT_PREFIX,
+    Dof,
+    Input,
+    Loop,
+    Output,
+    Real,
+    Signal,
+    UsageError,
+    shorten_names,
+)
 from mbmodel.machine import Machine
 from mbmodel.mjcf.names import actuator_name, joint_coordinate
 from mbmodel.ports.ports import find_ports, parse_input
 from mbmodel.ports.signal_rows import is_floor
 from mbmodel.simulation.time_model import TimeModel
 
-JOINT_PREFIX = "joint:"  # of labels of joints, such as joint:ty_tx
+REFERENCE: Final = "reference"  # before the name of a loop: the label of its reference
 _CONTROL, _JOINT_FORCE, _WRENCH = (
     mujoco.mjtState.mjSTATE_CTRL,
     mujoco.mjtState.mjSTATE_QFRC_APPLIED,
@@ -60,32 +71,72 @@ class SensorValue:
         return f"{self.sensor}.{self.number}" if self.number else self.sensor
 
 
-Reading = Dof | JointDof | SensorValue
+@dataclass(frozen=True)
+class LoopSignal:
+    """A signal of a control loop, as an input.
+
+    Args:
+        loop: name of the loop.
+        kind: its reference, the noise of its measurement, or a command that is added to its
+            control before the limit.
+    """
+
+    loop: str
+    kind: Literal["reference", "noise", "command"] = REFERENCE
+
+    def __str__(self) -> str:
+        """Return the label ``<kind>:<name>``."""
+        return f"{self.kind}:{self.loop}"
 
 
-def parse_drive(machine: Machine, text: str) -> Input | JointDof:
-    """Return the motor, joint or direction that a text names.
+Drive = Input | JointDof | LoopSignal
+Reading = Dof | Signal | JointDof | SensorValue
+
+
+def parse_drive(machine: Machine, text: str, loops: Sequence[Loop] = ()) -> Drive:
+    """Return the motor, joint, direction or reference of a closed loop that a text names.
+
+    Args:
+        text: as for ``mbmodel.ports.ports.parse_input``, or ``reference:ty``.
+        loops: that are closed.
 
     Raises:
         UsageError: it names none of these.
     """
+    kind, _, name = text.partition(":")
+    if kind == REFERENCE and name in [loop.name for loop in loops]:
+        return LoopSignal(name)
+    if kind == REFERENCE and kind not in (*machine.layout.points, *machine.layout.bodies):
+        closed = ", ".join(loop.name for loop in loops) or "none"
+        raise UsageError(
+            f"{text!r}: no loop {name!r} is closed (there are {closed}): close it with --budget or "
+            "--closed"
+        )
     return _parse_joint(machine, text) or parse_input(machine, text)
 
 
 def parse_reading(machine: Machine, text: str) -> Reading:
-    """Return the joint, direction or MuJoCo sensor whose values a text names.
+    """Return the joint, direction, pair or MuJoCo sensor whose values a text names.
 
     Args:
-        text: ``joint:ty_tx``, a label such as ``acc11:+tx``, or the name of a sensor; ``imu.2`` is
-            the third number of the sensor ``imu``.
+        text: ``joint:ty_tx``, ``coil-magnet:+tx``, a label such as ``acc11:+tx``, or the name of a
+            sensor; ``imu.2`` is the third number of the sensor ``imu``.
 
     Raises:
         UsageError: it names none of these.
     """
-    if text and ":" not in text:
-        name, _, number = text.rpartition(".")
-        return SensorValue(name, int(number)) if name and number.isdecimal() else SensorValue(text)
-    return _parse_joint(machine, text) or Dof.parse(text)
+    return _parse_joint(machine, text) or find_reading(machine.layout.parse(text))
+
+
+def find_reading(port: Output) -> Reading:
+    """Return the reading in time of an output of the linear model."""
+    if isinstance(port, Dof) or port.is_directed:
+        return port
+    if port.is_joint:
+        return JointDof(port.name.removeprefix(JOINT_PREFIX))
+    name, _, number = port.name.rpartition(".")
+    is_numbered = bool(name) and number.isdecimal()
+    return SensorValue(name, int(number)) if is_numbered else SensorValue(port.name)
 
 
 def _parse_joint(machine: Machine, text: str) -> JointDof | None:
@@ -139,11 +190,11 @@ def wrench_gain(model: TimeModel, wrenches: Real) -> Real:
     return np.vstack([empty, applied.reshape(-1, wrenches.shape[1])])
 
 
-def find_drives(model: TimeModel, inputs: Sequence[Input | JointDof]) -> Drives:
-    """Return what each input applies.
+def find_drives(model: TimeModel, inputs: Sequence[Drive]) -> Drives:
+    """Return what each input applies; signals of loops apply nothing by themselves.
 
     Args:
-        inputs: points, pairs of points, bodies, motors, joints, or the floor.
+        inputs: points, pairs of points, bodies, motors, joints, the floor, or signals of loops.
 
     Raises:
         UsageError: the machine has no such input, or the floor would turn.
@@ -151,7 +202,12 @@ def find_drives(model: TimeModel, inputs: Sequence[Input | JointDof]) -> Drives:
     machine = model.machine
     gain = np.zeros((len(rest_controls(model)), len(inputs)))
     floor = np.zeros((3, len(inputs)))
-    for column, drive in enumerate(inputs):
+    for column, port in enumerate(inputs):
+        if isinstance(port, LoopSignal):
+            continue
+        drive: Input | JointDof = port
+        if isinstance(port, Signal) and port.is_joint:
+            drive = JointDof(port.name.removeprefix(JOINT_PREFIX))
         if isinstance(drive, Signal) and not drive.is_directed:
             find_ports(machine, (), (drive,))  # refuses an unknown motor
             gain[_control_number(model, drive.name), column] = 1.0

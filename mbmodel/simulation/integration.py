@@ -9,6 +9,7 @@ the motion that is not inertia alone by (w h / 2)^2 / sin^2(w h / 2), 1 + (w h)^
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import mujoco
 import mujoco.rollout
@@ -30,6 +31,21 @@ INTEGRATORS = {
 
 # Returns the inputs' means over the steps from a first to a last one; (n_record, n_step, n_in).
 InputMeans = Callable[[int, int], Real]
+
+
+class Advance(Protocol):
+    """Takes steps of one record with more than inputs that are known beforehand."""
+
+    def __call__(self, state: Real, control: Real) -> tuple[Real, Real]:
+        """Return states after the steps, and sensor data at their beginnings; (1, n_step, n).
+
+        Args:
+            state: at the beginning; (1, n_state).
+            control: of all that is known; (1, n_step, n_control).
+        """
+
+    def read_record(self) -> Real:
+        """Return further signals at the instants of the record; (n_signal, n_time)."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +75,7 @@ def integrate(
     *,
     threads: int = 1,
     reach: JointReach | None = None,
+    advance: Advance | None = None,
 ) -> Iterator[Real]:
     """Integrate one or several records at once, and yield the motion chunk by chunk.
 
@@ -69,6 +86,7 @@ def integrate(
         step: integrator and length of the step.
         threads: that work at the same time.
         reach: takes note of how far the joints move.
+        advance: takes the steps, with control loops closed; None for MuJoCo's own rollout.
 
     Yields:
         Motion in the middle of the steps, relative to rest, in the model's order of
@@ -94,8 +112,12 @@ def integrate(
             stop = min(start + chunk, count + 1)
             inputs = means(start, stop)
             control = np.einsum("rnk,rck->rnc", inputs, gains) + rest
-            states, sensors = pool.rollout(
-                compiled, workers, state, control, control_spec=CONTROL_SPEC, chunk_size=1
+            states, sensors = (
+                advance(state, control)
+                if advance is not None
+                else pool.rollout(
+                    compiled, workers, state, control, control_spec=CONTROL_SPEC, chunk_size=1
+                )
             )
             state = states[:, -1]
             _check_progress(model, states, stop, step)
@@ -138,7 +160,7 @@ def _motion(model: TimeModel, rows: Real, step_s: float) -> Real:
         shape = (*rows.shape[:2], len(model.probe_columns), 7)
         moved = probes - model.rest[model.probe_columns.ravel()]
         places = np.concatenate(
-            [moved.reshape(shape)[..., :3], _rotation_vectors(probes.reshape(shape)[..., 3:])],
+            [moved.reshape(shape)[..., :3], rotation_vectors(probes.reshape(shape)[..., 3:])],
             axis=-1,
         ).reshape(*rows.shape[:2], -1)
         motion = (places[:, 1:] + places[:, :-1]) / 2
@@ -152,7 +174,7 @@ def _motion(model: TimeModel, rows: Real, step_s: float) -> Real:
     return np.concatenate([motion, (joints[:, 1:] + joints[:, :-1]) / 2], axis=2)
 
 
-def _rotation_vectors(quaternions: Real) -> Real:
+def rotation_vectors(quaternions: Real) -> Real:
     """Return rotation vectors of unit quaternions (scalar first); (..., 3)."""
     real, vector = quaternions[..., :1], quaternions[..., 1:]
     vector = np.where(real < 0, -vector, vector)

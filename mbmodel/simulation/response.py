@@ -1,7 +1,4 @@
-"""Time response of a machine to signals at its inputs, by MuJoCo, nonlinear joints included.
-
-Outputs of the machine in time: which probes are needed, and how readings follow from them.
-"""
+"""Time response of a machine to signals at its inputs, by MuJoCo, nonlinear joints included."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,13 +6,24 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
-from identification.words import DERIVATIVE_ORDER, Dof, Input, Quantity, Real, UsageError
+from identification.words import DERIVATIVE_ORDER, Loop, PortSum, Quantity, Real, UsageError
 from mbmodel.export.linear_response import even_step
 from mbmodel.machine import Machine
-from mbmodel.simulation.drives import JointDof, Reading, SensorValue, find_drives
+from mbmodel.simulation.closed_loops import (
+    ClosedLoopSteps,
+    InstantSensors,
+    LoopRecord,
+    SignalSplines,
+    drive_loops,
+    floor_motion,
+    samples_per_period,
+    steps_per_sample,
+)
+from mbmodel.simulation.drives import Drive, Reading, find_drives
 from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
 from mbmodel.simulation.joint_reach import JointReach
-from mbmodel.simulation.time_model import PROBE_CHANNELS, Probe, TimeModel, build_time_model
+from mbmodel.simulation.readings import find_readings
+from mbmodel.simulation.time_model import build_time_model
 from mbmodel.simulation.time_step import Recorder, choose_time_step
 
 _ESTIMATED_SHARE = 0.1  # of the signals, over which the error of the step is estimated
@@ -32,12 +40,16 @@ class TimeResponse:
             rotations; positions for joints]; (n_time, n_out).
         step: integrator and step with the estimated error.
         remarks: sentences on stops that the motion reaches, and on laws that it misses.
+        loops: reference, measurement and control of each closed loop.
+        watched: further signals, without rounding; None without any; (n_time, n_signal).
     """
 
     time_s: Real
     outputs: Real
     step: TimeStep
     remarks: tuple[str, ...] = ()
+    loops: tuple[LoopRecord, ...] = ()
+    watched: Real | None = None
 
     def __repr__(self) -> str:
         """Return the size, the step and its error in one line."""
@@ -47,15 +59,17 @@ class TimeResponse:
         )
 
 
-def simulate(
+def simulate(  # noqa: PLR0913  # one for each thing that a simulation needs
     machine: Machine,
-    inputs: Sequence[Input | JointDof],
+    inputs: Sequence[Drive],
     outputs: Sequence[Reading],
     time_s: Real,
     signals: Real,
     *,
     quantity: Quantity = "accelerance",
     spin: Mapping[str, float] | None = None,
+    loops: Sequence[Loop] = (),
+    watched: Sequence[PortSum] = (),
 ) -> TimeResponse:
     """Simulate a machine's motion from static equilibrium, without linearising it.
 
@@ -64,13 +78,17 @@ def simulate(
     which the inputs change most.
 
     Args:
-        inputs: points, bodies, motors, joints or the floor [N, N m, unit of control, m/s^2].
+        inputs: points, bodies, motors, joints or the floor [N, N m, unit of control, m/s^2], and
+            references and noise of loops in the unit of what these measure.
         outputs: points, bodies, joints, or MuJoCo sensors of the MJCF.
         time_s: evenly spaced [s]; (n_time,), at least 4.
         signals: of the inputs; (n_time, n_in).
         quantity: receptance gives displacements, mobility velocities, accelerance accelerations;
             joints give positions always, MuJoCo sensors their own values relative to rest.
         spin: rates of the hinges that turn steadily [rad/s], by name.
+        loops: control loops that are closed, all continuous or of one sampling period. Samples of
+            the signals must then divide the period.
+        watched: further signals to be recorded, such as the errors of a budget.
 
     Raises:
         UsageError: an uneven time axis, shapes that do not fit, or an unknown label.
@@ -85,6 +103,8 @@ def simulate(
         )
     readings = find_readings(machine, outputs)
     order = DERIVATIVE_ORDER[quantity]
+    signals_read = [*(loop.measured for loop in loops), *watched]
+    sensors = InstantSensors.of(machine, signals_read)
     model = build_time_model(
         machine,
         readings.probes,
@@ -92,27 +112,57 @@ def simulate(
         sensors=[(value.sensor, value.number) for value in readings.sensors],
         order=order,
         spin=spin,
+        change=sensors.add_to,
     )
     drives = find_drives(model, inputs)
     spline = CubicSpline(time_s - time_s[0], signals)
+    duration = time_s[-1] - time_s[0]
+    control = drive_loops(model, loops, inputs)
+    gains = drives.gain[None]
+    samples_per_period(loops, rate)
 
     def means_of(step_s: float, first: int = 0) -> InputMeans:
-        primitive = spline.antiderivative()
-        return _spline_means(primitive, step_s, time_s[-1] - time_s[0], first / rate)
+        return _spline_means(spline.antiderivative(), step_s, duration, first / rate)
 
-    recorder = Recorder(readings.readout, rate, np.zeros(len(outputs)), is_filtered=False)
-    duration = time_s[-1] - time_s[0]
+    def closed_of(
+        step_s: float, first: int = 0, *, is_ideal: bool = False
+    ) -> ClosedLoopSteps | None:
+        if not signals_read:
+            return None
+        splines = SignalSplines(
+            spline, duration, first / rate, drives.floor, means_of(step_s, first)
+        )
+        return ClosedLoopSteps(
+            sensors.bind(model), loops, control, splines, step_s, rate, is_ideal=is_ideal
+        )
+
+    recorder = Recorder(
+        readings.readout,
+        rate,
+        np.zeros(len(outputs)),
+        is_filtered=False,
+        fewest_steps=steps_per_sample(loops, rate),
+    )
     span = min(_ESTIMATED_SHARE * duration, _MAX_ESTIMATED_S)
-    gains = drives.gain[None]
     hardest = _fastest_part(signals, round(span * rate))
-    step = choose_time_step(model, gains, lambda step_s: means_of(step_s, hardest), recorder, span)
+    step = choose_time_step(
+        model,
+        gains,
+        lambda step_s: means_of(step_s, hardest),
+        recorder,
+        span,
+        lambda step_s: closed_of(step_s, hardest, is_ideal=True),
+    )
     count = round((duration + 2 / rate) / step.step_s)
-    reach = JointReach(model)
-    chunks = integrate(model, gains, means_of(step.step_s), count, step, reach=reach)
+    reach, closed = JointReach(model), closed_of(step.step_s)
+    chunks = integrate(
+        model, gains, means_of(step.step_s), count, step, reach=reach, advance=closed
+    )
     motion = recorder.record(chunks, step.step_s)[0, :, : len(time_s)].T
-    floor = _floor_motion(spline, drives.floor, time_s - time_s[0], order)
-    moved = motion + floor @ _world_axes(model, outputs).T
-    return TimeResponse(time_s, moved, step, reach.remarks())
+    floor = floor_motion(spline, drives.floor, time_s - time_s[0], order)
+    moved = motion + floor @ readings.world_axes.T
+    records, seen = ((), None) if closed is None else closed.records(time_s)
+    return TimeResponse(time_s, moved, step, reach.remarks(), records, seen)
 
 
 def _fastest_part(signals: Real, length: int) -> int:
@@ -142,85 +192,3 @@ def _spline_means(primitive: PPoly, step_s: float, end_s: float, start_s: float)
         return over_step[None]
 
     return means
-
-
-def _floor_motion(spline: CubicSpline, floor: Real, time_s: Real, order: int) -> Real:
-    """Return the floor's own motion at the instants, in world axes; (n_time, 3)."""
-    primitive = spline
-    for _ in range(2 - order):
-        primitive = primitive.antiderivative()
-    moved: Real = primitive(time_s) @ floor.T
-    return moved
-
-
-def _world_axes(model: TimeModel, outputs: Sequence[Reading]) -> Real:
-    """Return the reading of each output per translation of the whole machine; (n_out, 3)."""
-    rows = np.zeros((len(outputs), 3))
-    readings = find_readings(model.machine, outputs)
-    probes = len(readings.probes)
-    for k in range(probes):
-        rows += readings.readout[:, 6 * k : 6 * k + 3]
-    return rows
-
-
-@dataclass(frozen=True, eq=False)
-class Readings:
-    """Probes and encoders that some outputs need, and the outputs per channel.
-
-    Args:
-        probes: a probe for each point or body.
-        encoders: names of joints.
-        sensors: numbers of MuJoCo sensors.
-        readout: outputs per channel of the integration; (n_out, n_channel).
-    """
-
-    probes: tuple[Probe, ...]
-    encoders: tuple[str, ...]
-    sensors: tuple[SensorValue, ...]
-    readout: Real
-
-
-def find_readings(machine: Machine, outputs: Sequence[Reading]) -> Readings:
-    """Return what some outputs need.
-
-    Args:
-        machine: with its layout.
-        outputs: points, bodies (centres of mass, world axes), joints or MuJoCo sensors.
-
-    Raises:
-        UsageError: the machine has no such point or body.
-    """
-    layout = machine.layout
-    points = list(dict.fromkeys(dof.point for dof in outputs if isinstance(dof, Dof)))
-    joints = list(dict.fromkeys(dof.joint for dof in outputs if isinstance(dof, JointDof)))
-    sensors = list(dict.fromkeys(dof for dof in outputs if isinstance(dof, SensorValue)))
-    probes = tuple(Probe(layout.body_name(point), _place(machine, point)) for point in points)
-    first_joint = PROBE_CHANNELS * len(points)
-    first_sensor = first_joint + len(joints)
-    readout = np.zeros((len(outputs), first_sensor + len(sensors)))
-    for row, dof in zip(readout, outputs, strict=True):
-        if isinstance(dof, JointDof):
-            row[first_joint + joints.index(dof.joint)] = 1.0
-        elif isinstance(dof, SensorValue):
-            row[first_sensor + sensors.index(dof)] = 1.0
-        else:
-            start = PROBE_CHANNELS * points.index(dof.point) + 3 * dof.is_rotation
-            row[start : start + 3] = dof.sign * _axes(machine, dof.point)[:, dof.axis % 3]
-    return Readings(probes, tuple(joints), tuple(sensors), readout)
-
-
-def _place(machine: Machine, point: str) -> Real:
-    """Return the place of a point or of a body's centre of mass [m]; (3,)."""
-    layout = machine.layout
-    if point in layout.points:
-        place: Real = layout.positions[layout.points.index(point)]
-    else:
-        place = layout.centres[layout.bodies.index(point)]
-    return place
-
-
-def _axes(machine: Machine, point: str) -> Real:
-    """Return the axes of a point in columns; world axes for a body; (3, 3)."""
-    layout = machine.layout
-    axes: Real = layout.axes[layout.points.index(point)] if point in layout.points else np.eye(3)
-    return axes

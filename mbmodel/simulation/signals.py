@@ -1,6 +1,17 @@
-"""Input signals: step, chirp, and random noise of a given power density."""
+r"""Input signals: step, point-to-point move, chirp, and random noise of a given power density.
+
+A move of order n is a jump by the distance, averaged over times T_1 to T_n one after the other, so
+that its derivative k is a piecewise polynomial whose largest value is D / (T_1 ... T_k) if every
+time is at least the sum of those behind it. The innermost time is the longest that no limit
+forbids, then the next one: the move of least time (Lambrechts, Boerlage and Steinbuch 2005).
+"""
+
+from collections.abc import Sequence
+from itertools import product
+from math import factorial, prod
 
 import numpy as np
+from scipy.optimize import brentq
 
 from identification.words import Real, UsageError
 
@@ -30,6 +41,75 @@ def step_signal(time_s: Real, height: float) -> Real:
     phase = np.clip((time_s - _START_SHARE * time_s[-1]) / rise, 0.0, 1.0)
     step: Real = height * (1 - np.cos(np.pi * phase)) / 2
     return step
+
+
+def move_signal(
+    time_s: Real,
+    distance: float,
+    limits: Sequence[float],
+    derivative: int = 0,
+    start_s: float | None = None,
+) -> Real:
+    """Return a point-to-point move of least time whose derivatives are limited; (n_time,).
+
+    Args:
+        time_s: instants [s]; (n_time,).
+        distance: of the move.
+        limits: of velocity, acceleration, jerk, and perhaps snap: the order of the move.
+        derivative: of the move that is returned, below its order, for a feedforward.
+        start_s: begin of the move [s]; None for 5 % of the time.
+
+    Raises:
+        UsageError: limits that are not above zero, or a move that ends behind the last instant.
+    """
+    if not limits or not all(np.isfinite(limit) and limit > 0 for limit in limits):
+        raise UsageError(f"limits {list(limits)}: give numbers above 0, the velocity first")
+    if distance == 0:
+        return np.zeros(len(time_s))
+    times = _averaging_times(abs(distance), limits)
+    total = sum(times)
+    start = time_s[0] + _START_SHARE * (time_s[-1] - time_s[0]) if start_s is None else start_s
+    if start + total > time_s[-1]:
+        raise UsageError(
+            f"the move takes {total:.4g} s from {start:.4g} s on and ends behind the signal: raise "
+            "the duration or the limits"
+        )
+    order, since = len(times) - derivative, np.clip(time_s - start, 0.0, total)
+    is_late = since > total / 2  # the second half mirrors the first one, without lost digits
+    early, values = np.where(is_late, total - since, since), np.zeros(len(time_s))
+    for choice in product((0, 1), repeat=len(times)):
+        shift = sum(time for time, chosen in zip(times, choice, strict=True) if chosen)
+        values += (-1) ** sum(choice) * np.clip(early - shift, 0.0, None) ** order
+    values *= distance / prod(times) / factorial(order)
+    mirrored: Real = (distance if derivative == 0 else 0.0) - (-1) ** derivative * values
+    return np.where(is_late, mirrored, values)
+
+
+def _averaging_times(distance: float, limits: Sequence[float]) -> list[float]:
+    """Return the times T_1 to T_n over which a move is averaged [s]."""
+    bounds, times = [distance, *limits], list[float]()
+    for number in range(len(limits), 0, -1):
+        least = sum(times)
+
+        def excess(
+            time_s: float, number: int = number, inner: tuple[float, ...] = tuple(times)
+        ) -> float:
+            """Return the largest logarithm of a derivative over its limit."""
+            chain = [time_s, *inner]
+            while len(chain) < len(limits):
+                chain.insert(0, sum(chain))
+            peaks = [limits[-1] * prod(chain[k:]) / bounds[k] for k in range(number)]
+            return float(np.log(max(peaks)))
+
+        high = max(least, 1e-9)
+        while excess(high) < 0:
+            high *= 2
+        low = max(least, high * 1e-9)
+        is_least = excess(low) >= 0
+        times.insert(
+            0, low if is_least else float(brentq(excess, low, high, xtol=1e-15, rtol=1e-13))
+        )
+    return times
 
 
 def chirp_signal(time_s: Real, height: float, band: tuple[float, float]) -> Real:

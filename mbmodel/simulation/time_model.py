@@ -4,7 +4,7 @@ A probe is a point that is fixed to a stage. MuJoCo reports its velocity, or its
 step, so that no Python code runs between steps.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -84,6 +84,7 @@ def build_time_model(
     sensors: Sequence[tuple[str, int]] = (),
     order: int = 2,
     spin: Mapping[str, float] | None = None,
+    change: Callable[[mujoco.MjSpec], None] = lambda spec: None,
 ) -> TimeModel:
     """Compile a machine's MJCF with probes, and bring it to static equilibrium.
 
@@ -95,6 +96,7 @@ def build_time_model(
         sensors: MuJoCo sensors of the MJCF, by name and number, that are read relative to rest.
         order: number of differentiations of the motion that the probes read: 0, 1, 2.
         spin: rates of the hinges that turn steadily [rad/s], by name.
+        change: adds further sensors.
 
     Raises:
         InputError: the MJCF cannot be read any more.
@@ -102,12 +104,13 @@ def build_time_model(
     """
     flags: list[int] = []
 
-    def add_probes(spec: mujoco.MjSpec) -> None:
+    def add_sensors(spec: mujoco.MjSpec) -> None:
         flags.append(int(spec.option.disableflags))
-        _add_probes(spec, machine, probes, order)
+        add_probes(spec, machine, probes, _PREFIX, _SENSORS_OF_ORDER[order])
         _add_encoders(spec, encoders)
+        change(spec)
 
-    compiled, _ = compile_with_remarks(machine.source, without_friction=True, change=add_probes)
+    compiled, _ = compile_with_remarks(machine.source, without_friction=True, change=add_sensors)
     data = find_equilibrium(compiled, machine.source, pose_data(compiled, machine.keyframe)).data
     compiled.opt.disableflags = flags[0]
     velocity = spin_velocity(compiled, spin or {})
@@ -130,15 +133,19 @@ def build_time_model(
         order,
         np.array(
             [
-                _columns(compiled, [f"{_PREFIX} {k} {part}" for part in range(len(widths))])
+                sensor_data_columns(
+                    compiled, [f"{_PREFIX} {k} {part}" for part in range(len(widths))]
+                )
                 for k in range(len(probes))
             ],
             np.intp,
         ).reshape(len(probes), sum(widths)),
         np.concatenate(
             [
-                _columns(compiled, [f"{_PREFIX} joint {k}" for k in range(len(encoders))]),
-                _sensor_columns(compiled, sensors),
+                sensor_data_columns(
+                    compiled, [f"{_PREFIX} joint {k}" for k in range(len(encoders))]
+                ),
+                sensor_value_columns(compiled, sensors),
             ]
         ),
         data.sensordata.copy(),
@@ -149,7 +156,7 @@ def _width(kind: mujoco.mjtSensor) -> int:
     return 4 if kind == _SENSOR_TYPE.mjSENS_FRAMEQUAT else 3
 
 
-def _columns(compiled: mujoco.MjModel, names: Sequence[str]) -> Integers:
+def sensor_data_columns(compiled: mujoco.MjModel, names: Sequence[str]) -> Integers:
     """Return the columns of sensor data of some sensors, one after the other."""
     spans = [
         range(int(compiled.sensor(name).adr[0]), int(compiled.sensor(name).adr[0] + count))
@@ -159,7 +166,7 @@ def _columns(compiled: mujoco.MjModel, names: Sequence[str]) -> Integers:
     return np.array([column for span in spans for column in span], np.intp)
 
 
-def _sensor_columns(compiled: mujoco.MjModel, sensors: Sequence[tuple[str, int]]) -> Integers:
+def sensor_value_columns(compiled: mujoco.MjModel, sensors: Sequence[tuple[str, int]]) -> Integers:
     """Return the columns of numbers of the MJCF's own sensors."""
     names = [compiled.sensor(k).name for k in range(compiled.nsensor)]
     named = [name for name in names if name and not name.startswith(_PREFIX)]
@@ -179,8 +186,19 @@ def _sensor_columns(compiled: mujoco.MjModel, sensors: Sequence[tuple[str, int]]
     return np.array(columns, np.intp)
 
 
-def _add_probes(spec: mujoco.MjSpec, machine: Machine, probes: Sequence[Probe], order: int) -> None:
-    """Add a site in world axes, and its sensors, for each probe."""
+def add_probes(
+    spec: mujoco.MjSpec,
+    machine: Machine,
+    probes: Sequence[Probe],
+    prefix: str,
+    kinds: Sequence[mujoco.mjtSensor],
+) -> None:
+    """Add a site in world axes, and its sensors of some kinds, for each probe.
+
+    Args:
+        prefix: of their names: ``<prefix> <number of the probe> <number of the kind>``.
+        kinds: of the sensors.
+    """
     # MuJoCo numbers bodies in the order of the file, so names that it lacks follow from it.
     bodies = {body.name or f"body{number}": body for number, body in enumerate(spec.bodies)}
     for number, probe in enumerate(probes):
@@ -189,11 +207,11 @@ def _add_probes(spec: mujoco.MjSpec, machine: Machine, probes: Sequence[Probe], 
             raise UsageError(f"body {probe.stage!r} has no name in the MJCF: name it")
         turn = np.zeros(4)
         mujoco.mju_mat2Quat(turn, np.ascontiguousarray(drawn.frame.T).ravel())
-        name = f"{_PREFIX} {number}"
+        name = f"{prefix} {number}"
         bodies[probe.stage].add_site(
             name=name, pos=drawn.frame.T @ (probe.position - drawn.origin), quat=turn
         )
-        for part, kind in enumerate(_SENSORS_OF_ORDER[order]):
+        for part, kind in enumerate(kinds):
             spec.add_sensor(
                 name=f"{name} {part}",
                 type=kind,

@@ -21,12 +21,11 @@ from identification.words import ConvergenceError, Real
 from mbmodel.machine import Machine
 from mbmodel.model import as_drawn
 from mbmodel.nonlinear_joints.friction_solver import has_dry_friction
-from mbmodel.simulation.integration import InputMeans, TimeStep, cause_of_growth, integrate
+from mbmodel.simulation.integration import Advance, InputMeans, TimeStep, cause_of_growth, integrate
 from mbmodel.simulation.time_model import TimeModel
 
 # Steps per sample of a recorder: at 0.4 of the rate, a force held over a step loses 1.3e-3.
 MIN_STEPS_PER_SAMPLE = 20
-_MIN_STEPS_PER_SIGNAL_SAMPLE = 4  # where the signal's own samples are the output's
 _MAX_STEPS_PER_SAMPLE = 320
 # |lambda| h up to which RK4 is stable is 2.78 on the real axis and 2.83 on the imaginary one.
 _MAX_RK4_POLE_TIMES_STEP = 2.0
@@ -62,12 +61,14 @@ class Recorder:
         delays_s: of the readings [s]; (n_out,).
         is_filtered: whether an anti-alias filter acts, as in a recorder; else a sample is the mean
             of the two steps beside it.
+        fewest_steps: of the integration per sample.
     """
 
     readout: Real
     rate_hz: float
     delays_s: Real
     is_filtered: bool = True
+    fewest_steps: int = MIN_STEPS_PER_SAMPLE
 
     def taps(self, step_s: float) -> Real:
         """Return the taps of every reading; (n_out, n)."""
@@ -98,6 +99,7 @@ def choose_time_step(
     means_of: Callable[[float], InputMeans],
     recorder: Recorder,
     span_s: float,
+    advance_of: Callable[[float], Advance | None] = lambda step_s: None,
 ) -> TimeStep:
     """Choose integrator and step, with an estimate of the error.
 
@@ -116,12 +118,13 @@ def choose_time_step(
         means_of: for a step's length, the mean of the inputs over each step.
         recorder: how the readings are taken.
         span_s: time over which the error is estimated [s].
+        advance_of: for a step's length, what takes the steps with control loops closed.
 
     Raises:
         ConvergenceError: the motion grows without bound with all of them.
     """
     rate_hz = recorder.rate_hz
-    fewest = MIN_STEPS_PER_SAMPLE if recorder.is_filtered else _MIN_STEPS_PER_SIGNAL_SAMPLE
+    fewest = recorder.fewest_steps
     pole = largest_pole(model.machine)
     steps = fewest
     while pole / (steps * rate_hz) > _MAX_RK4_POLE_TIMES_STEP and steps < _MAX_STEPS_PER_SAMPLE:
@@ -132,8 +135,15 @@ def choose_time_step(
 
     def record(step: TimeStep) -> Real | None:
         try:
-            chunks = integrate(model, gains, means_of(step.step_s), round(span / step.step_s), step)
-            return recorder.record(chunks, step.step_s)
+            length, advance = step.step_s, advance_of(step.step_s)
+            chunks = integrate(
+                model, gains, means_of(length), round(span / length), step, advance=advance
+            )
+            record = recorder.record(chunks, step.step_s)
+            if advance is None:
+                return record
+            further = advance.read_record()[:, : record.shape[2]]
+            return np.concatenate([record[:, :, : further.shape[1]], further[None]], axis=1)
         except ConvergenceError:
             return None
 

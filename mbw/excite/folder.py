@@ -21,7 +21,7 @@ SIGNALS, RESPONSE, MODEL, CAMPAIGN = "excitation.csv", "response.csv", "model.xm
 _LOOP_QUANTITIES = ("receptance", "mobility", "accelerance")
 _CAMPAIGN_COMMENT = (
     "# Written by mbw excite. response.csv is what the nominal machine would record: put the trace "
-    "of\n# your drive in its place. mbw simulate plays open loops: remove [loop.*] before.\n"
+    "of\n# your drive in its place. mbw simulate plays [loop.*] with --closed '*'.\n"
 )
 
 
@@ -108,6 +108,11 @@ def _loop_tables(loops: Sequence[Loop]) -> dict[str, Mapping[str, Any]]:
             "quantity": _LOOP_QUANTITIES[loop.measured.derivative],
             "controller": file,
             "delay": float(loop.delay),
+            **{
+                key: float(value)
+                for key in ("resolution", "quantisation", "limit")
+                if (value := getattr(loop, key))
+            },
             "as_stated": True,  # stated and checked before
         }
     return tables

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import InputError, Loop
+from identification.words import InputError, Loop, sampling_period
 from mbmodel import Machine, Model
 from mbw.files import write_named_arrays
 from mbw.plant.margin_rows import margins_row
@@ -18,7 +18,6 @@ from mbw.plant.margin_sentences import margin_lines
 from tuning.files.plant_folder import held_out_beside
 from tuning.plant.control_loops.loop_gain_lines import single_loop_gains
 from tuning.plant.control_loops.margin_values import LoopMargins
-from tuning.plant.error_budget.definition import sampling_period
 from tuning.plant.error_budget.loop_margins import (
     ClosedLoops,
     PlantMargins,

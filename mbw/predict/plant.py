@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from identification import read_settings
 from identification.words import InputError, Real, percent_text
 from mbmodel import FrfRequest, Model
 from mbw.page.numbers import format_percent
@@ -30,11 +29,9 @@ from mbw.predict.schema import BandsRow, PlantRow, UncertainPlantRow, WeightRow
 from mbw.predict.state_space_check import law_rows, law_sentences
 from tuning import POSTERIOR_NPZ, PosteriorOfModel, read_posterior
 from tuning.files.found_lags import moved_sensor_remark, untested_band_remark
-from tuning.files.plant_folder import has_posterior, plant_file, result_file
-from tuning.files.result import TUNED_MJCF
+from tuning.files.plant_folder import has_posterior, result_file
 from tuning.plant import AlternativePlants, FrfBands, frf_bands
 
-CAMPAIGN_TOML = "campaign.toml"  # of the folder of a campaign
 FOLDER_NAMES = (BANDS_NPZ, SAMPLES_NPZ, WEIGHT_NPZ, WEIGHT_MAT)
 _MANY_LINES_SHARE = 0.95  # of the lines of all FRFs, whose interval is stated
 _MIXED_UNITS = "; it depends on the units of the inputs, which differ: tune each kind apart"
@@ -137,36 +134,6 @@ class PlantResult:
             if (reduction := reduction_row(plant)) is not None:
                 self.rows["reduction"] = reduction
                 self.sentences.append(reduction_sentence(reduction))
-
-
-def find_model(path: Path, key: str | None = None) -> tuple[Path, Path, str | None]:
-    """Return the MJCF of a model, a fit or a campaign, and the file that states its loops.
-
-    Args:
-        path: an MJCF, a folder of ``mbw tune`` or ``mbw diagnose``, or a campaign.
-        key: keyframe that the user states; None for that of a campaign.
-
-    Returns:
-        The MJCF, the campaign.toml or the MJCF beside which its loops stand, and the keyframe.
-
-    Raises:
-        InputError: a folder without one.
-    """
-    is_campaign = path.suffix == ".toml" or (path / CAMPAIGN_TOML).is_file()
-    if is_campaign:
-        source, settings = read_settings(path)
-        if settings.model is None:
-            raise InputError(f"{source} names no model, only a layout: name an MJCF to predict")
-        return source.parent / settings.model, source, settings.key if key is None else key
-    if not path.is_dir():
-        return path, path, key
-    mjcf = plant_file(path)
-    if not mjcf.is_file():
-        raise InputError(
-            f"{path} holds no {TUNED_MJCF}: name an MJCF, a folder of mbw tune or mbw diagnose, or "
-            "a campaign"
-        )
-    return mjcf, mjcf, key
 
 
 def compute_plant(

@@ -15,6 +15,7 @@ from identification.words import Real, UsageError
 from identification.words.csv_cells import write_csv
 from mbmodel import COMBINED_NAME, STAGE_COPY_NAME, Evaluator, FrfRequest, Model
 from mbmodel.geometry.surfaces import machine_geometry
+from mbw.any_campaign import find_model
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
@@ -24,7 +25,7 @@ from mbw.plant.task import BudgetRequest, PlantStudy, study_plant
 from mbw.predict.machines import MachineRequest, Machines, load_machines, parse_additions
 from mbw.predict.outcome import Outcome, predict_outcome
 from mbw.predict.page import PAGE, render
-from mbw.predict.plant import FOLDER_NAMES, PlantResult, compute_plant, find_model
+from mbw.predict.plant import FOLDER_NAMES, PlantResult, compute_plant
 from mbw.predict.plant_request import PlantRequest
 from mbw.predict.requests import DEFAULT_BAND_HZ, PredictRequest, frf_request
 from mbw.predict.spring_laws import parse_laws

@@ -98,6 +98,7 @@ def _refuse_beside_file(played: PlayOptions) -> None:
     reasons = {
         "--signal": (played.kind, "the file holds the signal"),
         "--psd": (played.psd, "the file holds the signal"),
+        "--limits": (played.limits, "the file holds the signal"),
         "--at": (played.at, "the header of its columns names the inputs"),
         "--amplitude": (played.amplitude, "its columns hold the values"),
         "--duration": (played.duration_s, "its first column holds the time"),
@@ -111,9 +112,11 @@ def _refuse_beside_file(played: PlayOptions) -> None:
 
 def _refuse_beside_kind(played: PlayOptions) -> None:
     """Refuse options that the kind of signal does not have."""
-    if played.kind == "step" and played.band is not None:
-        raise UsageError("--band does not apply to a step, which has no band: drop it")
-    if played.kind in ("step", "chirp") and played.psd is not None:
+    if played.kind in ("step", "move") and played.band is not None:
+        raise UsageError(f"--band does not apply to a {played.kind}, which has no band: drop it")
+    if played.kind != "move" and played.limits is not None:
+        raise UsageError("--limits belongs to --signal move: give both, or drop it")
+    if played.kind in ("step", "move", "chirp") and played.psd is not None:
         raise UsageError(f"--psd does not apply to a {played.kind}: give --signal psd, or drop it")
     if played.psd is not None and played.signals is None:
         for name, value in (("--amplitude", played.amplitude), ("--band", played.band)):
@@ -174,6 +177,8 @@ def _signal_values(played: PlayOptions) -> Mapping[str, object]:
         "--amplitude": played.amplitude,
         "--duration": played.duration_s,
         "--band": played.band,
+        "--limits": played.limits,
+        "--window": played.window,
         "--quantity": None if played.quantity == DEFAULT_QUANTITY else played.quantity,
     }
 

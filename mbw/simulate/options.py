@@ -13,7 +13,9 @@ app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 @app.command()
 def simulate(  # noqa: PLR0913  # one for each option
-    model: Annotated[Path, typer.Argument(help="MJCF of a machine.")],
+    model: Annotated[
+        Path, typer.Argument(help="MJCF of a machine, a folder of a tuning, or a campaign.")
+    ],
     *,
     hammer: Annotated[
         list[str] | None,
@@ -149,27 +151,62 @@ def simulate(  # noqa: PLR0913  # one for each option
     ] = None,
     signal: Annotated[
         str | None,
-        typer.Option(metavar="KIND", help="Play step, chirp, noise or psd at the place --at."),
+        typer.Option(
+            metavar="KIND", help="Play step, move, chirp, noise or psd at the place --at."
+        ),
     ] = None,
     at: Annotated[
         str | None,
         typer.Option(
             metavar="LABEL",
-            help="Input: hit11:+tx, a body, floor:+tx, joint:<name> or a motor.",
+            help="Input: hit11:+tx, a body, floor:+tx, joint:<name>, a motor, or reference:<loop>.",
         ),
     ] = None,
     amplitude: Annotated[
         float | None,
         typer.Option(
-            help="Height of a step or chirp, rms of noise [N, N m, m/s^2, control]. Default: 1."
+            help="Height of a step or chirp, length of a move, rms of noise [SI unit of the "
+            "input]. Default: 1."
         ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(metavar="S", help="Length of the signal [s]. Default: 2.")
+        float | None,
+        typer.Option(
+            metavar="S", help="Length of the signal [s]. Default: 2, of a budget alone 10."
+        ),
     ] = None,
     band: Annotated[
         tuple[float, float] | None,
         typer.Option(metavar="LOW HIGH", help="Band of chirp and noise [Hz]. Default: 5 to 200."),
+    ] = None,
+    limits: Annotated[
+        str | None,
+        typer.Option(
+            metavar="V,A,J[,S]",
+            help="Largest velocity, acceleration, jerk, and perhaps snap of a move [SI].",
+        ),
+    ] = None,
+    budget: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Close the loops of a budget.toml, play its sources and record its errors.",
+        ),
+    ] = None,
+    closed: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LOOP",
+            help="Loop of the campaign, such as ty or '*', that is closed; the others are open; "
+            "repeatable.",
+        ),
+    ] = None,
+    window: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            help="Tracking error within which a move has settled [SI]. Default: 2 % of it.",
+        ),
     ] = None,
     psd: Annotated[
         Path | None,
@@ -256,6 +293,10 @@ def simulate(  # noqa: PLR0913  # one for each option
             "rate_hz": rate,
             "band": band,
             "psd": psd,
+            "limits": limits,
+            "budget": budget,
+            "closed": closed or [],
+            "window": window,
             "outputs": outputs or [],
             "quantity": quantity,
             "animate": animate,

@@ -25,9 +25,25 @@ function redraw() {
   const view = DATA.views[Number(state.view)], list = points(view), select = byId("point");
   const kept = list.includes(select.value) ? select.value : view.start && list.includes(view.start) ? view.start : list[0];
   select.replaceChildren(...list.map(name => element("option", name, {value: name, selected: name === kept})));
+  byId("inputs").hidden = !view.inputs.length;
+  byId("motion").hidden = !view.outputs.length;
   draw("input", view, view.inputs);
   draw("output", view, view.outputs.filter(o => o.label === kept || o.label.startsWith(kept + ":")));
   press(byId("views"));
+}
+
+// A closed loop: what it follows, its error, and its control between the limits.
+function drawLoop() {
+  const view = DATA.views[Number(state.view)], loop = view.loops[byId("loop").selectedIndex];
+  draw("followed", view, loop.followed);
+  draw("error", view, loop.error);
+  const layout = {...LAYOUT, ...axes(loop.control)};
+  layout.yaxis.title.text = loop.input;
+  if (loop.limit !== null) {
+    layout.shapes = [1, -1].map(sign => ({type: "line", xref: "paper", x0: 0, x1: 1, y0: sign * loop.limit, y1: sign * loop.limit,
+      line: {color: GREY, dash: "dash", width: 1.5}, label: {text: "limit", textposition: "end"}}));
+  }
+  Plotly.react("control", traces(view, loop.control), layout, CONFIG);
 }
 
 // Zooming along time in one plot does the same in the other.
@@ -43,4 +59,13 @@ function link(from, to) {
 if (DATA.views.length > 1) buttons(byId("views"), "view", DATA.views.map((view, k) => [String(k), view.label]), redraw);
 byId("point").onchange = redraw;
 redraw();
-link("input", "output"); link("output", "input");
+const shown = ["input", "output"];
+const loops = DATA.views[0].loops;
+if (loops.length) {
+  byId("loops").hidden = false;
+  byId("loop").replaceChildren(...loops.map(loop => element("option", loop.name, {value: loop.name})));
+  byId("loop").onchange = drawLoop;
+  drawLoop();
+  shown.push("followed", "error", "control");
+}
+shown.forEach(from => shown.filter(to => to !== from).forEach(to => link(from, to)));

@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.words import Real
 from mbmodel import HammerTestPlan, VirtualTest
+from mbmodel.simulation.closed_loops import LoopRecord
 from mbw.page.html import fill_template, pack_real, warning_boxes
 
 PAGE = "simulate.html"
@@ -26,6 +27,7 @@ class PageView:
         time_s: instants [s]; (n_time,).
         inputs, outputs: label, unit and values of each channel.
         start: point that is shown first; empty for the first of all.
+        loops: closed loops.
     """
 
     label: str
@@ -33,6 +35,7 @@ class PageView:
     inputs: Sequence[Column]
     outputs: Sequence[Column]
     start: str = ""
+    loops: Sequence[LoopRecord] = ()
 
 
 def render(
@@ -81,7 +84,8 @@ def hit_views(plan: HammerTestPlan, test: VirtualTest) -> list[PageView]:
 
 def _view(view: PageView) -> dict[str, object]:
     """Return a view as packed numbers, every n-th instant of a long one."""
-    count = len(view.time_s) * (1 + len(view.inputs) + len(view.outputs))
+    columns = 1 + len(view.inputs) + len(view.outputs) + 4 * len(view.loops)
+    count = len(view.time_s) * columns
     every = slice(None, None, 1 + count // _MAX_PAGE_NUMBERS)
 
     def pack(columns: Sequence[Column]) -> list[dict[str, str]]:
@@ -96,4 +100,21 @@ def _view(view: PageView) -> dict[str, object]:
         "time": pack_real(view.time_s[every]),
         "inputs": pack(view.inputs),
         "outputs": pack(view.outputs),
+        "loops": [
+            {
+                "name": record.loop.name,
+                "unit": record.loop.measured.unit,
+                "input": f"{record.loop.input} [{record.loop.input_unit}]",
+                "limit": record.loop.limit,
+                "followed": pack(
+                    [
+                        ("reference", record.loop.measured.unit, record.reference),
+                        ("measured", record.loop.measured.unit, record.measured),
+                    ]
+                ),
+                "error": pack([("error", record.loop.measured.unit, record.error)]),
+                "control": pack([("control", record.loop.input_unit, record.control)]),
+            }
+            for record in view.loops
+        ],
     }

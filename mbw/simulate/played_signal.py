@@ -1,4 +1,4 @@
-"""Signals that ``mbw simulate`` plays: from a CSV, or step, chirp and noise; files of responses."""
+"""Signals that ``mbw simulate`` plays: from a CSV, or step, move, chirp, noise; their responses."""
 
 import csv
 from collections.abc import Sequence
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.io
+from scipy.interpolate import CubicSpline
 
 from identification.readers.result_files import write_result_arrays
 from identification.words import DERIVATIVE_ORDER, InputError, Quantity, Real, UsageError
@@ -16,15 +17,21 @@ from mbmodel.export.linear_response import even_step
 from mbmodel.simulation.signals import (
     chirp_signal,
     flat_density,
+    move_signal,
     noise_signal,
     step_signal,
     time_axis,
 )
+from tuning.plant.error_budget.definition import BudgetDefinition
+from tuning.plant.error_budget.simulated_budget import sampled_rate
 
-KINDS = ("step", "chirp", "noise", "psd")
+KINDS = ("step", "move", "chirp", "noise", "psd")
 _SIGNAL_BAND_HZ = (5.0, 200.0)
 _SIGNAL_RATE_HZ = 2048.0
 _SIGNAL_AMPLITUDE, _SIGNAL_DURATION_S = 1.0, 2.0
+_BUDGET_DURATION_S = 10.0  # of random sources alone, whose rms is sought
+_MOVE_ORDERS = (3, 4)
+_SAME_RATE = 1e-9  # relative
 DEFAULT_QUANTITY: Quantity = "accelerance"
 
 
@@ -41,6 +48,10 @@ class PlayOptions:
         rate_hz: samples per second; None for 2048.
         band: of chirp and noise [Hz]; None for 5 to 200 Hz.
         psd: table of frequency and power density; None for none.
+        limits: text of the largest derivatives of a move; None for none.
+        budget: budget.toml whose loops, sources and errors are simulated; None for none.
+        closed: names or patterns of loops of the test that are closed.
+        window: tracking error within which a move has settled; None for 2 % of it.
         outputs: labels; empty for all accelerometers.
         quantity: of the outputs.
         animate: picture or video of the motion; None for none.
@@ -54,14 +65,19 @@ class PlayOptions:
     rate_hz: float | None
     band: tuple[float, float] | None
     psd: Path | None
+    limits: str | None
+    budget: Path | None
+    closed: Sequence[str]
+    window: float | None
     outputs: Sequence[str]
     quantity: str
     animate: Path | None
 
     @property
     def is_asked(self) -> bool:
-        """Whether a signal is played at all."""
-        return any(value is not None for value in (self.signals, self.kind, self.psd, self.at))
+        """Whether a signal is played, or loops are closed."""
+        values = (self.signals, self.kind, self.psd, self.at, self.budget)
+        return bool(self.closed) or any(value is not None for value in values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +106,12 @@ def parse_quantity(text: str) -> Quantity:
     return text
 
 
-def load_signal(options: PlayOptions, seed: int) -> PlayedSignal:
-    """Return the signal that the options name.
+def load_signal(options: PlayOptions, seed: int, definition: BudgetDefinition) -> PlayedSignal:
+    """Return the signal that the options name, at a rate that suits loops and sources.
 
     Args:
         seed: of noise.
+        definition: loops and sources that act beside it.
 
     Raises:
         UsageError: options contradict one another.
@@ -106,7 +123,17 @@ def load_signal(options: PlayOptions, seed: int) -> PlayedSignal:
             even_step(table[:, 0])
         except UsageError as error:
             raise InputError(f"{options.signals}: {error}") from error
-        return PlayedSignal(labels, table[:, 0], table[:, 1:])
+        return _resample(PlayedSignal(labels, table[:, 0], table[:, 1:]), definition)
+    is_silent = options.kind is None and options.psd is None and options.at is None
+    if is_silent and definition.sources:
+        duration_s = _BUDGET_DURATION_S if options.duration_s is None else options.duration_s
+        time_s = time_axis(duration_s, _rate(options, definition))
+        return PlayedSignal((), time_s, np.zeros((len(time_s), 0)))
+    if is_silent:
+        raise UsageError(
+            "the loops are closed and nothing moves: add --signal move --at reference:<loop> with "
+            "--limits, another signal, or a budget with sources"
+        )
     if options.kind is None and options.psd is None:
         raise UsageError("--at is the place of a signal: add --signal step, chirp, noise or psd")
     kind = options.kind or "psd"
@@ -117,13 +144,31 @@ def load_signal(options: PlayOptions, seed: int) -> PlayedSignal:
     amplitude = _SIGNAL_AMPLITUDE if options.amplitude is None else options.amplitude
     if not np.isfinite(amplitude):
         raise UsageError(f"--amplitude {amplitude}: give a number")
-    rate = _SIGNAL_RATE_HZ if options.rate_hz is None else options.rate_hz
-    if rate <= 0:
-        raise UsageError(f"--rate {rate:g}: give a number above 0, or leave it out")
+    rate = _rate(options, definition)
     duration_s = _SIGNAL_DURATION_S if options.duration_s is None else options.duration_s
     time_s = time_axis(duration_s, rate)
     values = _make_signal(options, kind, amplitude, time_s, seed)
     return PlayedSignal((options.at,), time_s, values[:, None])
+
+
+def _rate(options: PlayOptions, definition: BudgetDefinition) -> float:
+    """Return the rate of a made signal [Hz]: as stated, or what loops and sources need."""
+    if options.rate_hz is None:
+        return sampled_rate(definition, _SIGNAL_RATE_HZ)
+    if options.rate_hz <= 0:
+        raise UsageError(f"--rate {options.rate_hz:g}: give a number above 0, or leave it out")
+    return options.rate_hz
+
+
+def _resample(signal: PlayedSignal, definition: BudgetDefinition) -> PlayedSignal:
+    """Return a signal at a rate of which the sampling of loops is a part, by a cubic spline."""
+    step, start = even_step(signal.time_s), signal.time_s[0]
+    rate = sampled_rate(definition, 1 / step)
+    if not definition.loops or abs(rate * step - 1) < _SAME_RATE:
+        return signal
+    count = int((signal.time_s[-1] - start) * rate + _SAME_RATE) + 1
+    time_s = start + np.arange(count) / rate
+    return PlayedSignal(signal.labels, time_s, CubicSpline(signal.time_s, signal.values)(time_s))
 
 
 def _make_signal(
@@ -138,6 +183,8 @@ def _make_signal(
         )
     if kind == "step":
         return step_signal(time_s, amplitude)
+    if kind == "move":
+        return move_signal(time_s, amplitude, _parse_limits(options.limits))
     if kind == "chirp":
         return chirp_signal(time_s, amplitude, band)
     if (kind == "psd") != (options.psd is not None):
@@ -152,6 +199,20 @@ def _make_signal(
                 f"{options.psd}: frequencies must rise and densities be 0 or more: correct them"
             )
     return noise_signal(time_s, freq_hz, density, np.random.default_rng(seed))
+
+
+def _parse_limits(text: str | None) -> list[float]:
+    """Return the largest derivatives of a move."""
+    try:
+        values = [float(part) for part in (text or "").split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in _MOVE_ORDERS:
+        raise UsageError(
+            f"--limits {text or ''!r}: write the largest velocity, acceleration and jerk of the "
+            "move, and perhaps its snap, such as 0.1,1,50,1e4"
+        )
+    return values
 
 
 def _read_table(path: Path) -> tuple[tuple[str, ...], Real]:

@@ -1,14 +1,39 @@
 """Units of inputs and outputs of a simulation in time."""
 
-from identification.words import Input, Quantity, Signal
+from collections.abc import Sequence
+
+from identification.words import Loop, Quantity, Real, Signal
 from mbmodel import Machine
 from mbmodel.ports.signal_rows import is_floor
-from mbmodel.simulation.drives import JointDof, Reading, SensorValue
+from mbmodel.simulation.closed_loops import LoopRecord
+from mbmodel.simulation.drives import (
+    REFERENCE,
+    Drive,
+    JointDof,
+    LoopSignal,
+    Reading,
+    SensorValue,
+)
 from mbw.page.numbers import MOTION_UNITS
 
 
-def input_unit(machine: Machine, drive: Input | JointDof) -> str:
-    """Return the unit of an input."""
+def loop_columns(loops: Sequence[LoopRecord]) -> list[tuple[str, str, Real]]:
+    """Return label, unit and values of the signals of closed loops."""
+    return [
+        (f"{label}:{record.loop.name}", unit, values)
+        for record in loops
+        for label, unit, values in (
+            (REFERENCE, record.loop.measured.unit, record.reference),
+            ("measured", record.loop.measured.unit, record.measured),
+            ("control", record.loop.input_unit, record.control),
+        )
+    ]
+
+
+def input_unit(machine: Machine, drive: Drive, loops: Sequence[Loop]) -> str:
+    """Return the unit of an input; the reference of a loop has that of what it measures."""
+    if isinstance(drive, LoopSignal):
+        return next(loop.measured.unit for loop in loops if loop.name == drive.loop)
     if isinstance(drive, Signal) and not drive.is_directed:
         return "control"
     if isinstance(drive, JointDof):

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +10,26 @@ import numpy as np
 import typer
 
 from identification.readers.toml_files import load_toml
-from identification.words import Dof, InputError, UsageError, shorten_names
+from identification.words import (
+    Dof,
+    InputError,
+    Quantity,
+    UsageError,
+    sampling_period,
+    shorten_names,
+)
 from mbmodel import (
     Machine,
     TimeStep,
     load_machine,
     refuse_difference,
-    simulate,
     strike,
+    with_loops,
     write_copy,
 )
-from mbmodel.simulation.drives import parse_drive, parse_reading
+from mbmodel.simulation.drives import Reading, parse_drive, parse_reading
 from mbw.animation.files import check_picture_target
+from mbw.any_campaign import find_model
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
@@ -32,10 +40,26 @@ from mbw.simulate.joint_laws import SimulatedMachine, open_machine
 from mbw.simulate.option_values import TestOptions, refuse_conflicts
 from mbw.simulate.page import PAGE, PageView, hit_views, render
 from mbw.simulate.played_signal import PlayOptions, load_signal, parse_quantity, write_response
-from mbw.simulate.summary import SimulationSummary, count_noun
-from mbw.simulate.units import input_unit, output_unit
+from mbw.simulate.summary import (
+    SimulationSummary,
+    count_noun,
+    error_rows,
+    error_sentences,
+    loop_row,
+    loop_sentences,
+)
+from mbw.simulate.units import input_unit, loop_columns, output_unit
 from mbw.site_kinds import sensor_sites
 from mbw.spin_rates import parse_spin_rates
+from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
+from tuning.plant.error_budget.definition import BudgetDefinition
+from tuning.plant.error_budget.loop_plant import loops_alone
+from tuning.plant.error_budget.read_definition import DEFAULT_BUDGET_BAND_HZ, read_definition
+from tuning.plant.error_budget.simulated_budget import (
+    SimulatedErrors,
+    instability_remark,
+    simulate_budget,
+)
 
 _RECORD_FORMATS, _RESPONSE_FORMATS = ("npz", "mat"), ("csv", "npz", "mat")
 _RESPONSE_STEM = "response"
@@ -63,12 +87,14 @@ def run_options(  # noqa: PLR0913  # one for each option
     refuse_conflicts(test_options, play_options, nominal)
     outputs = ResultOptions(out, json, overwrite, pictures)
     rates = parse_spin_rates(spin)
-    with open_machine(model, laws, rates, key) as simulated:
+    mjcf, loops_source, key = find_model(model, key)
+    with open_machine(mjcf, laws, rates, key) as simulated:
         for remark in simulated.machine.remarks:
             SCREEN.say(remark)
         if play_options.is_asked:
+            definition = find_definition(simulated.machine, loops_source, play_options)
             summary = play_signal(
-                simulated, play_options, outputs, rates, file_format or "csv", seed
+                simulated, play_options, definition, outputs, rates, file_format or "csv", seed=seed
             )
         else:
             summary = make_test(
@@ -189,19 +215,48 @@ def _refuse_missing_points(nominal: Machine, planned: PlannedTest) -> None:
         )
 
 
+def find_definition(machine: Machine, loops_source: Path, options: PlayOptions) -> BudgetDefinition:
+    """Return the loops that are closed in time, and sources and errors of the budget, if any.
+
+    Args:
+        machine: as simulated.
+        loops_source: campaign.toml, or the MJCF beside which the loops of the test stand.
+        options: budget, and loops of the test that are closed.
+
+    Raises:
+        UsageError: a name that fits no loop.
+        InputError: a file that cannot be used.
+    """
+    known = known_loops(loops_source, machine)
+    closed = choose_loops(known, options.closed)
+    if sentence := loops_sentence(known, closed):
+        SCREEN.say(sentence)
+    definition = loops_alone(closed, DEFAULT_BUDGET_BAND_HZ)
+    if options.budget is not None:
+        definition = read_definition(options.budget, with_loops(machine, closed))
+    sampling_period(definition.loops)  # refuses loops of different periods
+    remark = instability_remark(machine, definition)
+    for sentence in (*definition.remarks, *([remark] if remark else [])):
+        SCREEN.say(sentence)
+    return definition
+
+
 def play_signal(
     simulated: SimulatedMachine,
     options: PlayOptions,
+    definition: BudgetDefinition,
     outputs: ResultOptions,
     rates: Mapping[str, float],
     file_format: str,
+    *,
     seed: int,
 ) -> SimulationSummary:
-    """Play a signal and write the response.
+    """Play a signal, with the loops and sources of a definition, and write the response.
 
     Args:
         simulated: machine to be driven.
         options: of the signal.
+        definition: loops that are closed, sources and errors.
         outputs: where the response is written.
         rates: of spinning hinges [rad/s].
         file_format: of the response.
@@ -212,80 +267,101 @@ def play_signal(
     if options.animate is not None:
         check_picture_target(options.animate)
     quantity = parse_quantity(options.quantity)
-    signal = load_signal(options, seed)
-    drives = tuple(parse_drive(machine, label) for label in signal.labels)
+    signal = load_signal(options, seed, definition)
+    drives = tuple(parse_drive(machine, label, definition.loops) for label in signal.labels)
     labels = options.outputs or [
-        str(Dof.of(site, axis)) for site in sensor_sites(machine.layout) for axis in range(3)
+        str(Dof.of(site, axis))
+        for site in ([] if definition.errors else sensor_sites(machine.layout))
+        for axis in range(3)
     ]
     readings = tuple(parse_reading(machine, label) for label in labels)
-    if not readings:
+    if not (readings or definition.errors or definition.loops):
         raise UsageError(f"{machine.source} has no site: name --output, such as body:+tx")
     name = f"{_RESPONSE_STEM}.{file_format}"
     names = [PAGE, *(f"{_RESPONSE_STEM}.{kind}" for kind in _RESPONSE_FORMATS)]
+    duration = float(signal.time_s[-1] - signal.time_s[0])
+
+    def respond(readings: Sequence[Reading], quantity: Quantity) -> SimulatedErrors:
+        """Return the response of some outputs."""
+        return simulate_budget(
+            machine,
+            definition,
+            signal.time_s,
+            dict(zip(drives, signal.values.T, strict=True)),
+            readings,
+            quantity=quantity,
+            spin=rates,
+            seed=seed,
+        )
+
     with outputs.open("simulate", simulated.source, "simulated", names) as output:
-        _refuse_closed_loops(output.path, name)
-        with SCREEN.status(f"{signal.time_s[-1] - signal.time_s[0]:.3g} s in time"):
-            response = simulate(
-                machine,
-                drives,
-                readings,
-                signal.time_s,
-                signal.values,
-                quantity=quantity,
-                spin=rates,
-            )
+        _refuse_open_loops(output.path, name, [loop.name for loop in definition.loops])
+        with SCREEN.status(f"{duration:.3g} s in time"):
+            result = respond(readings, quantity)
+        response = result.response
         inputs = [
-            (str(drive), input_unit(machine, drive), signal.values[:, k])
+            (str(drive), input_unit(machine, drive, definition.loops), signal.values[:, k])
             for k, drive in enumerate(drives)
+        ]
+        errors = [
+            (f"error:{error.name}", error.unit, response.watched[:, k])
+            for k, error in enumerate(definition.errors)
+            if response.watched is not None
         ]
         motion = [
             (str(reading), output_unit(machine, reading, quantity), response.outputs[:, k])
             for k, reading in enumerate(readings)
         ]
         with output.write() as place:
-            write_response(place / name, signal.time_s, [*inputs, *motion])
+            names_of_inputs = [label for label, _, _ in inputs]
+            further = [
+                each for each in loop_columns(response.loops) if each[0] not in names_of_inputs
+            ]
+            columns = [*inputs, *motion, *errors, *further]
+            write_response(place / name, signal.time_s, columns)
             if outputs.pictures:
                 text = render(
                     f"{machine.name}: response in time",
-                    f"inputs: {len(drives)}, outputs: {len(readings)}",
+                    f"inputs: {len(drives)}, outputs: {len(readings)}, "
+                    f"loops: {len(response.loops)}",
                     _step_sentence(response.step),
-                    (*machine.remarks, *response.remarks),
-                    [PageView("", signal.time_s, inputs, motion)],
+                    (*machine.remarks, *response.remarks, *result.remarks),
+                    [PageView("", signal.time_s, inputs, [*errors, *motion], loops=response.loops)],
                 )
                 (place / PAGE).write_text(text, encoding="utf-8")
     if options.animate is not None:
-        places = simulate(
-            machine,
-            drives,
-            machine.layout.body_dofs(),
-            signal.time_s,
-            signal.values,
-            quantity="receptance",
-            spin=rates,
-        )
+        places = respond(machine.layout.body_dofs(), "receptance").response
         write_animation(options.animate, machine, signal.time_s, places.outputs)
-    for remark in response.remarks:
+    for remark in (*response.remarks, *result.remarks):
         SCREEN.say(remark)
+    for sentence in (
+        *error_sentences(result, duration),
+        *(text for loop in response.loops for text in loop_sentences(loop, options.window)),
+    ):
+        (SCREEN.say if outputs.has_json_on_stdout else typer.echo)(sentence)
     SCREEN.say(_step_sentence(response.step))
-    counts = f"{count_noun(len(readings), 'channel')}, {len(signal.time_s)} samples"
+    counts = f"{count_noun(len(columns) - len(inputs), 'channel')}, {len(signal.time_s)} samples"
     SCREEN.say(f"{counts} in {output.path / name}")
     _say_page(outputs, output.path)
-    duration = float(signal.time_s[-1] - signal.time_s[0])
     rate = float((len(signal.time_s) - 1) / duration)
-    return _summary(
+    summary = _summary(
         simulated, response.step, kind="signal", files=[name], rate=rate, duration=duration
     )
+    rows = [loop_row(loop, options.window) for loop in response.loops]
+    return summary.model_copy(update={"errors": error_rows(result), "loops": rows})
 
 
-def _refuse_closed_loops(folder: Path, name: str) -> None:
-    """Refuse to put an open-loop response into the place of a record in closed loops."""
+def _refuse_open_loops(folder: Path, name: str, closed: Sequence[str]) -> None:
+    """Refuse to put a response with open loops into the place of a record in closed loops."""
     file = folder / CAMPAIGN
     content: dict[str, Any] = load_toml(file) if file.is_file() else {}
     tests = [content.get("log"), *content.get("test", [])]
-    if content.get("loop") and any(isinstance(t, dict) and t.get("file") == name for t in tests):
+    is_open = set(content.get("loop", {})) - set(closed)
+    if is_open and any(isinstance(t, dict) and t.get("file") == name for t in tests):
         raise InputError(
-            f"{file} reads {name} and closes [loop.*], but a played signal runs open loop: remove "
-            "[loop.*] there, or name another folder by --out"
+            f"{file} reads {name} and closes [loop.*], but this signal is played with "
+            f"{', '.join(sorted(is_open))} open: name the campaign and add --closed '*', or name "
+            "another folder by --out"
         )
 
 

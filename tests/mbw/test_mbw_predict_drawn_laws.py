@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mbmodel import ConstantLoss, Relaxation
+from mbw.any_campaign import find_model
 from mbw.predict.machines import Additions, MachineRequest, load_machines
-from mbw.predict.plant import find_model
 from tests.helpers.drawn import drawn
 
 

@@ -37,6 +37,9 @@ class LoopRow(BaseModel):
     C: list[list[float]]
     D: list[list[float]]
     period: float = 0.0
+    resolution: float = 0.0
+    quantisation: float = 0.0
+    limit: float | None = None
 
 
 class LoopsFile(ResultFile):
@@ -149,6 +152,9 @@ def _loop_row(loop: Loop) -> LoopRow:
         C=controller.output_matrix.tolist(),
         D=controller.feedthrough.tolist(),
         period=controller.period_s,
+        resolution=loop.resolution,
+        quantisation=loop.quantisation,
+        limit=loop.limit,
     )
 
 
@@ -171,4 +177,7 @@ def _loop_of_row(row: LoopRow, names: Sequence[str]) -> Loop:
         controller,
         row.input_unit,
         row.delay,
+        row.resolution,
+        row.quantisation,
+        row.limit,
     )

@@ -68,6 +68,9 @@ def _read_loop(
         controller_from_system(system) if controller is None else controller,
         input_unit(machine, port),
         table.delay,
+        table.resolution,
+        table.quantisation,
+        table.limit,
     )
 
 

@@ -26,12 +26,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Complex, InputError, Loop, Real, between_multiples, zero_order_hold
+from identification.words import (
+    Complex,
+    InputError,
+    Loop,
+    Real,
+    between_multiples,
+    sampling_period,
+    zero_order_hold,
+)
 from mbmodel import Model, SystemMatrices
 from mbmodel.control_loops.loop_law import DelayFraction
 from mbmodel.export.discrete import SampledSystem, discretise, split_delay
 from tuning.control_loops.stability import growing_pole
-from tuning.plant.error_budget.definition import BudgetDefinition, sampling_period
+from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.joined_states import (
     LoopStates,
     control_plant,

@@ -1,11 +1,11 @@
 """What an error budget is made of: errors, sources with their spectra, and control loops."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from identification.words import Input, InputError, Loop, PortSum, Real
+from identification.words import Input, Loop, PortSum, Real
 from tuning.plant.error_budget.spectra import Spectrum
 
 
@@ -67,25 +67,3 @@ class BudgetDefinition:
     band: tuple[float, float]
     units: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-
-
-def sampling_period(loops: Sequence[Loop]) -> float:
-    """Return the sampling period of loops [s]; 0 if they are continuous.
-
-    Raises:
-        InputError: loops of different periods, or sampled and continuous ones.
-    """
-    periods = {loop.controller.period_s for loop in loops}
-    if len(periods) > 1:
-        each = ", ".join(f"{loop.name} {_period_text(loop)}" for loop in loops)
-        raise InputError(
-            f"loops that act together must have one sampling period, but they are {each}: state "
-            "all controllers with one period, or all as continuous ones with their delays"
-        )
-    return periods.pop() if periods else 0.0
-
-
-def _period_text(loop: Loop) -> str:
-    """Return the period of a loop in words."""
-    period = loop.controller.period_s
-    return f"sampled every {period:g} s" if period else "continuous"

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Complex, InputError, Real, UsageError
+from identification.words import Complex, InputError, Real, UsageError, sampling_period
 from tuning.assessment.parameter_posterior import PosteriorOfModel
 from tuning.control_loops.stability import growing_pole, instability_sentence
 from tuning.files.plant_folder import HeldOutResult
 from tuning.plant.control_loops.margin_values import AllMargins
-from tuning.plant.error_budget.definition import BudgetDefinition, sampling_period
+from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_plant import LoopPlant
 from tuning.plant.error_budget.reference_step import ReferenceStep, reference_steps
 from tuning.plant.error_budget.robust_stability import (

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.words import Input, InputError, Loop, PortSum, UsageError
+from identification.words import Input, InputError, Loop, PortSum, UsageError, sampling_period
 from mbmodel import CONTROL, Machine, input_unit
 from tuning.control_loops.read_loops import read_input, read_loops, read_port_sum
 from tuning.plant.error_budget.budget_toml import (
@@ -17,11 +17,11 @@ from tuning.plant.error_budget.budget_toml import (
     NoiseTable,
     read_budget_file,
 )
-from tuning.plant.error_budget.definition import BudgetDefinition, Source, sampling_period
+from tuning.plant.error_budget.definition import BudgetDefinition, Source
 from tuning.plant.error_budget.source_spectra import PortKind, read_source_spectrum, stated_kind
 from tuning.plant.error_budget.spectral_units import Kind, fits, parse_signal_unit
 
-_DEFAULT_BUDGET_BAND_HZ = (0.1, 1000.0)  # where no source has a band of its own
+DEFAULT_BUDGET_BAND_HZ = (0.1, 1000.0)  # where no source has a band of its own
 _DEFAULT_UNITS = {"m": ("nm", 1e-9), "rad": ("nrad", 1e-9)}  # shown, with their SI value
 _COVERED = 1.05  # ratio of frequencies that counts as the same end of a band
 _MIN_COHERENCE_EIGENVALUE = -1e-9  # of the coherence matrix: rounding
@@ -73,8 +73,18 @@ def read_definition(
         _coherence(path, sources, file.correlation),
         band,
         {signal.name: _shown_unit(path, signal, file.error[signal.name]) for signal in errors},
-        tuple(_uncovered_bands(sources, band)),
+        (*_uncovered_bands(sources, band), *_nonlinear_loops(loops)),
     )
+
+
+def _nonlinear_loops(loops: tuple[Loop, ...]) -> Iterator[str]:
+    """Yield a sentence on loops whose limit, quantisation or resolution act in time alone."""
+    names = [loop.name for loop in loops if not loop.is_linear]
+    if names:
+        yield (
+            f"A budget is linear: limit, quantisation and resolution of {', '.join(names)} act in "
+            "mbw simulate --budget alone."
+        )
 
 
 def _uncovered_bands(sources: tuple[Source, ...], band: tuple[float, float]) -> Iterator[str]:
@@ -201,7 +211,7 @@ def _band(path: Path, file: BudgetFile, sources: tuple[Source, ...]) -> tuple[fl
         return stated
     bands = [source.spectrum.band for source in sources if source.spectrum is not None]
     if not bands:
-        return _DEFAULT_BUDGET_BAND_HZ
+        return DEFAULT_BUDGET_BAND_HZ
     lows, highs = zip(*bands, strict=True)
     return min(lows), max(highs)
 

@@ -11,11 +11,10 @@ and the mean square over time is the sum over all k. The budget holds k = 0.
 
 import numpy as np
 
-from identification.words import Real, percent_text
+from identification.words import Real, percent_text, sampling_period
 from mbmodel import Evaluator, FrfRequest
 from tuning.plant.error_budget.budget import ErrorBudget
 from tuning.plant.error_budget.closed_loop_states import LoopAliases, held_law
-from tuning.plant.error_budget.definition import sampling_period
 from tuning.plant.error_budget.loop_algebra import loop_gains, measured_rows
 
 # Images on either side that are counted: each further one falls with the plant and the hold.

@@ -1,0 +1,470 @@
+r"""Control loops that are closed in time: controllers at their samples, and what they record.
+
+At the instants k T a sampled controller reads y, relative to rest, with the noise n and the
+reference r, and puts out
+
+    e = q(y + n) - r,    u = -(C x + D e),    x <- A x + B e,
+
+with q the rounding to the encoder's resolution. A measurement that follows the control at once is
+read before the control changes. u is rounded to the quantisation of the output, reaches the machine
+at k T + tau and is held for T. A command is added to it, and the limit holds for the sum. The
+states know nothing of the limit: an integrator winds up.
+
+A continuous controller is stepped with the machine: exactly for straight lines of e between steps
+(first-order hold), its output over a step being that of the straight line through the last two, at
+the middle of the step less tau. Its error is of second order in the step, as that of the inputs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+import scipy.signal
+from scipy.interpolate import CubicSpline
+from scipy.linalg import block_diag
+
+from identification.words import Integers, Loop, PortSum, Real, UsageError, sampling_period
+from mbmodel.machine import Machine
+from mbmodel.simulation.drives import CONTROL_SPEC, Drive, LoopSignal, find_drives, find_reading
+from mbmodel.simulation.integration import InputMeans, rotation_vectors
+from mbmodel.simulation.readings import Readings, find_readings
+from mbmodel.simulation.time_model import (
+    FULL_STATE,
+    PROBE_CHANNELS,
+    TimeModel,
+    add_probes,
+    sensor_data_columns,
+    sensor_value_columns,
+)
+
+_INSTANT_SENSORS = {  # of a probe at an instant, by the number of time derivatives
+    0: (mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtSensor.mjSENS_FRAMEQUAT),
+    1: (mujoco.mjtSensor.mjSENS_FRAMELINVEL, mujoco.mjtSensor.mjSENS_FRAMEANGVEL),
+    2: (mujoco.mjtSensor.mjSENS_FRAMELINACC, mujoco.mjtSensor.mjSENS_FRAMEANGACC),
+}
+_SIGNAL_PREFIX = "mbw signal"  # of the names of sites and sensors that are added
+_MIN_STEPS, _MAX_ALIGNED_STEPS = 4, 40  # per sample of the signals
+_PERIOD_ROUNDING = 1e-6  # of a period, in sampling rates and delays
+_SETTLED_SHARE_OF_MOVE = 0.02  # of the distance of the last move, as for a step of the reference
+
+
+@dataclass(frozen=True, eq=False)
+class LoopRecord:
+    """What a closed loop did in time.
+
+    Args:
+        loop: the loop.
+        time_s: instants [s]; (n_time,).
+        reference: r, in the unit of what it measures; (n_time,).
+        measured: y without noise and rounding; (n_time,).
+        control: input of the machine within its limit; (n_time,).
+    """
+
+    loop: Loop
+    time_s: Real
+    reference: Real
+    measured: Real
+    control: Real
+
+    @property
+    def error(self) -> Real:
+        """Tracking error r - y; (n_time,)."""
+        return self.reference - self.measured
+
+    @property
+    def limited_share(self) -> float:
+        """Share of the time at the limit."""
+        limit = self.loop.limit
+        return 0.0 if limit is None else float(np.mean(np.abs(self.control) >= limit))
+
+    def since(self, first: int, time_s: Real) -> "LoopRecord":
+        """Return the record from an instant on, with other times [s]; (n_time - first,)."""
+        parts = (values[first:] for values in (self.reference, self.measured, self.control))
+        return LoopRecord(self.loop, time_s, *parts)
+
+    def settling_time_s(self, window: float | None = None) -> float | None:
+        """Return the time from the end of the last move until the error stays in a window [s].
+
+        Args:
+            window: largest magnitude of the error; None for 2 % of the reference's last change.
+
+        Returns:
+            None if the reference never moves, or the error does not settle.
+        """
+        moving = np.flatnonzero(np.diff(self.reference))
+        if not len(moving):
+            return None
+        last = int(moving[-1]) + 1
+        still = np.flatnonzero(np.diff(moving) > 1)
+        start = int(moving[still[-1] + 1]) if len(still) else int(moving[0])
+        change = abs(self.reference[last] - self.reference[start])
+        bound = _SETTLED_SHARE_OF_MOVE * change if window is None else window
+        outside = np.flatnonzero(np.abs(self.error[last:]) > bound)
+        if not len(outside):
+            return 0.0
+        end = last + int(outside[-1]) + 1
+        return None if end == len(self.time_s) else float(self.time_s[end] - self.time_s[last])
+
+
+class InstantSensors(NamedTuple):
+    """Sensors for signals that are read at an instant, such as what loops measure.
+
+    Args:
+        signals: sums of outputs.
+        readings: of the terms of each.
+        machine: at rest.
+    """
+
+    signals: tuple[PortSum, ...]
+    readings: tuple[Readings, ...]
+    machine: Machine
+
+    @classmethod
+    def of(cls, machine: Machine, signals: Sequence[PortSum]) -> "InstantSensors":
+        """Return the sensors of signals.
+
+        Raises:
+            UsageError: the machine has no such point.
+        """
+        ports = [[find_reading(port) for port, _ in signal.terms] for signal in signals]
+        return cls(tuple(signals), tuple(find_readings(machine, each) for each in ports), machine)
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Add the sensors of the probes."""
+        for number, (signal, readings) in enumerate(zip(self.signals, self.readings, strict=True)):
+            kinds = _INSTANT_SENSORS[signal.derivative]
+            add_probes(spec, self.machine, readings.probes, f"{_SIGNAL_PREFIX} {number}", kinds)
+
+    def bind(self, model: TimeModel) -> "BoundSensors":
+        """Return the sensors of a model to which they were added."""
+        compiled, count = model.compiled, len(self.signals)
+        sizes = [compiled.nsensordata, compiled.nq, compiled.nv, compiled.nv]
+        weights, turns = np.zeros((count, sum(sizes))), list[tuple[int, Integers, Real]]()
+        for number, (signal, readings) in enumerate(zip(self.signals, self.readings, strict=True)):
+            row = np.array([weight for _, weight in signal.terms]) @ readings.readout
+            for probe in range(len(readings.probes)):
+                names = [f"{_SIGNAL_PREFIX} {number} {probe} {part}" for part in range(2)]
+                columns = sensor_data_columns(compiled, names)
+                part = row[PROBE_CHANNELS * probe : PROBE_CHANNELS * (probe + 1)]
+                weights[number, columns[:3]] += part[:3]
+                if signal.derivative:
+                    weights[number, columns[3:]] += part[3:]
+                elif part[3:].any():
+                    turns.append((number, columns[3:], part[3:]))
+            rest = row[PROBE_CHANNELS * len(readings.probes) :]
+            start = sum(sizes[: 1 + signal.derivative])
+            for weight, name in zip(rest, readings.encoders, strict=False):
+                joint = compiled.joint(name)
+                address = joint.dofadr if signal.derivative else joint.qposadr
+                weights[number, start + int(address[0])] += weight
+            pairs = [(value.sensor, value.number) for value in readings.sensors]
+            columns = sensor_value_columns(compiled, pairs)
+            weights[number, columns] += rest[len(readings.encoders) :]
+        axes = [
+            np.array([weight for _, weight in signal.terms]) @ readings.world_axes
+            for signal, readings in zip(self.signals, self.readings, strict=True)
+        ]
+        orders = tuple(signal.derivative for signal in self.signals)
+        data = mujoco.MjData(compiled)
+        mujoco.mj_setState(compiled, data, model.start, FULL_STATE)
+        rest = np.concatenate([model.rest, data.qpos, data.qvel, np.zeros(compiled.nv)])
+        return BoundSensors(model, orders, np.reshape(axes, (-1, 3)), weights, tuple(turns), rest)
+
+
+class BoundSensors(NamedTuple):
+    """Signals in MuJoCo's data, relative to rest.
+
+    Args:
+        model: the machine at rest.
+        orders: number of time derivatives of each; n_signal.
+        axes: reading per translation of the whole machine; (n_signal, 3).
+        weights: of MuJoCo's sensor data, qpos, qvel and qacc; (n_signal, n).
+        turns: signal, columns of a quaternion, and weights of its rotation vector.
+        rest: values of what the weights multiply, at rest; (n,).
+    """
+
+    model: TimeModel
+    orders: tuple[int, ...]
+    axes: Real
+    weights: Real
+    turns: tuple[tuple[int, Integers, Real], ...]
+    rest: Real
+
+    def read(self, data: mujoco.MjData) -> Real:
+        """Return the signals without the floor's own motion; (n_signal,)."""
+        state = np.concatenate([data.sensordata, data.qpos, data.qvel, data.qacc])
+        values: Real = self.weights @ (state - self.rest)
+        for number, columns, part in self.turns:
+            values[number] += part @ rotation_vectors(data.sensordata[columns])
+        return values
+
+
+class LoopDrives(NamedTuple):
+    """How loops drive the machine.
+
+    Args:
+        gain: entries of the control vector per unit of each loop's input; (n_control, n_loop).
+        reference, noise, command: 1 where an input of the simulation is that of a loop;
+            (n_in, n_loop).
+    """
+
+    gain: Real
+    reference: Real
+    noise: Real
+    command: Real
+
+
+def drive_loops(model: TimeModel, loops: Sequence[Loop], inputs: Sequence[Drive]) -> LoopDrives:
+    """Return how loops drive a machine, and which inputs act through them.
+
+    Args:
+        inputs: of the simulation.
+    """
+    names = [loop.name for loop in loops]
+    signals = {kind: np.zeros((len(inputs), len(loops))) for kind in LoopDrives._fields[1:]}
+    for row, drive in enumerate(inputs):
+        if isinstance(drive, LoopSignal):
+            signals[drive.kind][row, names.index(drive.loop)] = 1.0
+    return LoopDrives(find_drives(model, [loop.input for loop in loops]).gain, **signals)
+
+
+def samples_per_period(loops: Sequence[Loop], rate_hz: float) -> int:
+    """Return how many samples of the signals a sampling period of loops has; 1 if continuous.
+
+    Args:
+        loops: that are closed, all of one sampling period.
+        rate_hz: of the signals [Hz].
+
+    Raises:
+        UsageError: the samples do not divide the period.
+    """
+    period = sampling_period(loops)
+    count = round(period * rate_hz) if period else 1
+    if period and (not count or abs(count / (period * rate_hz) - 1) > _PERIOD_ROUNDING):
+        raise UsageError(
+            f"the loops are sampled every {period:g} s, which samples at {rate_hz:g} Hz do not "
+            f"divide: give a whole multiple of {1 / period:g} Hz as the rate"
+        )
+    return count
+
+
+def steps_per_sample(loops: Sequence[Loop], rate_hz: float) -> int:
+    """Return the fewest steps per sample of the signals at which delayed controls arrive.
+
+    Args:
+        loops: that are closed.
+        rate_hz: of the signals [Hz].
+
+    Returns:
+        From 4 to 40; 4 where no number of steps meets all delays, which then end within a step.
+    """
+    delays = np.array([loop.delay for loop in loops if loop.controller.period_s]) * rate_hz
+    for steps in range(_MIN_STEPS, _MAX_ALIGNED_STEPS + 1):
+        if (np.abs(delays * steps - np.round(delays * steps)) < _PERIOD_ROUNDING).all():
+            return steps
+    return _MIN_STEPS
+
+
+class SignalSplines(NamedTuple):
+    """The inputs of a simulation as functions of time.
+
+    Args:
+        spline: of their samples.
+        end_s: of the spline [s].
+        start_s: time in the spline at which the simulation begins [s].
+        floor: acceleration of the floor per unit of each input; (3, n_in).
+        means: mean of the inputs over the steps.
+    """
+
+    spline: CubicSpline
+    end_s: float
+    start_s: float
+    floor: Real
+    means: InputMeans
+
+
+def floor_motion(spline: CubicSpline, floor: Real, time_s: Real, order: int) -> Real:
+    """Return the floor's own motion at the instants, in world axes; (n_time, 3)."""
+    primitive = spline
+    for _ in range(2 - order):
+        primitive = primitive.antiderivative()
+    moved: Real = primitive(time_s) @ floor.T
+    return moved
+
+
+class ClosedLoopSteps:
+    """Steps of a machine with its loops closed: an ``Advance`` of the integration.
+
+    Args:
+        sensors: of what the loops measure, then of further signals that are recorded.
+        loops: closed loops; none to record signals alone.
+        drives: how they drive the machine.
+        signals: inputs of the simulation.
+        step_s: of the integration [s].
+        rate_hz: of the record [Hz].
+        is_ideal: leave out the rounding of encoders and controls, beside which half a step would
+            change more than the integration does.
+    """
+
+    def __init__(
+        self,
+        sensors: BoundSensors,
+        loops: Sequence[Loop],
+        drives: LoopDrives,
+        signals: SignalSplines,
+        step_s: float,
+        rate_hz: float,
+        *,
+        is_ideal: bool = False,
+    ) -> None:
+        """Begin at rest."""
+        self._sensors, self._drives, self._signals, self._step_s = sensors, drives, signals, step_s
+        self._compiled, self._loops, count = sensors.model.compiled, tuple(loops), len(loops)
+        self._data: mujoco.MjData | None = None
+        period = sampling_period(loops) or step_s
+        self._steps_per_sample = round(period / step_s) if loops else 0
+        self._steps_per_record = round(1 / (step_s * rate_hz))
+        matrices = [_matrices(loop, step_s) for loop in loops]
+        self._a, self._b, self._c, self._d = (
+            block_diag(*[each[k] for each in matrices]) if loops else np.zeros((0, 0))
+            for k in range(4)
+        )
+        self._states = np.zeros(len(self._a))
+        taps = [_taps(loop, step_s, self._steps_per_sample) for loop in loops]
+        shape = (max(1, self._steps_per_sample), 2, count)
+        self._ages = np.stack([ages for ages, _ in taps], -1) if taps else np.zeros(shape, int)
+        self._shares = np.stack([share for _, share in taps], -1) if taps else np.zeros(shape)
+        self._controls = np.zeros((int(self._ages.max(initial=0)) + 1, count))
+        self._limits = np.array([np.inf if loop.limit is None else loop.limit for loop in loops])
+        is_stepped = 0.0 if is_ideal else 1.0
+        self._resolution = np.array([is_stepped * loop.resolution for loop in loops])
+        self._quantisation = np.array([is_stepped * loop.quantisation for loop in loops])
+        self._index, self._newest = 0, 0
+        self._log: list[tuple[Real, ...]] = []
+
+    def __call__(self, state: Real, control: Real) -> tuple[Real, Real]:
+        """Take steps from a state with the controls of all but the loops; one record."""
+        compiled, count = self._compiled, control.shape[1]
+        if self._data is None:
+            self._data = mujoco.MjData(compiled)
+            mujoco.mj_setState(compiled, self._data, state[0], FULL_STATE)
+            mujoco.mj_setState(compiled, self._data, control[0, 0], CONTROL_SPEC)
+        data = self._data
+        states = np.empty((1, count, state.shape[1]))
+        sensors = np.empty((1, count, compiled.nsensordata))
+        row_state = np.empty(state.shape[1])
+        references, noise, floor = self._sample_signals(count)
+        played = self._signals.means(self._index, self._index + count)[0] @ self._drives.command
+        for row in range(count):
+            place = self._index % max(1, self._steps_per_sample)
+            is_sample = bool(self._loops) and place == 0
+            is_recorded = self._index % self._steps_per_record == 0
+            if is_sample or is_recorded:
+                mujoco.mj_forward(compiled, data)
+                read = self._sensors.read(data) + floor[row]
+            if is_sample:
+                self._sample(read[: len(self._loops)] + noise[row], references[row])
+            ages = (self._newest - self._ages[place]) % len(self._controls)
+            held = (self._shares[place] * self._controls[ages, np.arange(ages.shape[1])]).sum(
+                axis=0
+            )
+            limited = np.clip(held + played[row], -self._limits, self._limits)
+            if is_recorded:
+                self._log.append((references[row], read, limited))
+            applied = control[0, row] + self._drives.gain @ limited
+            mujoco.mj_setState(compiled, data, applied, CONTROL_SPEC)
+            mujoco.mj_step(compiled, data)
+            sensors[0, row] = data.sensordata
+            mujoco.mj_getState(compiled, data, row_state, FULL_STATE)
+            states[0, row] = row_state
+            self._index += 1
+        return states, sensors
+
+    def records(self, time_s: Real) -> tuple[tuple[LoopRecord, ...], Real]:
+        """Return what the loops did at the instants of the record, and the further signals.
+
+        Args:
+            time_s: of the record [s]; (n_time,).
+
+        Returns:
+            The loops, and the signals; (n_time, n_signal).
+        """
+        columns = zip(*self._log[: len(time_s)], strict=True)
+        reference, read, control = (np.array(column) for column in columns)
+        records = [
+            LoopRecord(loop, time_s, reference[:, k], read[:, k], control[:, k])
+            for k, loop in enumerate(self._loops)
+        ]
+        return tuple(records), read[:, len(records) :]
+
+    def read_record(self) -> Real:
+        """Return the signals that are read at the instants of the record; (n_signal, n_time)."""
+        return np.array([read for _, read, _ in self._log]).T
+
+    def _sample_signals(self, count: int) -> tuple[Real, Real, Real]:
+        """Return references, noise and the floor's share of the signals at the next steps."""
+        signals, drives = self._signals, self._drives
+        time_s = signals.start_s + (self._index + np.arange(count)) * self._step_s
+        inside = np.minimum(time_s, signals.end_s)
+        values = signals.spline(inside)
+        first = signals.spline(signals.start_s)  # a span in the middle begins at rest
+        read = self._sensors
+        floor = np.zeros((count, len(read.orders)))
+        for order in set(read.orders) if signals.floor.any() else ():
+            is_read = [each == order for each in read.orders]
+            moved = floor_motion(signals.spline, signals.floor, inside, order)
+            floor += np.where(is_read, moved @ read.axes.T, 0.0)
+        return (values - first) @ drives.reference, values @ drives.noise, floor
+
+    def _sample(self, measured: Real, reference: Real) -> None:
+        """Let the controllers read, and put out their next control."""
+        error = _round_to_steps(measured, self._resolution) - reference
+        control = _round_to_steps(-(self._c @ self._states + self._d @ error), self._quantisation)
+        self._states = self._a @ self._states + self._b @ error
+        self._newest = (self._newest + 1) % len(self._controls)
+        self._controls[self._newest] = control
+
+
+def _round_to_steps(values: Real, steps: Real) -> Real:
+    """Return values as multiples of steps; unchanged where a step is 0."""
+    if not steps.any():
+        return values
+    size = np.where(steps > 0, steps, 1.0)
+    return np.where(steps > 0, size * np.round(values / size), values)
+
+
+def _matrices(loop: Loop, step_s: float) -> tuple[Real, Real, Real, Real]:
+    """Return A, B, C, D of a controller per sample, or per step of a continuous one."""
+    controller = loop.controller
+    matrices = (
+        controller.dynamics,
+        controller.input_matrix,
+        controller.output_matrix,
+        controller.feedthrough,
+    )
+    if controller.period_s or not len(controller.dynamics):
+        return matrices
+    a, b, c, d, _ = scipy.signal.cont2discrete(matrices, step_s, "foh")
+    return a, b, c, d
+
+
+def _taps(loop: Loop, step_s: float, steps: int) -> tuple[Integers, Real]:
+    """Return which two controls act over each step of a period, and with which share.
+
+    Returns:
+        Their ages in samples, 0 for the newest, and their shares; (n_step, 2) each.
+    """
+    if not loop.controller.period_s:
+        place = 0.5 - loop.delay / step_s  # of the middle of the step, the newest sample being 0
+        before = min(int(np.floor(place)), -1)
+        return np.array([[-before, -before - 1]]), np.array(
+            [[1 - (place - before), place - before]]
+        )
+    period = loop.controller.period_s
+    whole = int(loop.delay / period + _PERIOD_ROUNDING)
+    rest = max(loop.delay - whole * period, 0.0)
+    share = np.clip((np.arange(steps) + 1) - rest / step_s, 0.0, 1.0)
+    ages = np.tile([whole + 1, whole], (steps, 1))
+    return ages, np.column_stack([1 - share, share])
