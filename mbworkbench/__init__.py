@@ -42,7 +42,7 @@ from mbworkbench.diagnosis import DiagnosisResult, diagnose
 from mbworkbench.excitation import ExcitationResult, excite
 from mbworkbench.identified import IdentifiedModel, identify
 from mbworkbench.model import MachineModel, ModelModes, read_model
-from mbworkbench.plant import TunedPlant, read_plant
+from mbworkbench.plant import TunedPlant, predict_poses, read_plant
 from mbworkbench.plots import plot
 from mbworkbench.tuning import ParameterTable, TunedModel, tune
 
@@ -81,6 +81,7 @@ __all__ = [
     "identify",
     "move_signal",
     "plot",
+    "predict_poses",
     "read_campaign",
     "read_model",
     "read_plant",

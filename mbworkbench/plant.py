@@ -1,6 +1,6 @@
 """The plant of a tuned or diagnosed machine for control design, with its uncertainty."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +12,10 @@ from mbmodel import FrfRequest, load_machine, machine_model, with_loops
 from mbworkbench.labels import (
     AnyLabel,
     AnyPath,
+    as_labels,
     as_path,
+    check_frequencies,
+    check_quantity,
     parse_request,
 )
 from mbworkbench.tables import Shown, Table
@@ -33,6 +36,7 @@ from tuning.plant import (
     frf_bands,
     make_control_plant,
 )
+from tuning.plant.pose_grid import GridPoint, GridRequest, PoseGrid, pose_grid
 from tuning.plant.uncertainty.multiplicative_error import held_out_input_error
 
 if TYPE_CHECKING:
@@ -196,3 +200,44 @@ def read_plant(
     remarks = tuple(filter(None, (*lags, untested_band_remark(file, ends), moved)))
     names, doubts = tuple(loop.name for loop in loops), tuple(plant_doubts(source))
     return TunedPlant(posterior, request, source, names, remarks, doubts)
+
+
+def predict_poses(
+    model: AnyPath,
+    poses: Iterable[Mapping[str, float]],
+    outputs: AnyLabel | Iterable[AnyLabel] = (),
+    inputs: AnyLabel | Iterable[AnyLabel] = (),
+    freq_hz: Sequence[float] | Real = (1.0,),
+    quantity: Quantity = "receptance",
+    *,
+    spin: Mapping[str, float] | None = None,
+    budget: AnyPath | None = None,
+) -> PoseGrid:
+    """Predict modes, FRFs, state spaces and margins of a machine over its poses.
+
+    Args:
+        model: path of an MJCF, or folder of a tuning or diagnosis.
+        poses: moves of slides and hinges from the drawing [m, rad], by name, for each pose.
+        outputs: labels of motions.
+        inputs: labels of forces or motors.
+        freq_hz: frequencies [Hz], increasing; (n_freq,).
+        quantity: receptance, mobility or accelerance.
+        spin: rates of hinges that turn steadily [rad/s], by name.
+        budget: path of a budget.toml whose loops have margins.
+
+    Returns:
+        The grid; ``to_control()`` lists the state spaces for a gain schedule.
+
+    Raises:
+        InputError: a pose that the machine does not have or cannot rest in.
+        UsageError: a label that the machine does not have.
+    """
+    request = GridRequest(
+        tuple(str(label) for label in as_labels(outputs)) if outputs else (),
+        tuple(str(label) for label in as_labels(inputs)) if inputs else (),
+        check_frequencies(freq_hz),
+        check_quantity(quantity),
+        None if budget is None else as_path(budget),
+    )
+    points = [GridPoint(pose, dict(spin or {})) for pose in poses]
+    return pose_grid(plant_file(as_path(model)), points, request)

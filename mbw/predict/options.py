@@ -74,7 +74,17 @@ def predict(  # noqa: PLR0913  # one for each option
     spin: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="JOINT=RATE", help="Hinge that spins at this constant rate [rad/s]; repeatable."
+            metavar="JOINT=RATE",
+            help="Hinge that spins at this constant rate [rad/s], or at those of FROM:TO:N; "
+            "repeatable.",
+        ),
+    ] = None,
+    poses: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=FROM:TO:N",
+            help="Predict along a stroke, or at the poses of a CSV with a joint over each column; "
+            "repeatable: a grid. With --budget the margins of its loops.",
         ),
     ] = None,
     mount: Annotated[

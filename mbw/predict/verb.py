@@ -27,6 +27,7 @@ from mbw.predict.outcome import Outcome, predict_outcome
 from mbw.predict.page import PAGE, render
 from mbw.predict.plant import FOLDER_NAMES, PlantResult, compute_plant
 from mbw.predict.plant_request import PlantRequest
+from mbw.predict.poses import has_ranges, parse_grid, predict_poses
 from mbw.predict.requests import DEFAULT_BAND_HZ, PredictRequest, frf_request
 from mbw.predict.spring_laws import parse_laws
 from tuning.files.plant_folder import plant_doubts
@@ -80,6 +81,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     lines: int,
     statespace: Path | None,
     spin: list[str],
+    poses: list[str],
     mount: Path | None,
     at: str | None,
     add_mass: list[str],
@@ -111,6 +113,15 @@ def run_options(  # noqa: PLR0913  # one for each option
     options = ResultOptions(out, json, overwrite, pictures)
     additions, laws = parse_additions(mount, at, add_mass), parse_laws(loss_factor, delay, maxwell)
     mjcf, loops_source, key = find_model(model, key)
+    if has_ranges(poses, spin):
+        further = (additions, laws, closed, before, struts, bands, samples, uncertain, reduce)
+        if any(further) or any((check, frf, statespace, discrete, weight, input_delay, diagnosed)):
+            raise UsageError(
+                "a grid of poses has modes, FRFs and state spaces between --input and --output, "
+                "and the margins of --budget: predict a single pose with the further options"
+            )
+        predict_poses(mjcf, parse_grid(poses, spin), request, budget, key, options)
+        return
     machine_request = MachineRequest(
         mjcf, tuple(spin), key, additions, laws, loops_source, tuple(closed)
     )
