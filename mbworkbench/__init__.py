@@ -35,7 +35,14 @@ from identification.words import (
     WorkbenchError,
 )
 from mbmodel.simulation.signals import move_signal
-from mbworkbench.budgets import ErrorBudgetResult, SimulatedBudget, error_budget, simulate_budget
+from mbworkbench.budgets import (
+    ErrorBudgetResult,
+    MarginsResult,
+    SimulatedBudget,
+    error_budget,
+    margins,
+    simulate_budget,
+)
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
 from mbworkbench.comparison import ComparisonResult, compare
 from mbworkbench.diagnosis import DiagnosisResult, diagnose
@@ -63,6 +70,7 @@ __all__ = [
     "InputError",
     "Layout",
     "MachineModel",
+    "MarginsResult",
     "MeasuredCampaign",
     "ModalModel",
     "ModelModes",
@@ -79,6 +87,7 @@ __all__ = [
     "error_budget",
     "excite",
     "identify",
+    "margins",
     "move_signal",
     "plot",
     "predict_poses",

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.words import Real
+from identification.words import InputError, Real, UsageError
 from mbmodel import TimeResponse, as_drawn, load_machine, with_loops
 from mbmodel.simulation.drives import REFERENCE, parse_drive
 from mbworkbench.labels import AnyPath, as_path
@@ -18,7 +18,14 @@ from tuning.files.result import TUNED_JSON
 from tuning.plant.error_budget.budget_remarks import budget_sentences
 from tuning.plant.error_budget.loop_margins import PlantMargins, VariantMargins
 from tuning.plant.error_budget.machine_files import model_with_posterior
-from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
+from tuning.plant.error_budget.margin_design import LoopDesign, design_loops
+from tuning.plant.error_budget.plant_budget import (
+    MACHINE_SEED,
+    POSTERIOR_MACHINES,
+    PlantBudget,
+    open_loops,
+    plant_budget,
+)
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.sampling_images import image_sentences
 from tuning.plant.error_budget.simulated_budget import SimulatedErrors
@@ -115,6 +122,71 @@ class ErrorBudgetResult(Shown):
         header = ("error", "rms", "95 % interval", "largest source")
         title = "; ".join(("Error budget", *self.doubts))
         return Table(title, header, self._rows())
+
+
+@dataclass(frozen=True, eq=False)
+class MarginsResult(Shown):
+    """Margins of control loops, stable or not, and what limits them.
+
+    Attributes:
+        loops: loop gain, sensitivity, margins, largest crossover and limiting modes of each.
+    """
+
+    loops: tuple[LoopDesign, ...]
+
+    def __repr__(self) -> str:
+        """Return margins, the largest crossover and the limiting modes of each loop."""
+        return "\n".join(line for loop in self.loops for line in loop.sentences())
+
+    def table(self) -> Table:
+        """Return a table of the modes that limit each loop."""
+        rows = [
+            (
+                loop.loop,
+                mode.freq_hz,
+                mode.gain,
+                mode.notch or float("nan"),
+                next(iter(mode.changes), ""),
+            )
+            for loop in self.loops
+            for mode in loop.modes
+        ]
+        header = ("loop", "mode [Hz]", "gain at most", "notch", "strongest parameter")
+        return Table("Modes that limit the gain", header, rows)
+
+
+def margins(
+    model: MachineModel | AnyPath,
+    budget: AnyPath,
+    *,
+    controllers: Mapping[str, Any] | None = None,
+    modulus: float = 0.5,
+) -> MarginsResult:
+    """Return the margins of the loops of a budget, stable or not, and what limits each.
+
+    Each mode that limits the gain comes with its part on the machine, a notch with its cost in
+    phase, and the change of the gain for 10 % more of each stiffness, damping and mass.
+
+    Args:
+        model: as for ``error_budget``; a tuning or diagnosis gives bands over its posterior.
+        budget: path of budget.toml with loops.
+        controllers: systems of python-control that replace controllers of the file.
+        modulus: modulus margin that the largest crossover keeps; 0.5 bounds the sensitivity by 2.
+
+    Raises:
+        InputError: a file cannot be used, or it has no loop.
+        UsageError: a modulus margin that is not between 0 and 1.
+    """
+    if not 0 < modulus < 1:
+        raise UsageError(f"modulus {modulus:g}: give a margin between 0 and 1, such as 0.5")
+    if not isinstance(model, MachineModel):
+        model = read_model(plant_file(as_path(model)))
+    definition = read_definition(as_path(budget), model.machine, controllers)
+    if not definition.loops:
+        raise InputError(f"{budget} has no loop, and so no margins: add [loop.NAME]")
+    fitted, posterior = model_with_posterior(model.machine, model.machine.source)
+    thetas = () if posterior is None else posterior.sample(POSTERIOR_MACHINES, MACHINE_SEED)
+    return MarginsResult(design_loops(open_loops(fitted), definition, modulus, tuple(thetas)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -208,7 +208,7 @@ def predict_poses(
     outputs: AnyLabel | Iterable[AnyLabel] = (),
     inputs: AnyLabel | Iterable[AnyLabel] = (),
     freq_hz: Sequence[float] | Real = (1.0,),
-    quantity: Quantity = "receptance",
+    quantity: Quantity | None = None,
     *,
     spin: Mapping[str, float] | None = None,
     budget: AnyPath | None = None,
@@ -221,7 +221,7 @@ def predict_poses(
         outputs: labels of motions.
         inputs: labels of forces or motors.
         freq_hz: frequencies [Hz], increasing; (n_freq,).
-        quantity: receptance, mobility or accelerance.
+        quantity: receptance, mobility or accelerance; None for the usual one of the outputs.
         spin: rates of hinges that turn steadily [rad/s], by name.
         budget: path of a budget.toml whose loops have margins.
 
@@ -236,7 +236,7 @@ def predict_poses(
         tuple(str(label) for label in as_labels(outputs)) if outputs else (),
         tuple(str(label) for label in as_labels(inputs)) if inputs else (),
         check_frequencies(freq_hz),
-        check_quantity(quantity),
+        None if quantity is None else check_quantity(quantity),
         None if budget is None else as_path(budget),
     )
     points = [GridPoint(pose, dict(spin or {})) for pose in poses]

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from identification.words import Complex, Dof, Frf, FrfEstimate, Real, Test
-from mbworkbench.budgets import ErrorBudgetResult, SimulatedBudget
+from mbworkbench.budgets import ErrorBudgetResult, MarginsResult, SimulatedBudget
 from mbworkbench.campaign import MeasuredCampaign
 from mbworkbench.comparison import ComparisonResult
 from mbworkbench.diagnosis import DiagnosisResult
@@ -150,6 +150,30 @@ def _(result: ErrorBudgetResult) -> go.Figure:
     figure.update_xaxes(type="log", title_text="frequency [Hz]")
     figure.update_yaxes(title_text="rms above the frequency")
     figure.update_layout(title="cumulative amplitude spectra")
+    return figure
+
+
+@plot.register
+def _(result: MarginsResult) -> go.Figure:
+    titles = ("loop gain", "Nyquist", "sensitivity")
+    figure = make_subplots(cols=3, subplot_titles=titles)
+    for number, loop in enumerate(result.loops):
+        colour = PALETTE[number % len(PALETTE)]
+        curves = (loop.gains, loop.sensitivity)
+        drawn = (loop.sample_gains, 1 / (1 + loop.sample_gains))
+        for column, values, samples in zip((1, 3), curves, drawn, strict=True):
+            line = {"x": loop.freq_hz, "name": loop.loop, "line_color": colour}
+            figure.add_scatter(**line, y=np.abs(values), row=1, col=column)
+            if len(samples):  # 95 % of the machines of the posterior at each line
+                for end in np.quantile(np.abs(samples), (0.025, 0.975), axis=0):
+                    figure.add_scatter(**line, y=end, line_dash="dot", row=1, col=column)
+            figure.update_xaxes(type="log", title_text="frequency [Hz]", row=1, col=column)
+            figure.update_yaxes(type="log", row=1, col=column)
+        plane = {"x": loop.gains.real, "y": loop.gains.imag, "line_color": colour}
+        figure.add_scatter(**plane, name=loop.loop, row=1, col=2)
+    figure.add_scatter(x=[-1.0], y=[0.0], mode="markers", name="-1", row=1, col=2)
+    figure.update_xaxes(range=[-3, 3], row=1, col=2)
+    figure.update_yaxes(range=[-3, 3], row=1, col=2)
     return figure
 
 

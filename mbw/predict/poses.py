@@ -11,11 +11,11 @@ import typer
 
 from identification.readers.csv_tables import read_csv_rows
 from identification.readers.result_files import ResultFile, ResultRow, write_result_arrays
-from identification.words import DERIVATIVE_ORDER, UsageError
+from identification.words import UsageError
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
-from mbw.predict.requests import PredictRequest, band_lines
+from mbw.predict.requests import PredictRequest, band_lines, read_quantity
 from mbw.spin_rates import parse_spin_rates
 from tuning.plant.pose_grid import GridPoint, GridRequest, PoseGrid, pose_grid
 
@@ -145,9 +145,7 @@ def predict_poses(
         UsageError: a label or quantity that cannot be used.
         InputError: a pose that the machine does not have.
     """
-    quantity = request.quantity
-    if quantity not in DERIVATIVE_ORDER:
-        raise UsageError(f"{quantity!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}")
+    quantity = None if request.quantity is None else read_quantity(request)
     lines = band_lines(request)
     if request.band is None:  # a free hinge, as a spindle has, has no response at 0 Hz
         lines = lines[lines > 0]

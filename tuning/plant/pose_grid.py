@@ -25,6 +25,7 @@ from mbmodel import (
     model_modes,
     parse_input,
     parse_output,
+    usual_quantity,
 )
 from tuning.control_loops.stability import growing_pole
 from tuning.plant.control_loops.margin_values import AllMargins
@@ -61,14 +62,14 @@ class GridRequest:
     Args:
         outputs, inputs: labels of FRFs and state spaces; empty for none.
         freq_hz: lines [Hz]; (n_freq,).
-        quantity: of the outputs.
+        quantity: of the outputs; None for the usual one of the outputs.
         budget: budget.toml whose loops have margins; None for none.
     """
 
     outputs: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     freq_hz: Real = field(default_factory=lambda: np.ones(1))
-    quantity: Quantity = "receptance"
+    quantity: Quantity | None = None
     budget: Path | None = None
 
 
@@ -192,12 +193,10 @@ def _between_ports(
     """Return FRFs and state spaces at the points, and the labels of the states."""
     frfs, systems, labels = [], [], list[str]()
     for model in models if request.outputs and request.inputs else ():
-        ports = FrfRequest(
-            request.freq_hz,
-            tuple(parse_output(model.machine, text) for text in request.outputs),
-            tuple(parse_input(model.machine, text) for text in request.inputs),
-            request.quantity,
-        )
+        outputs = tuple(parse_output(model.machine, text) for text in request.outputs)
+        inputs = tuple(parse_input(model.machine, text) for text in request.inputs)
+        quantity = request.quantity or usual_quantity(outputs)
+        ports = FrfRequest(request.freq_hz, outputs, inputs, quantity)
         frfs.append(Evaluator(model, ports).at(model.drawn).values)
         system = export_state_space(model, model.drawn, ports).system
         systems.append((system.A, system.B, system.C, system.D))

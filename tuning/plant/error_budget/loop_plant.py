@@ -60,12 +60,19 @@ class LoopPlant:
             open_poles: with all loops open, of a machine near this one [rad/s]; (n_pole,).
             closed_poles: with all loops closed [rad/s]; (n_pole,).
         """
+        lines = self.lines_near(open_poles, closed_poles)
+        is_sampled = sampling_period(self.definition.loops) > 0
+        return stability_margins(self.gain_at(theta), lines, is_sampled=is_sampled)
+
+    def lines_near(self, open_poles: Complex, closed_poles: Complex) -> Real:
+        """Return lines with which the search for margins begins [Hz]; (n_freq,).
+
+        Args:
+            open_poles, closed_poles: with all loops open and closed [rad/s]; (n_pole,).
+        """
         controllers = [loop.controller.poles for loop in self.definition.loops]
-        period = sampling_period(self.definition.loops)
-        lines = _lines(
-            self.definition.band, np.concatenate([open_poles, *controllers, closed_poles]), period
-        )
-        return stability_margins(self.gain_at(theta), lines, is_sampled=period > 0)
+        poles = np.concatenate([open_poles, *controllers, closed_poles])
+        return _lines(self.definition.band, poles, sampling_period(self.definition.loops))
 
     def lines(self, theta: Real, freq_hz: Real) -> Linearised:
         """Return the FRFs at some parameters and lines."""
