@@ -7,7 +7,7 @@ from pathlib import Path
 from diagnosis import Verdict
 from identification.readers.result_files import read_result_json
 from identification.readers.toml_files import load_toml
-from identification.words import UsageError
+from identification.words import InputError, UsageError
 from mbmodel import Machine, Model, load_machine
 from mbw.output_folder import folder_beside, source_of
 from mbw.plant.closed_margins import LoopStudy, study_loops, write_margins
@@ -30,7 +30,8 @@ from tuning.files.plant_folder import (
 from tuning.files.result import TUNED_MJCF
 from tuning.plant.error_budget.budget_remarks import budget_sentences
 from tuning.plant.error_budget.machine_files import fitted_model, model_with_posterior
-from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
+from tuning.plant.error_budget.margin_design import design_loops
+from tuning.plant.error_budget.plant_budget import PlantBudget, open_loops, plant_budget
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.sampling_images import image_sentences
 from tuning.plant.variant_model import VariantModel
@@ -82,6 +83,7 @@ class BudgetResult:
         first: doubts about the fit of the machine, and sentences on drives that are late, for the
             page; the terminal has them already.
         notes: remarks that only say which frequencies test and spectra cover.
+        limits: sentences on what limits the gain of each loop.
     """
 
     plant: PlantBudget
@@ -90,10 +92,11 @@ class BudgetResult:
     causes: tuple[str, ...]
     first: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    limits: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Return the budget as lines of text."""
-        return [*budget_lines_of_text(self.row, self._units), *self.causes]
+        return [*budget_lines_of_text(self.row, self._units), *self.limits, *self.causes]
 
     def page(self, struts: StrutsResult | None) -> str:
         """Return the HTML page, with a section on struts if there is one."""
@@ -193,9 +196,15 @@ def _compute_budget(
         read_definition(file, counterpart.machine)  # refuses labels that it lacks
     tuning = None if posterior is None else held_out_beside(path)
     variants = request.read_variants() if definition.loops else None
-    plant = replace(
-        plant_budget(fitted, definition, counterpart, posterior), tuning=tuning, variants=variants
-    )
+    designs = design_loops(open_loops(fitted), definition) if definition.loops else ()
+    limits = [line for loop in designs for line in loop.limit_sentences()]
+    try:
+        plant = plant_budget(fitted, definition, counterpart, posterior)
+    except InputError as error:
+        is_unstable = any(loop.pole is not None for loop in designs)
+        hints = [loop.limit_sentences()[0] for loop in designs if loop.is_limited]
+        raise InputError("; ".join([str(error), *(hints if is_unstable else [])])) from error
+    plant = replace(plant, tuning=tuning, variants=variants)
     names_of_loops = ", ".join(loop.name for loop in definition.loops)
     unstable = [each.sentence(names_of_loops) for each in plant.variant_margins]
     remarks = [
@@ -218,7 +227,7 @@ def _compute_budget(
     sentences = [] if verdict is None else _sentences_on_causes(verdict, row, units)
     lags = found_lag_remarks(result_file(path), machine.motors)
     first = [*plant_doubts(path), *(f"{text[:1].upper()}{text[1:]}." for text in lags)]
-    return BudgetResult(plant, row, names, tuple(sentences), tuple(first), notes)
+    return BudgetResult(plant, row, names, tuple(sentences), tuple(first), notes, tuple(limits))
 
 
 def _name_of(before: Path) -> str:

@@ -177,3 +177,15 @@ def test_a_budget_without_loops_has_no_margins(folder):
     page = (folder / "open" / "plant.html").read_text("utf-8")
     assert "Stability margins" not in page
     assert data_of(page)["margins"] is None
+
+
+def test_what_limits_a_loop_stands_below_its_margins_and_beside_an_unstable_one(folder):
+    assert "with a modulus margin of 0.5 the gain of axis may be" in (
+        folder / "stdout.txt"
+    ).read_text(encoding="utf-8")
+    loud = (folder / "budget.toml").read_text().replace("gain = 300000.0", "gain = 3e7")
+    (folder / "loud.toml").write_text(loud)
+    result = run("predict", folder / "two.xml", "--budget", folder / "loud.toml", "--no-pictures")
+    assert result.exit_code == 3
+    assert "the closed loop is unstable" in result.stderr
+    assert "the gain of axis may be 0.0" in result.stderr

@@ -35,6 +35,7 @@ from tuning.plant.error_budget.loop_plant import LoopPlant
 
 _MAX_NOTCH_RATIO = 0.5  # a shallower notch would not be one
 _MIN_NAMED_SHARE = 0.1  # of the energy of a mode, for a part that is named
+_SHOWN_CHANGES = 3  # of each mode, in words
 _NEAR_MODE = 1.3  # ratio of frequencies within which a line belongs to a mode
 _MAX_ALLOWED_GAIN = 100.0  # a mode that allows more does not limit
 
@@ -101,32 +102,41 @@ class LoopDesign:
         """S = 1 / (1 + L); (n_freq,)."""
         return np.asarray(1 / (1 + self.gains))
 
+    @property
+    def is_limited(self) -> bool:
+        """Whether some gain has the margin that is asked for, and a crossover there."""
+        return bool(np.isfinite(self.gain))
+
     def sentences(self) -> list[str]:
         """Return margins, the largest crossover, and each mode with its remedies, in words."""
-        lines = [f"{self.loop}: {self.margins!r}"]
-        if self.pole is not None:
-            at = abs(self.pole.imag) / (2 * np.pi)
-            lines = [f"{self.loop}: unstable, the pole at {at:.4g} Hz grows"]
-        if np.isfinite(self.gain):
-            text = (
-                f"with a modulus margin of {self.modulus:g} the gain may be {self.gain:.3g} times "
-                f"as large, and the crossover {self.crossover_hz:.4g} Hz"
-            )
-            if len(self.samples_hz):
-                low, high = np.nanquantile(self.samples_hz, (0.025, 0.975))
-                text += f" ({low:.4g} to {high:.4g} Hz for 95 % of the machines)"
-            lines.append(text)
-            if not any(mode.gain < self.gain * _NEAR_MODE for mode in self.modes):
-                lines.append("no mode of the machine limits it, but the phase of the loop")
+        if self.pole is None:
+            return [f"{self.loop}: {self.margins!r}", *self.limit_sentences()]
+        at = abs(self.pole.imag) / (2 * np.pi)
+        return [f"{self.loop}: unstable, the pole at {at:.4g} Hz grows", *self.limit_sentences()]
+
+    def limit_sentences(self) -> list[str]:
+        """Return the largest gain and crossover of the loop, and what limits them, in words."""
+        if not self.is_limited:
+            return []
+        text = (
+            f"with a modulus margin of {self.modulus:g} the gain of {self.loop} may be "
+            f"{self.gain:.3g} times as large"
+        )
+        if np.isfinite(self.crossover_hz):
+            text += f", and the crossover {self.crossover_hz:.4g} Hz"
+        if len(self.samples_hz) and np.isfinite(self.samples_hz).any():
+            low, high = np.nanquantile(self.samples_hz, (0.025, 0.975))
+            text += f" ({low:.4g} to {high:.4g} Hz for 95 % of the machines)"
+        lines = [text]
+        if not any(mode.gain < self.gain * _NEAR_MODE for mode in self.modes):
+            lines.append("no mode of the machine limits it, but the phase of the loop")
         for mode in self.modes:
-            parts = ", ".join(
-                f"{name} {100 * share:.0f} %"
-                for name, share in (mode.springs | mode.bodies).items()
-            )
+            parts = mode.springs | mode.bodies
+            held = ", ".join(f"{name} {100 * share:.0f} %" for name, share in parts.items())
             lines.append(
-                f"mode at {mode.freq_hz:.4g} Hz ({parts}): gain at most {mode.gain:.3g} times"
+                f"mode at {mode.freq_hz:.4g} Hz ({held}): gain at most {mode.gain:.3g} times"
             )
-            if mode.notch is not None:
+            if mode.notch is not None and np.isfinite(mode.notch_crossover_hz):
                 lines.append(
                     f"  a notch of {mode.notch:.2g} there changes the phase at the crossover by "
                     f"{mode.notch_phase_deg:.2g} deg; the crossover may then be "
@@ -134,7 +144,7 @@ class LoopDesign:
                 )
             lines += [
                 f"  {name}: {100 * change:+.2g} % of the gain"
-                for name, change in list(mode.changes.items())[:3]
+                for name, change in list(mode.changes.items())[:_SHOWN_CHANGES]
             ]
         return lines
 
