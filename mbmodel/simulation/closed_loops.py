@@ -344,6 +344,7 @@ class ClosedLoopSteps:
         self._index, self._newest = 0, 0
         self._log: list[tuple[Real, ...]] = []
 
+    @np.errstate(over="ignore", invalid="ignore")  # a motion without bound is refused by name
     def __call__(self, state: Real, control: Real) -> tuple[Real, Real]:
         """Take steps from a state with the controls of all but the loops; one record."""
         compiled, count = self._compiled, control.shape[1]
