@@ -175,9 +175,7 @@ def nominal_coefficients(machine: Machine, jacobian: Real) -> Real:
     total[2] += jacobian.T @ machine.body_mass @ jacobian
     if machine.gravity.any():
         weight_bearing_mass = machine.weight_fraction[:, None] * machine.body_mass
-        total[0] += gravity_stiffness(
-            machine.body_gravity, machine.precedence, jacobian, weight_bearing_mass
-        )
+        total[0] += gravity_stiffness(machine.weight, jacobian, weight_bearing_mass)
     return total
 
 
@@ -205,8 +203,7 @@ def kinematics_and_coefficients(
         if machine.gravity.any() and change.core[2].any():
             added = change.left @ change.core[2] @ change.right.T
             total[0] += gravity_slope(
-                machine.body_gravity,
-                machine.precedence,
+                machine.weight,
                 jacobian,
                 machine.body_mass,
                 inertia_change=machine.weight_fraction[:, None] * added,

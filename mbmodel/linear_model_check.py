@@ -19,6 +19,7 @@ from mbmodel.linearisation.force_slopes import (
     choose_difference_step,
     force_scale,
     force_slopes,
+    soft_inertia,
     symmetrise_rotations,
 )
 from mbmodel.machine import Machine
@@ -53,6 +54,7 @@ def check_linear_model(
     matrices = drawn.matrices(drawn.drawn)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
+    mass += soft_inertia(model, data)
     forces = force_scale(model, data)
     if (coordinate := _worst(machine, matrices.mass, mass, 0.0)) is not None:
         raise InputError(_missing_sentence(path, coordinate, "mass"))

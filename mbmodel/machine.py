@@ -16,11 +16,13 @@ from identification.words import (
     shorten_names,
 )
 from mbmodel.linearisation.drawing import Drawing
+from mbmodel.linearisation.gravity import Weight
 from mbmodel.linearisation.motors import ActuatorGain
 from mbmodel.linearisation.sensors import MujocoSensors
 from mbmodel.linearisation.springs import Spring
 from mbmodel.linearisation.statics import Statics
 from mbmodel.measured_rest import MeasuredRest
+from mbmodel.mjcf.read import Reading
 from mbmodel.spatial import transport
 
 RELEASED_MARK = ".held_"  # between stage and direction in the name of a released coordinate
@@ -37,6 +39,8 @@ class Axle:
         turns: whether it is a hinge.
         anchor: a point on its axis [m]; (3,).
         axis: unit vector; (3,).
+        chain_row: motion of a joint in a closed chain per coordinate of the machine, of which it
+            need be none (``coordinate`` is then -1); None for any other joint; (nv,).
     """
 
     joint: str
@@ -45,6 +49,18 @@ class Axle:
     turns: bool
     anchor: Real
     axis: Real
+    chain_row: Real | None = None
+
+    def motion(self, count: int) -> Real:
+        """Return the motion of the joint per coordinate of its machine; (count,).
+
+        Args:
+            count: number of the machine's coordinates.
+        """
+        if self.chain_row is None:
+            return np.eye(1, count, self.coordinate)[0]
+        motion: Real = np.pad(self.chain_row, (0, count - len(self.chain_row)))
+        return motion
 
     @property
     def dof(self) -> str:
@@ -110,6 +126,11 @@ class Machine:
         loops: control loops that are closed around the machine.
         variants: the machine with a known mass or with a stage elsewhere, as some tests had it.
         rest: what the model lacked in the state before a change, as measured; None if unknown.
+        curvature: second derivative of the motion of the centres of mass beyond what precedence
+            says, in a closed chain; None without one; (6 n_body, nv, nv).
+        tree: the machine of closed chains in all joint coordinates, before they are closed; None
+            without a chain.
+        reading: what the user wanted of the file beyond what it states.
         correct: makes the layout from that of the MJCF, where a campaign corrects sensors without
             touching the file; None where nothing is corrected.
 
@@ -143,6 +164,9 @@ class Machine:
     variants: Mapping[str, "Machine"] = field(default_factory=dict)
     rest: MeasuredRest | None = None
     correct: Callable[[Layout], Layout] | None = None
+    curvature: Real | None = None
+    tree: "Machine | None" = None
+    reading: Reading = field(default_factory=Reading)
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
@@ -183,6 +207,25 @@ class Machine:
         """
         return coordinate.replace(RELEASED_MARK, "_")
 
+    def driven_axle(self, motor: str) -> tuple[Axle, float] | None:
+        """Return the slide or hinge on which a motor acts most, and its force per unit of control.
+
+        Args:
+            motor: name of the motor.
+
+        Returns:
+            None for a motor that acts on none.
+        """
+        gain = self.motors[motor].joint
+        best: tuple[Axle, float] | None = None
+        largest = 0.0
+        for axle in self.axles:
+            motion = axle.motion(len(gain))
+            force = float(motion @ gain) / float(motion @ motion)
+            if (size := abs(force) * float(np.linalg.norm(motion))) > largest * (1 + 1e-12):
+                best, largest = (axle, force), size
+        return best
+
     def motion_per_twist(self, axle: Axle, origin: Real) -> Real:
         """Return the motion of the centres of mass above a joint per twist at a point.
 
@@ -221,12 +264,13 @@ class Machine:
         return motion.reshape(-1, 6)
 
     @cached_property
-    def body_gravity(self) -> Real:
-        """Gravity in the axes of each body [m/s^2]; (n_body, 3)."""
+    def weight(self) -> Weight:
+        """Gravity in the axes of each body, and how coordinates turn what others move."""
         if self.pose is None:
-            return np.tile(self.gravity, (len(self.layout.bodies), 1))
-        gravity: Real = np.einsum("bji,j->bi", self.pose.turns, self.gravity)
-        return gravity
+            gravity = np.tile(self.gravity, (len(self.layout.bodies), 1))
+        else:
+            gravity = np.einsum("bji,j->bi", self.pose.turns, self.gravity)
+        return Weight(gravity, self.precedence, self.curvature)
 
 
 WORLD = "world"  # MuJoCo's name of the ground
@@ -249,8 +293,10 @@ def parent_bodies(machine: Machine) -> dict[str, str | None]:
         frozenset(np.flatnonzero(machine.jacobian[6 * k : 6 * k + 6].any(axis=0)).tolist())
         for k in range(len(bodies))
     ]
-    parents: dict[str, str | None] = {}
+    parents = {} if machine.tree is None else parent_bodies(machine.tree)
     for body, coordinates in zip(bodies, moving, strict=True):
+        if body in parents:
+            continue
         below = [
             (len(fewer), name)
             for name, fewer in zip(bodies, moving, strict=True)

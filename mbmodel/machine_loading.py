@@ -7,10 +7,12 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError, Real
+from mbmodel.chain_reduction import reduce_machine, refuse_spinning_chain
 from mbmodel.linear_model_check import check_linear_model
+from mbmodel.linearisation.closed_chains import soft_remarks
 from mbmodel.linearisation.drawing import read_drawing
 from mbmodel.linearisation.equilibrium import equilibrium_remarks, find_equilibrium
-from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping
+from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping, soft_inertia
 from mbmodel.linearisation.motors import actuator_gains
 from mbmodel.linearisation.points import machine_layout
 from mbmodel.linearisation.sensor_rows import RestPose
@@ -23,7 +25,7 @@ from mbmodel.linearisation.tendon_slopes import tendon_jacobian
 from mbmodel.machine import Axle, Machine
 from mbmodel.mjcf.keyframes import choose_keyframe, keyframe_remarks, pose_data
 from mbmodel.mjcf.names import body_name, coordinate_names, joint_name
-from mbmodel.mjcf.read import compile_with_remarks
+from mbmodel.mjcf.read import compile_with_remarks, current_reading
 from mbmodel.mjcf.stages import stage_bodies, stage_members, stage_of
 from mbmodel.moving_equilibrium.relevance import with_statics
 from mbmodel.nonlinear_joints.files import nonlinear_remarks
@@ -68,13 +70,13 @@ def load_machine(
     start = pose_data(model, keyframe)
     move_joints(model, start, pose or {}, path)
     equilibrium = find_equilibrium(model, path, start)
-    data = equilibrium.data
+    data, chains = equilibrium.data, equilibrium.chains
     refuse_return(model, start, data, pose or {}, path)
     stages = stage_bodies(model)
     masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
     names = {body_name(model, stage): stage for stage in stages}
     velocity = spin_velocity(model, spin or {})
-    stiffness, damping = remaining_stiffness_and_damping(model, data, velocity)
+    stiffness, damping, other_force = remaining_stiffness_and_damping(model, data, velocity)
     jacobian, inertia = _jacobian(model, data, stages, centres), _block_diagonal(masses)
     layout, layout_remarks = machine_layout(model, data, stages, np.array(centres), path)
     motors, motor_remarks = actuator_gains(model, data, path, stages, centres, jacobian)
@@ -97,24 +99,32 @@ def load_machine(
         drawing=read_drawing(model, data, names, centres),
         spinning=bool(velocity.any()),
         keyframe=keyframe,
+        reading=current_reading(),
         remarks=(
             *compiler_remarks,
             *keyframe_remarks(model, keyframe),
             *equilibrium_remarks(model, equilibrium, keyframe),
             *spin_remarks(model, data, spin or {}),
+            *(soft_remarks(model, data) if chains is None else chains.remarks()),
             *layout_remarks,
             *motor_remarks,
             *nonlinear_remarks(model),
         ),
-        sensors=read_sensors(RestPose(model, data, stages, centres, jacobian), path),
+        sensors=read_sensors(RestPose(model, data, stages, centres, jacobian, chains), path),
     )
     check_linear_model(model, data, machine, path, velocity)
     machine = read_law_texts(model, machine, path)
+    if chains is not None:
+        chains.refuse_dead_centre(path)
+        refuse_spinning_chain(
+            machine, chains, [name for name, rate in (spin or {}).items() if rate]
+        )
+        machine = reduce_machine(machine, chains, other_force)
     frames = data.xmat[stages].reshape(-1, 3, 3)
     from_origins = np.array(centres) - data.xpos[stages]
     in_frames = np.einsum("bji,bj->bi", frames, from_origins)
     rest = data.qpos.copy()
-    statics = Statics(model, path, keyframe, rest, tuple(stages), frames, in_frames)
+    statics = Statics(model, path, keyframe, rest, tuple(stages), frames, in_frames, chains)
     return with_statics(machine, statics, data, always=follow)
 
 
@@ -221,7 +231,7 @@ def _jacobian(
 
 
 def _armature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
-    """Return the rotor inertia of joints and tendons; (nv, nv)."""
+    """Return the rotor inertia of joints and tendons, and that of soft constraints; (nv, nv)."""
     rows = tendon_jacobian(model, data)
     armature: Real = np.diag(model.dof_armature) + rows.T @ (model.tendon_armature[:, None] * rows)
-    return armature
+    return armature + soft_inertia(model, data)

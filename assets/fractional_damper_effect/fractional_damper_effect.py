@@ -27,8 +27,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         for order in _ORDERS:
             name = f"{axle.joint}.fractional{order:g}"
             unit = _UNIT * stiffness[axle.joint]  # at the highest line
-            frame = np.zeros((len(machine.coordinates), 1))
-            frame[axle.coordinate] = 1.0
+            frame = axle.motion(len(machine.coordinates))[:, None]
             core = np.zeros((1, 3, 1, 1))
             core[0, 0] = unit  # times the shape
             part = AddedPart.linear(

@@ -24,14 +24,16 @@ from mbmodel import AddedPart, Change, Edit, Machine, Parameter
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each slide and hinge of the nominal model that moves a mass."""
     machine = scene.model.machine
-    mass, rigid = np.diag(machine.mass), {r.coordinate for r in scene.rigid_directions}
+    rigid, count = {r.coordinate for r in scene.rigid_directions}, len(machine.coordinates)
     for axle in machine.axles:
         coordinate, start = axle.coordinate, 6 * machine.layout.bodies.index(axle.stage)
         moving = np.flatnonzero(machine.jacobian[start : start + 6].any(axis=0))
         is_mass = set(moving.tolist()) - rigid == {coordinate}
-        if coordinate in rigid or is_mass or not mass[coordinate] > 0:
+        motion = axle.motion(count)
+        mass = float(motion @ machine.mass @ motion) / float(motion @ motion) ** 2
+        if coordinate in rigid or is_mass or not mass > 0:
             continue
-        inerter = _Inerter(machine, axle.joint, coordinate, float(mass[coordinate]))
+        inerter = _Inerter(machine, axle.joint, motion, mass)
         place = f"joint:{axle.stage}"
         yield Hypothesis(
             "inertance",
@@ -51,13 +53,13 @@ class _Inerter:
     Args:
         machine: machine with the joint.
         joint: name of the joint.
-        coordinate: number of the joint's coordinate.
+        motion: of the joint per coordinate of the machine; (nv,).
         unit: mass or moment of inertia that the joint moves [kg, kg m^2].
     """
 
     machine: Machine
     joint: str
-    coordinate: int
+    motion: Real
     unit: float
 
     @property
@@ -71,8 +73,7 @@ class _Inerter:
         Args:
             unit: kg or kg m2.
         """
-        frame = np.zeros((len(self.machine.coordinates), 1))
-        frame[self.coordinate] = 1.0
+        frame = self.motion[:, None]
         core = np.zeros((1, 3, 1, 1))
         core[0, 2] = self.unit
         parameter = Parameter(self.name, 0.0, f"{self.unit:g} {unit}", positive=False)

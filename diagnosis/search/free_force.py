@@ -58,11 +58,10 @@ def fit_free_forces(scene: Scene, fit: Fit, model_error_floor: float) -> tuple[F
 def _list_directions(scene: Scene) -> Iterator[tuple[str, str, Real]]:
     """Yield place, direction and generalised force at the joints' coordinates; (nv,)."""
     machine = scene.model.machine
-    unit = np.eye(len(machine.coordinates))
     rigid = {direction.coordinate: direction.dof for direction in scene.rigid_directions}
     for axle in machine.axles:
         dof = rigid.get(axle.coordinate, axle.dof)
-        yield f"joint:{axle.stage}", dof, unit[axle.coordinate]
+        yield f"joint:{axle.stage}", dof, axle.motion(len(machine.coordinates))
     for number, body in enumerate(machine.layout.bodies):
         for axis, dof in enumerate(DIRECTIONS):
             yield f"body:{body}", dof, machine.jacobian[6 * number + axis]

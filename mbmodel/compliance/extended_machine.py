@@ -29,6 +29,7 @@ def add_coordinates(machine: Machine, names: tuple[str, ...], columns: Real) -> 
         remaining_stiffness=_pad_with_zeros(machine.remaining_stiffness, count),
         remaining_damping=_pad_with_zeros(machine.remaining_damping, count),
         precedence=precedence,
+        curvature=_pad_curvature(machine.curvature, (0, count)),
         springs=tuple(_extend_spring(spring, count) for spring in machine.springs),
         motors={
             name: ActuatorGain(np.pad(drive.joint, (0, count)), drive.body)
@@ -61,6 +62,7 @@ def add_body(machine: Machine, name: str, centre: Real, motion: Real, mass: Real
         jacobian=np.vstack([machine.jacobian, motion]),
         body_mass=total,
         weight_fraction=np.pad(machine.weight_fraction, (0, 6)),
+        curvature=_pad_curvature(machine.curvature, (6, 0)),
         springs=tuple(
             spring
             if spring.at_bodies is None
@@ -79,6 +81,12 @@ def _pad_with_zeros(matrix: Real, count: int) -> Real:
     """Return a square matrix with additional rows and columns of zeros."""
     padded: Real = np.pad(matrix, ((0, count), (0, count)))
     return padded
+
+
+def _pad_curvature(curvature: Real | None, added: tuple[int, int]) -> Real | None:
+    """Return the curvature of paths for more rows and coordinates, whose paths are straight."""
+    rows, count = added
+    return None if curvature is None else np.pad(curvature, ((0, rows), (0, count), (0, count)))
 
 
 def _extend_spring(spring: Spring, count: int) -> Spring:

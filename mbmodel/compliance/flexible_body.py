@@ -99,7 +99,11 @@ class BendingMode:
         """First axle of each joint that connects a stage above to the body, by that stage."""
         parents = parent_bodies(self.machine)
         first = {stage: next(axles) for stage, axles in groupby(self.machine.axles, _stage_of)}
-        return {stage: axle for stage, axle in first.items() if parents[stage] == self.body}
+        return {
+            stage: axle
+            for stage, axle in first.items()
+            if parents[stage] == self.body and axle.chain_row is None
+        }
 
     def part(self) -> AddedPart:
         """Return the mode as a Part."""

@@ -73,6 +73,8 @@ def release_rigid_directions(
     for stage, group in groupby(machine.axles, key=lambda axle: axle.stage):
         axles = list(group)
         all_axles += axles
+        if any(axle.chain_row is not None for axle in axles):  # closed, it would move the chain
+            continue
         point = axles[0].anchor
         reach = machine.motion_per_twist(axles[0], point)
         for dof, direction in _rigid_twists(axles, machine.drawing.bodies[stage].frame).items():

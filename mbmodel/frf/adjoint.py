@@ -209,8 +209,7 @@ def _gravity_cotangents(solution: FrfSolution, sums: Real) -> tuple[Real, Real]:
     if not assembly.has_weight:
         return np.zeros_like(assembly.jacobian), np.zeros_like(machine.body_mass)
     by_jacobian, by_weight_bearing = gravity_adjoint(
-        machine.body_gravity,
-        machine.precedence,
+        machine.weight,
         assembly.jacobian,
         assembly.weight_bearing_mass,
         -sums,

@@ -200,8 +200,7 @@ def _gravity_terms(solution: FrfSolution, change: Change, core: Real) -> Iterato
         if change.slot == "body":
             varied = {"inertia_change": machine.weight_fraction[:, None] * body_slope}
         slope[:] = gravity_slope(
-            machine.body_gravity,
-            machine.precedence,
+            machine.weight,
             assembly.jacobian,
             assembly.weight_bearing_mass,
             **varied,

@@ -11,7 +11,14 @@ import mujoco
 import numpy as np
 import scipy.linalg
 
-from identification.words import ConvergenceError, InputError, Real
+from identification.words import ConvergenceError, InputError, Real, shorten_names
+from mbmodel.linearisation.closed_chains import (
+    Chains,
+    close_chains,
+    find_chains,
+    has_rigid_chains,
+    refuse_open_chains,
+)
 from mbmodel.linearisation.force_slopes import (
     compute_forces,
     force_scale,
@@ -41,11 +48,13 @@ class Equilibrium:
         data: after ``compute_forces`` at the static equilibrium.
         displacement: of each joint coordinate from the pose at the start [m, rad]; (nv,).
         stable: whether no small displacement meets a force that drives it on.
+        chains: closed chains at rest; None without any.
     """
 
     data: mujoco.MjData
     displacement: Real
     stable: bool
+    chains: Chains | None = None
 
 
 def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) -> Equilibrium:
@@ -58,6 +67,9 @@ def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) ->
     work along it. Directions without stiffness and force stay. A pose that is already at rest
     stays, stable or not.
 
+    Closed chains are closed first. All forces, r', M and steps are then those of the coordinates
+    that are kept (``closed_chains``), and each step closes the chains again.
+
     Args:
         start: the pose, at rest, with the controls that stay.
 
@@ -65,16 +77,20 @@ def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) ->
         The machine at rest.
 
     Raises:
-        InputError: a contact or limit is active there.
+        InputError: a contact or limit is active there, or a chain that does not close.
         ConvergenceError: forces that no displacement balances, such as those of a free fall.
     """
     data = copy.copy(start)
+    if has_rigid_chains(model):
+        refuse_open_chains(model, data, close_chains(model, data), path)
     compute_forces(model, data)
+    _refuse_locked(model, data, path)
     _refuse_singular_mass(model, data, path)
     scale = force_scale(model, data)
     try:
         _go_to_rest(model, data, scale)
-        is_stable = _is_stable(model, data)
+        chains = find_chains(model, data)
+        is_stable = _is_stable(model, data, chains)
     except (scipy.linalg.LinAlgError, ValueError) as error:
         raise InputError(
             f"{path}: the search for static equilibrium met a pose without a regular mass matrix "
@@ -82,16 +98,17 @@ def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) ->
         ) from error
     if active := active_constraint(model, data):
         raise InputError(f"{path}: {active}")
-    residual = net_force(model, data)
+    residual = _kept_force(model, data, chains)
     if np.abs(residual).max(initial=0.0) > 1e-6 * scale:
-        joint = joint_name(model, model.dof_jntid[int(np.argmax(np.abs(residual)))])
+        place = _kept_place(chains, int(np.argmax(np.abs(residual))))
+        joint = joint_name(model, model.dof_jntid[place])
         raise ConvergenceError(
             f"{path}: no static equilibrium found, because the force at joint {joint!r} stays "
             "unbalanced: give it stiffness, turn gravity off, or draw the machine nearer to rest"
         )
     displacement = np.zeros(model.nv)
     mujoco.mj_differentiatePos(model, displacement, 1.0, start.qpos, data.qpos)
-    return Equilibrium(data, displacement, is_stable)
+    return Equilibrium(data, displacement, is_stable, chains)
 
 
 def _go_to_rest(model: mujoco.MjModel, data: mujoco.MjData, scale: float) -> None:
@@ -102,14 +119,43 @@ def _go_to_rest(model: mujoco.MjModel, data: mujoco.MjData, scale: float) -> Non
         scale: size of the forces that have to balance.
     """
     for _ in range(_MAX_NEWTON_STEPS):
-        residual = net_force(model, data).copy()
+        chains = find_chains(model, data)
+        residual = _kept_force(model, data, chains)
         if np.abs(residual).max(initial=0.0) <= 1e-11 * scale:
             break
-        step = _downhill_step(model, data, residual)
-        if not _try_step(model, data, residual, step):
+        step = _downhill_step(model, data, residual, chains)
+        if not _try_step(model, data, residual, step, chains):
             break
         if np.abs(step).max() < 1e-14:
             break
+
+
+def _kept_force(model: mujoco.MjModel, data: mujoco.MjData, chains: Chains | None) -> Real:
+    """Return the force at the coordinates that chains leave, all without any."""
+    force = net_force(model, data)
+    return force if chains is None else chains.force(force)
+
+
+def _kept_mass(model: mujoco.MjModel, data: mujoco.MjData, chains: Chains | None) -> Real:
+    """Return the mass matrix of the coordinates that chains leave."""
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    return mass if chains is None else chains.matrix(mass)
+
+
+def _kept_place(chains: Chains | None, number: int) -> int:
+    """Return the number of MuJoCo's joint coordinate."""
+    return number if chains is None else int(chains.kept[number])
+
+
+def _refuse_locked(model: mujoco.MjModel, data: mujoco.MjData, path: Path) -> None:
+    """Refuse a machine whose closed chains leave no motion."""
+    chains = find_chains(model, data)
+    if chains is not None and not chains.kept.size:
+        raise InputError(
+            f"{path}: {shorten_names(chains.constraint_names)} let nothing move: release a joint, "
+            "or remove a constraint"
+        )
 
 
 def _refuse_singular_mass(model: mujoco.MjModel, data: mujoco.MjData, path: Path) -> None:
@@ -118,8 +164,8 @@ def _refuse_singular_mass(model: mujoco.MjModel, data: mujoco.MjData, path: Path
     The mass matrix is scaled to a diagonal of ones, so that units do not count. Its smallest
     eigenvalue is the mass of the lightest combination of joints.
     """
-    mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
+    chains = find_chains(model, data)
+    mass = _kept_mass(model, data, chains)
     scale = np.sqrt(np.diag(mass))
     if np.isfinite(mass).all() and scale.min(initial=1.0) > 0:
         values, vectors = scipy.linalg.eigh(mass / np.outer(scale, scale))
@@ -129,18 +175,21 @@ def _refuse_singular_mass(model: mujoco.MjModel, data: mujoco.MjData, path: Path
         place = int(np.argmax(np.abs(vectors[:, 0])))
     else:
         place = int(np.argmin(np.where(np.isfinite(scale), scale, -1.0)))
-    joint = joint_name(model, model.dof_jntid[place])
+    joint = joint_name(model, model.dof_jntid[_kept_place(chains, place)])
     raise InputError(
         f"{path}: joint {joint!r} moves together with others without moving any mass: two joints "
         "have nearly one axis, or a length, mass or inertia is out of scale; correct it"
     )
 
 
-def _tangent_modes(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Real, Real]:
+def _tangent_modes(
+    model: mujoco.MjModel, data: mujoco.MjData, chains: Chains | None
+) -> tuple[Real, Real]:
     """Return stiffnesses and shapes of (-r', M), with rotations of balls symmetrised."""
     stiffness = symmetrise_rotations(model, force_slopes(model, data, along="position")[0])
-    mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
+    if chains is not None:
+        stiffness = chains.matrix(stiffness, net_force(model, data))
+    mass = _kept_mass(model, data, chains)
     symmetric = (stiffness + stiffness.T) / 2
     try:
         values, shapes = scipy.linalg.eigh(symmetric, mass)
@@ -152,15 +201,17 @@ def _tangent_modes(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Real, Re
     return values, shapes
 
 
-def _is_stable(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+def _is_stable(model: mujoco.MjModel, data: mujoco.MjData, chains: Chains | None) -> bool:
     """Return whether the tangent stiffness has no eigenvalue below zero, but for rounding."""
-    values, _ = _tangent_modes(model, data)
-    return bool(values[0] >= -1e-9 * max(abs(values[-1]), abs(values[0])))
+    values, _ = _tangent_modes(model, data, chains)
+    return not values.size or bool(values[0] >= -1e-9 * max(abs(values[-1]), abs(values[0])))
 
 
-def _downhill_step(model: mujoco.MjModel, data: mujoco.MjData, residual: Real) -> Real:
-    """Return a Newton step that never climbs, at most ``_MAX_STEP`` in any coordinate; (nv,)."""
-    values, shapes = _tangent_modes(model, data)
+def _downhill_step(
+    model: mujoco.MjModel, data: mujoco.MjData, residual: Real, chains: Chains | None
+) -> Real:
+    """Return a Newton step that never climbs, at most ``_MAX_STEP`` in any joint; (n,)."""
+    values, shapes = _tangent_modes(model, data, chains)
     pull = shapes.T @ residual
     floor = 1e-13 * np.abs(values).max(initial=0.0)
     free = np.abs(values) <= floor
@@ -168,20 +219,30 @@ def _downhill_step(model: mujoco.MjModel, data: mujoco.MjData, residual: Real) -
     if np.abs(pull[free]).max(initial=0.0) > 1e-9 * np.abs(pull).max():
         amount = np.where(free, np.sign(pull) * _MAX_STEP, amount)
     step: Real = shapes @ amount
-    return step * min(1.0, _MAX_STEP / max(float(np.abs(step).max()), 1e-300))
+    moved = step if chains is None else chains.basis @ step
+    return step * min(1.0, _MAX_STEP / max(float(np.abs(moved).max()), 1e-300))
 
 
-def _try_step(model: mujoco.MjModel, data: mujoco.MjData, residual: Real, step: Real) -> bool:
+def _try_step(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    residual: Real,
+    step: Real,
+    chains: Chains | None,
+) -> bool:
     """Go along a step, halved until the forces do work on the way; return whether it went."""
     start = data.qpos.copy()
     for _ in range(_MAX_STEP_HALVINGS):
         data.qpos[:] = start
-        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
-        compute_forces(model, data)
-        work = (residual + net_force(model, data)) @ step
-        size = np.linalg.norm(net_force(model, data))
-        if work > 0 or size < np.linalg.norm(residual):
-            return True
+        moved = step if chains is None else chains.basis @ step
+        mujoco.mj_integratePos(model, data.qpos, moved, 1.0)
+        there = None if chains is None else chains.at(data)
+        if chains is None or there is not None:
+            compute_forces(model, data)
+            force = _kept_force(model, data, there)
+            work = (residual + force) @ step
+            if work > 0 or np.linalg.norm(force) < np.linalg.norm(residual):
+                return True
         step = step / 2
     data.qpos[:] = start
     compute_forces(model, data)

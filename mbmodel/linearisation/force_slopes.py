@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from identification.words import Real
+from mbmodel.linearisation.closed_chains import dense_rows
 from mbmodel.linearisation.tendon_slopes import tendon_elongation, tendon_jacobian
 
 # Step of central differences [m, rad, or their rates]: the forces are smooth, so that errors of
@@ -96,9 +97,29 @@ def compute_forces(
 
 
 def net_force(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
-    """Return the generalised force r that vanishes at rest; (nv,)."""
+    """Return the generalised force r that vanishes at rest; (nv,).
+
+    Equality constraints that are left to MuJoCo add their force without acceleration,
+    -J' (b J v + k c) / R; see ``soft_inertia``.
+    """
     force: Real = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
+    if data.ne:
+        rows = dense_rows(model, data)[: data.ne]
+        stiffness, damping, impedance = data.efc_KBIP[: data.ne, :3].T
+        pull = damping * (rows @ data.qvel) + stiffness * impedance * data.efc_pos[: data.ne]
+        force = force - rows.T @ (pull / data.efc_R[: data.ne])
     return force
+
+
+def soft_inertia(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
+    """Return what equality constraints that are left to MuJoCo add to the mass matrix; (nv, nv).
+
+    MuJoCo's constraint gives way with R f = -(J q'' + b J v + k c) (manual, Computation,
+    "Parameters"): a mass 1/R, a damper b/R and a spring k/R, side by side across the constraint.
+    """
+    rows = dense_rows(model, data)[: data.ne]
+    inertia: Real = rows.T @ (rows / data.efc_R[: data.ne, None])
+    return inertia
 
 
 def force_scale(model: mujoco.MjModel, data: mujoco.MjData) -> float:
@@ -160,8 +181,8 @@ def force_slopes(
 
 def remaining_stiffness_and_damping(
     model: mujoco.MjModel, data: mujoco.MjData, velocity: Real
-) -> tuple[Real, Real]:
-    """Return stiffness and damping beside gravity and the linear springs of joints and tendons.
+) -> tuple[Real, Real, Real]:
+    """Return stiffness, damping and force beside gravity and linear springs of joints and tendons.
 
     They are those of actuators, polynomial terms and the gyroscopic and centrifugal forces of
     steady motion. They are central differences of the forces, with gravity and the linear joint
@@ -174,7 +195,7 @@ def remaining_stiffness_and_damping(
         velocity: of the joint coordinates in steady motion [m/s, rad/s]; (nv,).
 
     Returns:
-        K [N/m, N m/rad] and C [N s/m, N m s/rad]; (nv, nv) each.
+        K [N/m, N m/rad], C [N s/m, N m s/rad], (nv, nv) each, and the force at rest; (nv,).
     """
     zeroed = ("jnt_stiffness", "dof_damping", "tendon_stiffness", "tendon_damping")
     step = choose_difference_step(model, data)
@@ -187,8 +208,12 @@ def remaining_stiffness_and_damping(
         stiffness, _ = force_slopes(model, data, "position", velocity, step)
         stiffness = stiffness if velocity.any() else symmetrise_rotations(model, stiffness)
         damping, _ = force_slopes(model, data, along="velocity", velocity=velocity)
+        probe = copy.copy(data)
+        probe.qvel[:] = velocity
+        compute_forces(model, probe)
+        force = net_force(model, probe)
     finally:
         model.opt.gravity[:] = gravity
         for name, value in original.items():
             getattr(model, name)[:] = value
-    return stiffness, damping
+    return stiffness, damping, force

@@ -10,8 +10,12 @@ the momenta). With the block-diagonal X of [[0, 0], [-[g]x, 0]],
 
 N the precedence: 1 for i before j, 1/2 where i = j (o: entry by entry). Each body may have axes of
 its own, in which its motions, inertia and gravity are given.
+
+The coordinates of a closed chain act at once, N = 1/2, and bend the paths of the bodies beyond
+that: with B the second derivative of their motion, K_ij gains -sum_b g.(Mb B_ij)_b.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -32,6 +36,39 @@ def _gravity_cross(gravity: tuple[tuple[float, ...], ...]) -> Real:
     return matrix
 
 
+@dataclass(frozen=True, eq=False)
+class Weight:
+    """Gravity, and how coordinates turn what others move.
+
+    Args:
+        gravity: in the axes of each body [m/s^2]; (n_body, 3).
+        precedence: N; (nv, nv).
+        curvature: B, second derivative of the motion of the centres of mass beyond N; None for a
+            machine without closed chains; (6 n_body, nv, nv).
+    """
+
+    gravity: Real
+    precedence: Real
+    curvature: Real | None = None
+
+    @property
+    def cross(self) -> Real:
+        """X; (6 n_body, 6 n_body)."""
+        return _gravity_cross(tuple(map(tuple, self.gravity.tolist())))
+
+    @property
+    def acceleration(self) -> Real:
+        """Gravity in the rows of body motions; (6 n_body,)."""
+        return np.pad(self.gravity, ((0, 0), (0, 3))).ravel()
+
+    def bend(self, inertia: Real) -> Real | float:
+        """Return the stiffness of weight on curved paths; (nv, nv)."""
+        if self.curvature is None:
+            return 0.0
+        force: Real = -np.tensordot(self.acceleration @ inertia, self.curvature, 1)
+        return force
+
+
 def _symmetrise(mask: Real, half: Real) -> Real:
     """Return ``N o U + (N o U)'``."""
     masked = mask * half
@@ -39,25 +76,23 @@ def _symmetrise(mask: Real, half: Real) -> Real:
     return total
 
 
-def gravity_stiffness(gravity: Real, precedence: Real, jacobian: Real, inertia: Real) -> Real:
+def gravity_stiffness(weight: Weight, jacobian: Real, inertia: Real) -> Real:
     """Return the stiffness of gravity in joint coordinates.
 
     Args:
-        gravity: in the axes of each body [m/s^2]; (n_body, 3).
-        precedence: N; (nv, nv).
+        weight: gravity of the machine.
         jacobian: T; (6 n_body, nv).
         inertia: Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body).
 
     Returns:
         K [N/m, N m/rad]; (nv, nv), symmetric.
     """
-    cross = _gravity_cross(tuple(map(tuple, gravity.tolist())))
-    return _symmetrise(precedence, -jacobian.T @ cross @ inertia @ jacobian)
+    half = -jacobian.T @ weight.cross @ inertia @ jacobian
+    return _symmetrise(weight.precedence, half) + weight.bend(inertia)
 
 
-def gravity_slope(  # one argument for each factor of U and its change
-    gravity: Real,
-    precedence: Real,
+def gravity_slope(
+    weight: Weight,
     jacobian: Real,
     inertia: Real,
     *,
@@ -66,35 +101,40 @@ def gravity_slope(  # one argument for each factor of U and its change
 ) -> Real:
     """Return the change of K for small changes of T and Mb; (nv, nv).
 
+    B stays: where joints move, the weight on curved paths of a closed chain keeps their curvature.
+
     Args:
-        gravity [m/s^2] (n_body, 3), precedence (nv, nv), jacobian (6 n_body, nv),
-            inertia (6 n_body, 6 n_body): as for ``gravity_stiffness``.
+        weight, jacobian (6 n_body, nv), inertia (6 n_body, 6 n_body): as for
+            ``gravity_stiffness``.
         jacobian_change: dT; (6 n_body, nv).
         inertia_change: change of ``inertia``; (6 n_body, 6 n_body).
     """
-    cross = _gravity_cross(tuple(map(tuple, gravity.tolist())))
+    cross = weight.cross
     half = np.zeros((jacobian.shape[1],) * 2)
     if jacobian_change is not None:
         half -= jacobian_change.T @ cross @ inertia @ jacobian
         half -= jacobian.T @ cross @ inertia @ jacobian_change
     if inertia_change is not None:
         half -= jacobian.T @ cross @ inertia_change @ jacobian
-    return _symmetrise(precedence, half)
+    bent = 0.0 if inertia_change is None else weight.bend(inertia_change)
+    return _symmetrise(weight.precedence, half) + bent
 
 
 def gravity_adjoint(
-    gravity: Real, precedence: Real, jacobian: Real, inertia: Real, cotangent: Real
+    weight: Weight, jacobian: Real, inertia: Real, cotangent: Real
 ) -> tuple[Real, Real]:
     """Return the derivatives of <S, K> by T and by Mb; (6 n_body, nv) and (6 n_body, 6 n_body).
 
     Args:
-        gravity [m/s^2] (n_body, 3), precedence (nv, nv), jacobian (6 n_body, nv),
-            inertia (6 n_body, 6 n_body): as for ``gravity_stiffness``.
+        weight, jacobian (6 n_body, nv), inertia (6 n_body, 6 n_body): as for
+            ``gravity_stiffness``.
         cotangent: S; (nv, nv).
     """
-    cross = _gravity_cross(tuple(map(tuple, gravity.tolist())))
-    weight = precedence * (cotangent + cotangent.T)
+    cross = weight.cross
+    shares = weight.precedence * (cotangent + cotangent.T)
     cross_inertia = cross @ inertia
-    by_jacobian = -(cross_inertia @ jacobian @ weight.T + cross_inertia.T @ jacobian @ weight)
-    by_inertia = -cross.T @ jacobian @ weight @ jacobian.T
+    by_jacobian = -(cross_inertia @ jacobian @ shares.T + cross_inertia.T @ jacobian @ shares)
+    by_inertia = -cross.T @ jacobian @ shares @ jacobian.T
+    if weight.curvature is not None:
+        by_inertia -= np.outer(weight.acceleration, np.tensordot(weight.curvature, cotangent, 2))
     return by_jacobian, by_inertia

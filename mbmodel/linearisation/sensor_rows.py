@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from identification.words import Real
+from mbmodel.linearisation.closed_chains import Chains
 from mbmodel.linearisation.motors import wrench_at_bodies
 from mbmodel.linearisation.tendon_slopes import tendon_jacobian
 from mbmodel.mjcf.stages import stage_of
@@ -65,6 +66,7 @@ class RestPose:
         stages: MJCF body number of each stage.
         centres: centre of mass of each stage [m]; (3,) each.
         jacobian: T; (6 n_body, nv).
+        chains: closed chains; None without any.
     """
 
     model: mujoco.MjModel
@@ -72,6 +74,12 @@ class RestPose:
     stages: list[int]
     centres: tuple[Real, ...]
     jacobian: Real
+    chains: Chains | None = None
+
+    @property
+    def basis(self) -> Real:
+        """Motion of the joints per coordinate of the machine; (nv, n)."""
+        return np.eye(self.model.nv) if self.chains is None else self.chains.basis
 
     def frame_rows(self, body: int, position: Real) -> tuple[Real, Real]:
         """Return translation and rotation of a frame on a body, in world axes; (3, 6 n_body) each.

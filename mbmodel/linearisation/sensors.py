@@ -7,6 +7,10 @@ the controls. L and J are known in closed form for sensors of position, velocity
 (``sensor_rows``), so that they follow when joints move. Differences of MuJoCo's own readings check
 them. What these show beyond L and J is in C, E and D: the weight that a tilting accelerometer
 feels, and the forces of force sensors and actuators, for which L and J are zero.
+
+The reactions of closed chains are readings of this last kind: with r the force that all accelerated
+masses, springs and inputs leave at the joints, C' l = -r (``closed_chains``). Differences are taken
+along the coordinates that the chains leave.
 """
 
 import copy
@@ -18,9 +22,9 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from identification.words import InputError, Real
+from identification.words import JOINT_PREFIX, InputError, Real
 from mbmodel.linearisation.sensor_rows import RestPose, SensorRows, closed_form_rows
-from mbmodel.mjcf.names import actuator_name
+from mbmodel.mjcf.names import actuator_name, coordinate_names
 
 _SENSOR_KIND = mujoco.mjtSensor
 # Kinds whose readings are linear in small motions, forces and controls, without a closed form.
@@ -63,7 +67,7 @@ class SensorReading:
         joint: J, per joint coordinate; (nv,).
         motion: C, per s^0, s^1, s^2 of the joint coordinates; (3, nv).
         wrench: E, per wrench at the centres of mass; (6 n_body,).
-        controls: D, per control, by the name of the motor.
+        controls: D, per control, by the name of the motor; of reactions also per force at a joint.
     """
 
     unit: str
@@ -122,7 +126,7 @@ def read_sensors(pose: RestPose, path: Path) -> MujocoSensors:
         InputError: two numbers of sensors with one name.
     """
     model = pose.model
-    if not model.nsensor:
+    if not model.nsensor and pose.chains is None:
         return MujocoSensors()
     slopes = _reading_slopes(pose)
     readings: dict[str, SensorReading] = {}
@@ -139,7 +143,21 @@ def read_sensors(pose: RestPose, path: Path) -> MujocoSensors:
                 refused[port] = reason
             else:
                 readings[port] = _reading(pose, sensor, rows, number, slopes.at(start + number))
+    if pose.chains is not None:
+        for number, (port, unit) in enumerate(pose.chains.reaction_names):
+            if port in readings or port in refused:
+                raise InputError(f"{path}: a sensor is called {port!r}, as a reaction: rename it")
+            readings[port] = _reaction(pose, unit, slopes.at(model.nsensordata + number))
     return MujocoSensors(readings, refused)
+
+
+def _reaction(pose: RestPose, unit: str, slopes: "_Slopes") -> SensorReading:
+    """Return one reaction of a closed chain as a reading."""
+    body, joint = pose.empty(1)
+    names = [*_control_names(pose.model), *_joint_ports(pose.model)]
+    control = dict(zip(names, slopes.control.tolist(), strict=True))
+    row = joint[0] @ pose.basis
+    return SensorReading(unit, 0, body[0], row, slopes.motion, slopes.wrench, control)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +167,8 @@ class _Slopes:
     Args:
         motion: by position, velocity, acceleration of the joint coordinates; (3, n_reading, nv).
         wrench: by wrenches at the centres of mass; (n_reading, 6 n_body).
-        control: by controls; (n_reading, n_control).
+        control: by controls, and with closed chains by forces at all joint coordinates;
+            (n_reading, n).
     """
 
     motion: Real
@@ -176,7 +195,8 @@ def _rows_of(pose: RestPose, sensor: int, slopes: _Slopes) -> tuple[SensorRows |
         return SensorRows(0, *pose.empty(dim)), ""
     start = int(model.sensor_adr[sensor])
     differences = slopes.at(slice(start, start + dim))
-    error = differences.motion[rows.order] - rows.body @ pose.jacobian - rows.joint
+    known = (rows.body @ pose.jacobian + rows.joint) @ pose.basis
+    error = differences.motion[rows.order] - known
     scale = max(np.abs(rows.body).max(initial=0.0), np.abs(rows.joint).max(initial=0.0))
     if np.abs(error).max() > _MAX_ROW_ERROR * max(scale, 1e-300):
         return None, "its reading at rest is at its cutoff, where it does not follow: widen cutoff"
@@ -189,7 +209,8 @@ def _reading(
     """Return one number of a sensor; what differences show beyond its rows are further terms."""
     kind = _SENSOR_KIND(pose.model.sensor_type[sensor])
     motion, wrench, control = slopes.motion.copy(), slopes.wrench, slopes.control
-    motion[rows.order] -= rows.body[number] @ pose.jacobian + rows.joint[number]
+    joint = rows.joint[number] @ pose.basis
+    motion[rows.order] -= rows.body[number] @ pose.jacobian @ pose.basis + joint
     if kind in _BY_DIFFERENCES or kind in _TILTING:
         scale = np.abs(slopes.motion).max(axis=1, keepdims=True)
         motion = np.where(np.abs(motion) > _MAX_ROW_ERROR * scale, motion, 0.0)
@@ -199,10 +220,10 @@ def _reading(
         _unit(pose.model, sensor, rows.order),
         rows.order,
         rows.body[number],
-        rows.joint[number],
+        joint,
         motion,
         wrench,
-        dict(zip(_control_names(pose.model), control.tolist(), strict=True)),
+        dict(zip(_control_names(pose.model), control.tolist(), strict=False)),
     )
 
 
@@ -228,20 +249,28 @@ def _control_names(model: mujoco.MjModel) -> list[str]:
     return names
 
 
+def _joint_ports(model: mujoco.MjModel) -> list[str]:
+    """Return the port of the force at each joint coordinate."""
+    return [f"{JOINT_PREFIX}{name}" for name in coordinate_names(model)]
+
+
 def _reading_slopes(pose: RestPose) -> _Slopes:
     """Return differences of MuJoCo's readings at rest by motions, wrenches and controls."""
     model, data = pose.model, pose.data
-    n, nv = model.nsensordata, model.nv
+    nv, basis = model.nv, pose.basis
     flags = model.opt.disableflags
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
-    motion = np.zeros((3, n, nv))
+    if pose.chains is not None:  # reactions need the rows of constraints
+        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+    rest = _read(pose, np.zeros((3, nv)))
+    n = len(rest)
+    motion = np.zeros((3, n, basis.shape[1]))
     for order, step in enumerate(_STEPS):
-        for column in range(nv):
+        for column, direction in enumerate(basis.T):
             change = np.zeros((3, nv))
-            change[order, column] = step
+            change[order] = step * direction
             motion[order, :, column] = (_read(pose, change) - _read(pose, -change)) / (2 * step)
     wrench = np.zeros((n, 6 * len(pose.stages)))
-    rest = _read(pose, np.zeros((3, nv)))
     for column in range(wrench.shape[1]):
         wrenches = np.zeros(wrench.shape[1])
         wrenches[column] = 1.0
@@ -251,19 +280,28 @@ def _reading_slopes(pose: RestPose) -> _Slopes:
         controls = np.zeros(control.shape[1])
         controls[column] = 1.0
         control[:, column] = _read(pose, np.zeros((3, nv)), controls=controls) - rest
+    if pose.chains is not None:
+        at_joints = [_read(pose, np.zeros((3, nv)), forces=unit) - rest for unit in np.eye(nv)]
+        control = np.column_stack([control, *at_joints])
     model.opt.disableflags = flags
     return _Slopes(motion, wrench, control)
 
 
 def _read(
-    pose: RestPose, change: Real, *, wrenches: Real | None = None, controls: Real | None = None
+    pose: RestPose,
+    change: Real,
+    *,
+    wrenches: Real | None = None,
+    controls: Real | None = None,
+    forces: Real | float = 0.0,
 ) -> Real:
-    """Return MuJoCo's readings beside the state of rest; (n_reading,).
+    """Return MuJoCo's readings beside the state of rest, and the reactions; (n_reading,).
 
     Args:
         change: of positions, velocities and accelerations of the joints; (3, nv).
         wrenches: at the centres of mass of the stages; (6 n_body,).
         controls: change of the controls; (n_control,).
+        forces: at the joint coordinates, which only reactions read; (nv,).
     """
     model, probe = pose.model, copy.copy(pose.data)
     mujoco.mj_integratePos(model, probe.qpos, change[0], 1.0)
@@ -283,6 +321,9 @@ def _read(
     mujoco.mj_sensorVel(model, probe)
     mujoco.mj_fwdActuation(model, probe)
     probe.qacc[:] = change[2]
+    reactions = np.zeros(0)
+    if pose.chains is not None:
+        applied = 0.0 if wrenches is None else pose.jacobian.T @ wrenches
+        reactions = pose.chains.react(probe, applied + forces)
     mujoco.mj_sensorAcc(model, probe)
-    readings: Real = probe.sensordata.copy()
-    return readings
+    return np.concatenate([probe.sensordata, reactions])

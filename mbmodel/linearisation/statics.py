@@ -1,14 +1,15 @@
 """A compiled MJCF in which stiffness, masses and joints can be set, to find where it then rests."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from identification.words import Real
+from identification.words import ConvergenceError, Real
+from mbmodel.linearisation.closed_chains import Chains
 from mbmodel.linearisation.equilibrium import find_equilibrium
 from mbmodel.linearisation.force_slopes import compute_forces, net_force
 from mbmodel.linearisation.tendon_slopes import tendon_elongation
@@ -42,6 +43,7 @@ class Statics:
         stages: MJCF body number of each stage.
         frames: axes of the stages at rest, in columns, in world axes; (n_stage, 3, 3).
         centres: centres of mass in these axes, from the origin of the MJCF body [m]; (n_stage, 3).
+        chains: closed chains at rest; None without any.
     """
 
     model: mujoco.MjModel
@@ -51,6 +53,47 @@ class Statics:
     stages: tuple[int, ...]
     frames: Real
     centres: Real
+    chains: Chains | None = None
+
+    @property
+    def n_coordinate(self) -> int:
+        """Number of coordinates of the MJCF's machine: the joints' that its chains leave."""
+        return self.model.nv if self.chains is None else len(self.chains.kept)
+
+    def move(self, model: mujoco.MjModel, pose: Real, direction: Real, step: float) -> Real:
+        """Return the pose at a step along a direction; chains stay closed; (nq,).
+
+        Args:
+            model: as ``with_edits`` returns it.
+            pose: joint positions [m, rad]; (nq,).
+            direction: of the machine's coordinates [m, rad]; (n_coordinate,).
+            step: multiple of the direction.
+        """
+        data = mujoco.MjData(model)
+        data.qpos[:] = pose
+        chains = self.chains_at(model, data)
+        moved = direction if chains is None else chains.basis @ direction
+        mujoco.mj_integratePos(model, data.qpos, moved, step)
+        self.chains_at(model, data)
+        there: Real = data.qpos.copy()
+        return there
+
+    def chains_at(self, model: mujoco.MjModel, data: mujoco.MjData) -> Chains | None:
+        """Return the closed chains at a pose, closed in place; None without any.
+
+        Args:
+            model: as ``with_edits`` returns it.
+            data: near a pose at which they close.
+
+        Raises:
+            ConvergenceError: they do not close.
+        """
+        if self.chains is None:
+            return None
+        chains = replace(self.chains, model=model).at(data)
+        if chains is None:
+            raise ConvergenceError(f"{self.path}: the chains do not close where the machine rests")
+        return chains
 
     @cached_property
     def _numbers(self) -> dict[str, dict[str, int]]:

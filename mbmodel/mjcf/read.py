@@ -2,13 +2,17 @@
 
 import re
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 
-from identification.words import InputError
+from identification.words import InputError, UsageError
 from mbmodel.mjcf.compile import SpecChange, compile_with_meshes
-from mbmodel.mjcf.refusals import refuse_unlinearisable
+from mbmodel.mjcf.refusals import is_enabled, refuse_unlinearisable
 from mbmodel.mjcf.source_files import named_files, read_source_files
 
 # Words of MuJoCo's own message, recognised to give a remedy.
@@ -21,6 +25,52 @@ _MUJOCO_PREFIX_WARNING = "empty prefix"
 # experimental contacts need an integrator.
 _STEPPING_OPTIONS = mujoco.mjtEnableBit.mjENBL_SLEEP | mujoco.mjtEnableBit.mjENBL_IPC
 
+LEFT_OUT = {
+    "contact": mujoco.mjtDisableBit.mjDSBL_CONTACT,
+    "friction": mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS,
+    "limits": mujoco.mjtDisableBit.mjDSBL_LIMIT,
+}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a user wants of a file beyond what it states.
+
+    Args:
+        without: kinds of constraints that are left out: ``contact``, ``friction``, ``limits``.
+        soft_equalities: whether equality constraints give way as MuJoCo's do; else they are rigid.
+    """
+
+    without: tuple[str, ...] = ()
+    soft_equalities: bool = False
+
+
+_READING: ContextVar[Reading | None] = ContextVar("reading", default=None)
+
+
+def current_reading() -> Reading:
+    """Return how MJCF files are read here: as they state it, but within ``read_as``."""
+    return _READING.get() or Reading()
+
+
+@contextmanager
+def read_as(reading: Reading) -> Iterator[None]:
+    """Read all MJCF files within the context in one way.
+
+    Raises:
+        UsageError: there is nothing of a name that is left out.
+    """
+    if unknown := [name for name in reading.without if name not in LEFT_OUT]:
+        raise UsageError(
+            f"without {unknown[0]!r}: name one or several of {', '.join(LEFT_OUT)}, with commas"
+        )
+    token = _READING.set(reading)
+    try:
+        yield
+    finally:
+        _READING.reset(token)
+
+
 # Without a handler MuJoCo writes its warnings into a file MUJOCO_LOG.TXT in the working folder.
 # They say that numbers became huge; the search for equilibrium refuses such a machine itself.
 mujoco.set_mju_user_warning(lambda _: None)
@@ -32,7 +82,10 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
 
 
 def compile_with_remarks(
-    path: Path, *, without_friction: bool = False, change: SpecChange | None = None
+    path: Path,
+    *,
+    without_friction: bool = False,
+    change: SpecChange | None = None,
 ) -> tuple[mujoco.MjModel, tuple[str, ...]]:
     """Compile an MJCF file and refuse what has no linear model.
 
@@ -46,7 +99,7 @@ def compile_with_remarks(
 
     Raises:
         InputError: missing file, XML or MJCF that MuJoCo refuses, a body without mass, negative
-            or non-finite stiffness or damping, equality constraints, dry friction, ball joints
+            or non-finite stiffness or damping, dry friction, ball joints
             with stiffness, or a mesh that gives mass but does not bound a solid.
     """
     read_source_files(path)  # refuses what MuJoCo would misread
@@ -61,12 +114,40 @@ def compile_with_remarks(
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     if without_friction:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+    reading = current_reading()
+    left_out = _leave_out(model, reading)
+    _set_closure(model, soft=reading.soft_equalities)
     _refuse_colons(path, model)
     refuse_unlinearisable(path, model)
     sentences = dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)
     sentences = {text: None for text in sentences if _MUJOCO_PREFIX_WARNING not in text}
     warned = tuple(f"MuJoCo warns: {sentence}" for sentence in sentences)
-    return model, (*mesh_remarks, *warned)
+    return model, (*mesh_remarks, *warned, *left_out)
+
+
+def _leave_out(model: mujoco.MjModel, reading: Reading) -> tuple[str, ...]:
+    """Switch off what is left out, and return a remark if a model has any of it."""
+    counts = {
+        "contact": int(((model.geom_contype | model.geom_conaffinity) > 0).sum()) + model.npair,
+        "friction": int((model.dof_frictionloss > 0).sum() + (model.tendon_frictionloss > 0).sum()),
+        "limits": int(model.jnt_limited.sum() + model.tendon_limited.sum()),
+    }
+    for name in reading.without:
+        model.opt.disableflags |= LEFT_OUT[name]
+    words = {"contact": "geoms that touch", "friction": "frictionloss", "limits": "limits"}
+    named = [f"{words[name]} ({counts[name]})" for name in reading.without if counts[name]]
+    return (f"left out as requested: {', '.join(named)}",) if named else ()
+
+
+def _set_closure(model: mujoco.MjModel, *, soft: bool) -> None:
+    """Leave active only the equality constraints that act, and MuJoCo's forces of them if soft.
+
+    Closed rigidly they are eliminated (``mbmodel.linearisation.closed_chains``).
+    """
+    if not is_enabled(model, mujoco.mjtDisableBit.mjDSBL_EQUALITY):
+        model.eq_active0[:] = 0
+    elif not soft:
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EQUALITY
 
 
 def _part_frames(model: mujoco.MjModel) -> None:

@@ -11,6 +11,12 @@ from mbmodel.mjcf.tendons import is_fixed_tendon
 
 _DISABLE = mujoco.mjtDisableBit
 _JOINT = mujoco.mjtJoint
+_CLOSED_RIGIDLY = (
+    mujoco.mjtEq.mjEQ_CONNECT,
+    mujoco.mjtEq.mjEQ_WELD,
+    mujoco.mjtEq.mjEQ_JOINT,
+    mujoco.mjtEq.mjEQ_TENDON,
+)
 
 
 def refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
@@ -28,12 +34,12 @@ def refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
         _check_tendon(path, model, tendon)
     for actuator in range(model.nactuator):
         _check_actuator(path, model, actuator)
-    active = np.flatnonzero(model.eq_active0)
-    if active.size and is_enabled(model, _DISABLE.mjDSBL_EQUALITY):
-        raise InputError(
-            f"{path}: {equality_name(model, int(active[0]))} closes a loop, which is not handled: "
-            "replace it by a joint or a stiff tendon"
-        )
+    for equality in np.flatnonzero(model.eq_active0).tolist():
+        if mujoco.mjtEq(model.eq_type[equality]) not in _CLOSED_RIGIDLY:
+            raise InputError(
+                f"{path}: {equality_name(model, equality)} is of a kind that is not handled: "
+                "write it as connect, weld, joint or tendon"
+            )
 
 
 def is_enabled(model: mujoco.MjModel, constraint: mujoco.mjtDisableBit) -> bool:
@@ -139,9 +145,9 @@ def active_constraint(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:
             )
     if spring := _yielding_spring(model, data):
         return f"the spring of {spring} yields at rest: raise its springyield"
-    if not data.nefc:
+    if data.nefc == data.ne:  # equality constraints come first
         return None
-    kind, number = mujoco.mjtConstraint(data.efc_type[0]), int(data.efc_id[0])
+    kind, number = mujoco.mjtConstraint(data.efc_type[data.ne]), int(data.efc_id[data.ne])
     if kind == mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT:
         return f"the limit of joint {joint_name(model, number)!r} is reached: widen its range"
     if kind == mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON:

@@ -83,8 +83,7 @@ def energy_shares(model: Model, theta: Real, modes: Modes) -> EnergyShares:
     if assembly.has_weight:
         machine = assembly.machine
         weight = gravity_stiffness(
-            machine.body_gravity,
-            machine.precedence,
+            machine.weight,
             assembly.jacobian,
             assembly.weight_bearing_mass,
         )

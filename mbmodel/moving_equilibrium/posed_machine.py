@@ -19,7 +19,8 @@ import mujoco
 import numpy as np
 
 from identification.words import Real
-from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping
+from mbmodel.chain_reduction import reduce_machine
+from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping, soft_inertia
 from mbmodel.linearisation.motors import ActuatorGain, actuator_gains
 from mbmodel.linearisation.springs import Spring, find_springs
 from mbmodel.linearisation.statics import Statics
@@ -41,6 +42,65 @@ def machine_at_pose(
         position: joint positions [m, rad]; (nq,).
     """
     data = statics.data_at(model, position)
+    if machine.tree is None or (chains := statics.chains_at(model, data)) is None:
+        return _tree_at_pose(machine, statics, model, data)[0]
+    data = statics.data_at(model, data.qpos)
+    tree, other_force = _tree_at_pose(machine.tree, statics, model, data)
+    posed = reduce_machine(tree, chains, other_force)
+    return replace(_with_posed(machine, posed), pose=_pose_of(machine, statics, data))
+
+
+def _with_posed(machine: Machine, posed: Machine) -> Machine:
+    """Return a machine with all that a pose changes in closed chains; what it has beyond stays.
+
+    Args:
+        posed: the machine of the MJCF at the pose, in the same first coordinates and bodies.
+    """
+    size, count = machine.jacobian.shape
+
+    def fill(whole: Real | None, part: Real | None) -> Real:
+        if whole is None or part is None:
+            raise ValueError("a machine of closed chains has arrays of all that bends its paths")
+        filled: Real = whole.copy()
+        filled[tuple(slice(n) for n in part.shape)] = part
+        return filled
+
+    def extend(row: Real, length: int) -> Real:
+        return np.pad(row, (0, length - len(row)))
+
+    springs = tuple(
+        replace(
+            spring,
+            direction=extend(spring.direction, count),
+            geometric=None
+            if spring.geometric is None
+            else np.pad(spring.geometric, ((0, count - len(spring.geometric)),) * 2),
+            at_bodies=None if spring.at_bodies is None else extend(spring.at_bodies, size),
+        )
+        for spring in posed.springs
+    )
+    axles = {axle.joint: axle for axle in posed.axles}
+    return replace(
+        machine,
+        jacobian=fill(machine.jacobian, posed.jacobian),
+        armature=fill(machine.armature, posed.armature),
+        remaining_stiffness=fill(machine.remaining_stiffness, posed.remaining_stiffness),
+        remaining_damping=fill(machine.remaining_damping, posed.remaining_damping),
+        curvature=fill(machine.curvature, posed.curvature),
+        springs=springs,
+        axles=tuple(axles.get(axle.joint, axle) for axle in machine.axles),
+        motors={
+            name: ActuatorGain(extend(gain.joint, count), extend(gain.body, size))
+            for name, gain in posed.motors.items()
+        },
+        statics=None,
+    )
+
+
+def _tree_at_pose(
+    machine: Machine, statics: Statics, model: mujoco.MjModel, data: mujoco.MjData
+) -> tuple[Machine, Real]:
+    """Return a machine without chains at a pose, and its forces beside gravity and springs."""
     pose = _pose_of(machine, statics, data)
     n_body, nv = len(statics.stages), model.nv
     turns, centres = pose.turns[:n_body], tuple(pose.centres[:n_body])
@@ -56,19 +116,22 @@ def machine_at_pose(
         machine.remaining_stiffness.copy(),
         machine.remaining_damping.copy(),
     )
-    armature[:nv, :nv] = np.diag(model.dof_armature) + rows.T @ (
-        model.tendon_armature[:, None] * rows
+    armature[:nv, :nv] = (
+        np.diag(model.dof_armature)
+        + rows.T @ (model.tendon_armature[:, None] * rows)
+        + soft_inertia(model, data)
     )
+    other_force = np.zeros(nv)
     if _has_other_forces(machine, model):
-        stiffness[:nv, :nv], damping[:nv, :nv] = remaining_stiffness_and_damping(
-            model, data, np.zeros(nv)
+        stiffness[:nv, :nv], damping[:nv, :nv], other_force = remaining_stiffness_and_damping(
+            model, data, other_force
         )
     there = actuator_gains(
         model, data, statics.path, list(statics.stages), centres, bodies, only_at_bodies=True
     )[0]
     moved = {name: _drive_at_pose(machine, gain, turns) for name, gain in there.items()}
     springs_there = find_springs(model, data, statics.path, list(statics.stages), centres)
-    return replace(
+    posed = replace(
         machine,
         jacobian=jacobian,
         armature=armature,
@@ -79,6 +142,7 @@ def machine_at_pose(
         pose=pose,
         statics=None,
     )
+    return posed, other_force
 
 
 def _pose_of(machine: Machine, statics: Statics, data: mujoco.MjData) -> Pose:
@@ -221,7 +285,7 @@ def model_at_pose(model: ModelT, theta: Real, changed: mujoco.MjModel, position:
     if statics is None:
         return model
     machine = machine_at_pose(model.machine, statics, changed, position)
-    size, nv = 6 * len(statics.stages), changed.nv
+    size, nv = 6 * len(statics.stages), statics.n_coordinate
     jacobian = machine.jacobian.copy()
     context = PartContext(machine)
     for part, values in zip(model.parts, model.split_parameters(theta), strict=True):

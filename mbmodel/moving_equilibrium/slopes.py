@@ -89,12 +89,11 @@ class EquilibriumPoint:
         """Return the derivative along one direction of the joint coordinates; n = 1.
 
         Args:
-            direction: of unit size in its largest coordinate [m or rad]; (nv of MuJoCo,).
+            direction: of unit size in its largest coordinate [m or rad]; (n_coordinate,).
         """
 
         def assembly_at(step: float) -> Assembly:
-            position = self.position.copy()
-            mujoco.mj_integratePos(self.changed, position, direction, step)
+            position = self.statics.move(self.changed, self.position, direction, step)
             return self._assembly_at(self.theta, self.changed, position)
 
         return _differentiate(assembly_at)
@@ -115,12 +114,12 @@ class EquilibriumPoint:
         return _differentiate(assembly_at)
 
     def displacements(self, forces: Real) -> Real:
-        """Return K^-1 f of the static Parts; free directions stay; (nv of MuJoCo, n).
+        """Return K^-1 f of the static Parts; free directions stay; (n_coordinate, n).
 
         Args:
-            forces: f; (nv of MuJoCo, n).
+            forces: f; (n_coordinate, n).
         """
-        nv = self.changed.nv
+        nv = self.statics.n_coordinate
         keep = [number for number, part in enumerate(self.model.parts) if is_static(part)]
         pieces = self.model.split_parameters(self.theta)
         bare = replace(self.model, parts=tuple(self.model.parts[number] for number in keep))
@@ -134,7 +133,7 @@ class EquilibriumPoint:
         return moved
 
     def force_slopes(self, part: Part, values: Real, chosen: Mask | None = None) -> Real:
-        """Return the derivative of the net force by each parameter of a Part; (nv, n_parameter).
+        """Return the derivative of the net force by each parameter of a Part; (n_coordinate, n).
 
         Args:
             part: a static Part.
@@ -142,12 +141,14 @@ class EquilibriumPoint:
             chosen: parameters of interest, the others get zeros; all if None.
         """
         data = self.statics.data_at(self.changed, self.position)
-        slopes = np.zeros((self.changed.nv, len(values)))
+        chains = self.statics.chains_at(self.changed, data)
+        slopes = np.zeros((self.statics.n_coordinate, len(values)))
         for index in range(len(values)) if chosen is None else np.flatnonzero(chosen):
             step = static_step(part.parameters[index]) * np.eye(len(values))[index]
             change = self.statics.force_change(
                 self.changed, data, part.write(values - step), part.write(values + step)
             )
+            change = change if chains is None else chains.force(change)
             slopes[:, index] = change / (2 * step[index])
         return slopes
 
@@ -165,8 +166,7 @@ class EquilibriumPoint:
         if assembly.has_weight:
             for total, change in zip(share, jacobian_change, strict=True):
                 total[0] += gravity_slope(
-                    machine.body_gravity,
-                    machine.precedence,
+                    machine.weight,
                     jacobian,
                     assembly.weight_bearing_mass,
                     jacobian_change=change,
@@ -225,7 +225,7 @@ def equilibrium_slopes(
         )
         for number in numbers
     ]
-    no_move = np.zeros((statics.model.nv, 0))
+    no_move = np.zeros((statics.n_coordinate, 0))
     by_coordinate = _by_coordinates(point, np.concatenate([*moves, no_move], axis=1))
     starts = np.cumsum([0, *(len(part.parameters) for part in model.parts)])
     for number, move in zip(numbers, moves, strict=True):
@@ -249,7 +249,7 @@ def _by_coordinates(point: EquilibriumPoint, moves: Real) -> Derivative:
     """Return derivatives by each coordinate that some parameter moves, less what T does by itself.
 
     Args:
-        moves: displacements; (nv of MuJoCo, n).
+        moves: displacements; (n_coordinate, n).
     """
     nv = len(moves)
     size, count = point.assembly.jacobian.shape

@@ -141,9 +141,10 @@ class JointPart:
 
 
 def joint_parts(machine: Machine) -> tuple[JointPart, ...]:
-    """Return one Part for each stage that moves on slides and hinges."""
+    """Return one Part for each stage that moves on slides and hinges outside of closed chains."""
     parts = []
-    for stage, group in groupby(machine.axles, key=lambda axle: axle.stage):
+    outside = [axle for axle in machine.axles if axle.chain_row is None]
+    for stage, group in groupby(outside, key=lambda axle: axle.stage):
         axles = tuple(group)
         origin = np.mean([axle.anchor for axle in axles], axis=0)
         motion = machine.motion_per_twist(axles[0], origin)

@@ -150,7 +150,7 @@ def _read_ports(machine: Machine, outputs: Sequence[Output], inputs: Sequence[In
             _refuse_tilt(machine, port)
             floor[:, column] = port.sign * machine.floor_jacobian[:, port.axis]
         elif isinstance(port, Signal) and port.is_joint:
-            motor[find_axle(machine, port).coordinate, column] = 1.0
+            motor[:, column] = find_axle(machine, port).motion(nv)
         elif isinstance(port, Signal) and not port.is_directed:
             gain = _motor(machine, port)
             motor[:, column], force[:, column] = gain.joint, gain.body
@@ -162,7 +162,7 @@ def _read_ports(machine: Machine, outputs: Sequence[Output], inputs: Sequence[In
     for row, port in enumerate(outputs):
         orders.append(None)
         if isinstance(port, Signal) and port.is_joint:
-            joint_readout[row, find_axle(machine, port).coordinate] = 1.0
+            joint_readout[row] = find_axle(machine, port).motion(nv)
         elif isinstance(port, Signal) and not port.is_directed:
             reading = find_sensor(machine, port)
             readout[row], joint_readout[row] = reading.body, reading.joint

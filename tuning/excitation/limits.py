@@ -24,7 +24,6 @@ from identification.words import (
 )
 from mbmodel import Evaluator, FrfRequest, Model, input_unit, output_unit
 from mbmodel.control_loops.loop_law import LoopLaw
-from mbmodel.linearisation.motors import ActuatorGain
 from mbmodel.machine import Machine
 from mbmodel.ports.signal_rows import is_floor
 
@@ -86,19 +85,16 @@ def force_per_unit(machine: Machine, drive: Input) -> tuple[float, str]:
     if input_unit(machine, drive) != "control":
         return 1.0, input_unit(machine, drive)
     gain = machine.motors[str(drive)]
+    if driven := machine.driven_axle(str(drive)):
+        axle, force = driven
+        return abs(force), "N m" if axle.turns else "N"
     if gain.joint.any():
-        turns = next((a.turns for a in machine.axles if a.coordinate == _coordinate(gain)), False)
-        return float(np.abs(gain.joint).max()), "N m" if turns else "N"
+        return float(np.abs(gain.joint).max()), "N"
     wrench = gain.body.reshape(-1, 6)
     forces, moments = np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2).max(axis=0)
     if not max(forces, moments):
         raise UsageError(f"{drive} exerts no force at rest: name another drive")
     return (float(forces), "N") if forces else (float(moments), "N m")
-
-
-def _coordinate(gain: ActuatorGain) -> int:
-    """Return the joint coordinate on which a motor acts most."""
-    return int(np.abs(gain.joint).argmax())
 
 
 def motion_of(machine: Machine, drive: Input, at: str | None = None) -> Output:
@@ -118,14 +114,12 @@ def motion_of(machine: Machine, drive: Input, at: str | None = None) -> Output:
         return output
     if input_unit(machine, drive) != "control":
         return drive
-    gain = machine.motors[str(drive)]
-    axle = next((a for a in machine.axles if a.coordinate == _coordinate(gain)), None)
-    if axle is None or not gain.joint.any():
+    if not (driven := machine.driven_axle(str(drive))):
         raise UsageError(
             f"{drive} acts at a site or tendon: state in its limits where its stroke is read, such "
             'as at = "encoder"'
         )
-    return Signal(JOINT_PREFIX + axle.joint)
+    return Signal(JOINT_PREFIX + driven[0].joint)
 
 
 def limited_signals(

@@ -249,17 +249,18 @@ def motor_force(path: Path, key: str, machine: Machine, port: Input, unit: str) 
         InputError: a motor at no single slide or hinge, or a unit of the other kind.
     """
     gain = machine.motors[str(port)]
-    acts_at = np.flatnonzero(gain.joint)
-    axles = [axle for axle in machine.axles if axle.coordinate in acts_at]
-    if gain.body.any() or len(acts_at) != 1 or len(axles) != 1:
+    driven = machine.driven_axle(str(port))
+    along = 0.0 if driven is None else driven[1] * driven[0].motion(len(gain.joint))
+    if driven is None or gain.body.any() or not np.allclose(gain.joint, along, rtol=1e-9, atol=0):
         raise InputError(
             f"{path}: {key} is stated in {unit}, but {port} acts at no single slide or hinge: "
             "state it in units of its control, such as 1/sqrt(Hz)"
         )
-    needed = "N m" if axles[0].turns else "N"
+    axle, force = driven
+    needed = "N m" if axle.turns else "N"
     if unit != needed:
         raise InputError(
-            f"{path}: {key} is stated in {unit}, but {port} acts at {axles[0].joint} in {needed}: "
+            f"{path}: {key} is stated in {unit}, but {port} acts at {axle.joint} in {needed}: "
             f"write {needed}/sqrt(Hz), or 1/sqrt(Hz) for units of its control"
         )
-    return float(gain.joint[acts_at[0]])
+    return force

@@ -84,8 +84,7 @@ def _add_body_slope(lines: Linearised, slope: MatrixSlope, body: Real) -> None:
     slope.drive[:] -= jacobian.T @ body[_INERTIA_POWER_OF_S] @ lines.ports.floor
     if assembly.has_weight and body[_INERTIA_POWER_OF_S].any():
         slope.polynomial[0] += gravity_slope(
-            machine.body_gravity,
-            machine.precedence,
+            machine.weight,
             jacobian,
             assembly.weight_bearing_mass,
             inertia_change=machine.weight_fraction[:, None] * body[_INERTIA_POWER_OF_S],
@@ -101,8 +100,7 @@ def _add_path_slope(lines: Linearised, slope: MatrixSlope, path: Real) -> None:
     slope.readout[:] += ports.readout @ path
     if assembly.has_weight:
         slope.polynomial[0] += gravity_slope(
-            machine.body_gravity,
-            machine.precedence,
+            machine.weight,
             jacobian,
             assembly.weight_bearing_mass,
             jacobian_change=path,
