@@ -27,12 +27,13 @@ from mbmodel.export.state_space import export_state_space, state_space
 from mbmodel.frf.forward_sensitivities import ForceEntries, ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
 from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
+from mbmodel.linear_model_check import dynamics_error
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import WORLD, Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
 from mbmodel.measured_rest import MeasuredRest
 from mbmodel.mjcf.edit import Addition, Edit, Element, MjcfLack, NotInMjcf, write_mjcf
-from mbmodel.mjcf.read import mjcf_files
+from mbmodel.mjcf.read import Reading, mjcf_files, read_as
 from mbmodel.mjcf.written_file import (
     NOT_WRITTEN,
     WrittenModel,
@@ -147,6 +148,7 @@ __all__ = [
     "PartContext",
     "PointMass",
     "PolynomialSpring",
+    "Reading",
     "RecordedFile",
     "Relaxation",
     "RestPart",
@@ -169,6 +171,7 @@ __all__ = [
     "compare_state_space",
     "directed_mass_elements",
     "discretise",
+    "dynamics_error",
     "energy_shares",
     "export_state_space",
     "find_ports",
@@ -193,6 +196,7 @@ __all__ = [
     "parse_input",
     "parse_output",
     "point_mass_element",
+    "read_as",
     "read_as_written",
     "read_nonlinear_joints",
     "refuse_difference",

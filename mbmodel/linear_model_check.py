@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError, Real
+from mbmodel.linearisation.equilibrium import find_equilibrium
 from mbmodel.linearisation.force_slopes import (
     FORCE_DIFFERENCE_STEP,
     choose_difference_step,
@@ -23,6 +24,8 @@ from mbmodel.linearisation.force_slopes import (
     symmetrise_rotations,
 )
 from mbmodel.machine import Machine
+from mbmodel.mjcf.keyframes import pose_data
+from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.model import as_drawn
 
 # Relative to the stiffness or damping of the two coordinates: differences are better than 1e-6
@@ -86,6 +89,55 @@ def check_linear_model(
             slope = symmetrise_rotations(model, slope)
         if (coordinate := _worst(machine, matrix, slope, floor)) is not None:
             raise InputError(_missing_sentence(path, coordinate, what))
+
+
+def dynamics_error(machine: Machine) -> float | None:
+    """Return how far a linear model is off differences of MuJoCo's own accelerations.
+
+    These are central differences of ``mj_forward`` by position and velocity, at the rest that is
+    sought anew. Unlike the check of forces when a machine is read, they go through MuJoCo's
+    own mass matrix and constraints.
+
+    Args:
+        machine: as it was loaded.
+
+    Returns:
+        The largest difference, relative to the largest entry by the same quantity or 1 in its unit;
+        None for closed chains, of which MuJoCo's are soft.
+    """
+    model, _ = compile_with_remarks(machine.source, reading=machine.reading)
+    if machine.tree is not None or model.eq_active0.any():
+        return None
+    start = pose_data(model, machine.keyframe)
+    rest = find_equilibrium(model, machine.source, start).data
+    nominal = as_drawn(machine)
+    matrices = nominal.matrices(nominal.drawn)
+    probe = mujoco.MjData(model)
+
+    def accelerations(change: Real, rate: Real) -> Real:
+        probe.qpos[:], probe.qvel[:], probe.ctrl[:] = rest.qpos, rate, rest.ctrl
+        probe.act[:] = rest.act
+        mujoco.mj_integratePos(model, probe.qpos, change, 1.0)
+        mujoco.mj_forward(model, probe)
+        found: Real = probe.qacc.copy()
+        return found
+
+    none = np.zeros(model.nv)
+    fine = choose_difference_step(model, rest)
+    worst = 0.0
+    for order, (matrix, step) in enumerate(
+        ((matrices.stiffness, fine), (matrices.damping, FORCE_DIFFERENCE_STEP))
+    ):
+        slopes = np.zeros((model.nv, model.nv))
+        for column in range(model.nv):
+            for sign in (1.0, -1.0):
+                moved = sign * step * np.eye(model.nv)[column]
+                change, rate = (moved, none) if order == 0 else (none, moved)
+                slopes[:, column] += sign * accelerations(change, rate) / (2 * step)
+        expected = -np.linalg.solve(matrices.mass, matrix)
+        scale = max(float(np.abs(slopes).max(initial=0.0)), 1.0)
+        worst = max(worst, float(np.abs(slopes - expected).max(initial=0.0)) / scale)
+    return worst
 
 
 def _missing_sentence(path: Path, coordinate: str, what: str) -> str:

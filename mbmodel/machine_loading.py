@@ -25,7 +25,7 @@ from mbmodel.linearisation.tendon_slopes import tendon_jacobian
 from mbmodel.machine import Axle, Machine
 from mbmodel.mjcf.keyframes import choose_keyframe, keyframe_remarks, pose_data
 from mbmodel.mjcf.names import body_name, coordinate_names, joint_name
-from mbmodel.mjcf.read import compile_with_remarks, current_reading
+from mbmodel.mjcf.read import Reading, compile_with_remarks, current_reading
 from mbmodel.mjcf.stages import stage_bodies, stage_members, stage_of
 from mbmodel.moving_equilibrium.relevance import with_statics
 from mbmodel.nonlinear_joints.files import nonlinear_remarks
@@ -41,6 +41,7 @@ def load_machine(
     without_friction: bool = False,
     pose: Mapping[str, float] | None = None,
     follow: bool = False,
+    reading: Reading | None = None,
 ) -> Machine:
     """Read an MJCF, find its static equilibrium, and linearise the machine there.
 
@@ -57,13 +58,17 @@ def load_machine(
             left out instead of refused.
         follow: whether the equilibrium follows the parameters wherever it depends on them; else
             only where that changes T or K noticeably.
+        reading: what the user wants of the file; None for that of ``read_as``.
 
     Raises:
         InputError: what cannot be read or linearised, with the element and a remedy.
         ConvergenceError: no static equilibrium.
         UsageError: a spinning joint that is no hinge of the machine.
     """
-    model, compiler_remarks = compile_with_remarks(path, without_friction=without_friction)
+    reading = reading or current_reading()
+    model, compiler_remarks = compile_with_remarks(
+        path, without_friction=without_friction, reading=reading
+    )
     if not model.nv:
         raise InputError(f"{path}: no body has a joint: give at least one body a joint")
     keyframe = choose_keyframe(model, path, key)
@@ -99,7 +104,7 @@ def load_machine(
         drawing=read_drawing(model, data, names, centres),
         spinning=bool(velocity.any()),
         keyframe=keyframe,
-        reading=current_reading(),
+        reading=reading,
         remarks=(
             *compiler_remarks,
             *keyframe_remarks(model, keyframe),

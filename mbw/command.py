@@ -50,6 +50,7 @@ VERBS = {
     "match": Verb("mbw.match.options", "Match measured modes to finite-element modes."),
     "place": Verb("mbw.match.place_options", "Propose places for a few sensors."),
     "predict": Verb("mbw.predict.options", "Print a model's modes, FRFs and state space."),
+    "models": Verb("mbw.models.options", "List which models of a folder have a linear model."),
     "view": Verb("mbw.view.options", "Show a machine in MuJoCo's viewer, or in a picture."),
     "open": Verb("mbw.open.options", "Open the workbench: a live page of model and test."),
     "simulate": Verb(

@@ -25,13 +25,22 @@ class Settings:
 SETTINGS = Settings()
 
 
-def run_verb(module: str, *arguments: object, quiet: bool, **options: object) -> None:
+def run_verb(  # what all verbs share
+    module: str,
+    *arguments: object,
+    quiet: bool,
+    without: str | None = None,
+    soft_equalities: bool = False,
+    **options: object,
+) -> None:
     """Run ``run_options`` of a module; turn its errors into one sentence and an exit code.
 
     Args:
         module: dotted name of the verb's module.
         arguments: positional arguments of ``run_options``.
         quiet: whether only errors are printed.
+        without: what is left out of the models that the verb reads, as ``--without`` lists it.
+        soft_equalities: whether their equality constraints give way as MuJoCo's do.
         options: values of the verb's options; None becomes [] where ``run_options`` takes a list.
 
     Raises:
@@ -49,6 +58,12 @@ def run_verb(module: str, *arguments: object, quiet: bool, **options: object) ->
         kinds = code.run_options.__annotations__
         lists = {name for name in options if get_origin(kinds[name]) is list}
         empty: dict[str, object] = {name: [] for name in lists if options[name] is None}
-        code.run_options(*arguments, **options | empty)
+        if without is None and not soft_equalities:
+            code.run_options(*arguments, **options | empty)
+            return
+        models = import_module("mbmodel")
+        kinds_left_out = tuple(word.strip() for word in (without or "").split(",") if word.strip())
+        with models.read_as(models.Reading(kinds_left_out, soft_equalities)):
+            code.run_options(*arguments, **options | empty)
 
     messages.handle_errors(run)()

@@ -71,6 +71,20 @@ Key = Annotated[
         help="Keyframe that gives pose and controls; default: home if there is one.",
     ),
 ]
+Without = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KINDS",
+        help="Leave out of models: contact, friction, limits; one or several, with commas.",
+    ),
+]
+SoftEqualities = Annotated[
+    bool,
+    typer.Option(
+        "--soft-equalities",
+        help="Let equality constraints give way as MuJoCo's; by default they are rigid.",
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 Pictures = Annotated[
     bool, typer.Option("--pictures/--no-pictures", help="Write the page with pictures.")

@@ -23,7 +23,7 @@ class Dof:
         direction: a sign and one of tx ty tz rx ry rz.
 
     Raises:
-        ValueError: the name is empty or has a colon, or the direction is none of these.
+        ValueError: the name is empty, or the direction is none of these.
     """
 
     point: str
@@ -31,10 +31,8 @@ class Dof:
 
     def __post_init__(self) -> None:
         """Check the point and the direction."""
-        if not self.point or ":" in self.point:
-            raise ValueError(
-                f"{self.point!r} is not the name of a point: it is empty or has a colon"
-            )
+        if not self.point:
+            raise ValueError("the name of a point is empty")
         if self.direction[:1] not in ("+", "-") or self.direction[1:] not in DIRECTIONS:
             raise ValueError(
                 f"{self.direction!r} is not a direction: write a sign and one of "
@@ -45,13 +43,14 @@ class Dof:
     def parse(cls, text: str) -> Self:
         """Parse a label ``point:direction``.
 
-        The axes x y z stand for tx ty tz; a missing sign means plus.
+        The axes x y z stand for tx ty tz; a missing sign means plus. The last colon counts: names
+        of points may have others.
 
         Raises:
             UsageError: the text is not such a label.
         """
         match = _LABEL_PATTERN.fullmatch(text.strip())
-        if match is None or ":" in match["point"]:
+        if match is None:
             raise UsageError(
                 f"{text!r} is not a label: write <point>:<sign><direction>, such as acc11:+tx"
             )

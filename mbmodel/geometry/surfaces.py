@@ -120,7 +120,7 @@ def pose_machine(
     Raises:
         InputError: the MJCF has changed since the machine was read.
     """
-    model = compile_mjcf(machine.source)
+    model = compile_mjcf(machine.source, machine.reading)
     start = pose_data(model, choose_keyframe(model, machine.source, machine.keyframe))
     data = find_equilibrium(model, machine.source, start).data
     moving = stage_bodies(model)

@@ -92,7 +92,7 @@ def _idle_remarks(idle: list[str]) -> tuple[str, ...]:
     names = ", ".join(repr(name) for name in dict.fromkeys(idle))
     return (
         f"the controls of {names} exert no force at rest, by a flag, a group that is switched off, "
-        "or geometry: they are no inputs",
+        "a state of the actuator, which is held, or geometry: they are no inputs",
     )
 
 

@@ -43,6 +43,7 @@ def pose_data(model: mujoco.MjModel, keyframe: str) -> mujoco.MjData:
     """Return a machine in the pose of a keyframe, at rest, or in that of the drawing.
 
     Joints, controls and mocap bodies are those of the keyframe. Its velocities are not used.
+    Activations of filters and muscles have followed their controls; those of integrators stay.
 
     Args:
         keyframe: as ``choose_keyframe`` returns it.
@@ -52,6 +53,12 @@ def pose_data(model: mujoco.MjModel, keyframe: str) -> mujoco.MjData:
         mujoco.mj_resetDataKeyframe(model, data, _names(model).index(keyframe))
         data.qvel[:] = 0.0
         data.time = 0.0
+    for actuator in np.flatnonzero(model.actuator_actnum):
+        if mujoco.mjtDyn(model.actuator_dyntype[actuator]) != mujoco.mjtDyn.mjDYN_INTEGRATOR:
+            control = data.ctrl[model.actuator_ctrladr[actuator]]
+            if model.actuator_actlimited[actuator]:
+                control = np.clip(control, *model.actuator_actrange[actuator])
+            data.act[model.actuator_actadr[actuator]] = control
     return data
 
 

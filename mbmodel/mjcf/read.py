@@ -44,6 +44,11 @@ class Reading:
     without: tuple[str, ...] = ()
     soft_equalities: bool = False
 
+    @property
+    def disabled(self) -> int:
+        """MuJoCo's flags of what is left out."""
+        return sum(int(LEFT_OUT[name]) for name in set(self.without))
+
 
 _READING: ContextVar[Reading | None] = ContextVar("reading", default=None)
 
@@ -76,15 +81,16 @@ def read_as(reading: Reading) -> Iterator[None]:
 mujoco.set_mju_user_warning(lambda _: None)
 
 
-def compile_mjcf(path: Path) -> mujoco.MjModel:
+def compile_mjcf(path: Path, reading: Reading | None = None) -> mujoco.MjModel:
     """Compile an MJCF file and refuse what has no linear model (``compile_with_remarks``)."""
-    return compile_with_remarks(path)[0]
+    return compile_with_remarks(path, reading=reading)[0]
 
 
 def compile_with_remarks(
     path: Path,
     *,
     without_friction: bool = False,
+    reading: Reading | None = None,
     change: SpecChange | None = None,
 ) -> tuple[mujoco.MjModel, tuple[str, ...]]:
     """Compile an MJCF file and refuse what has no linear model.
@@ -92,6 +98,7 @@ def compile_with_remarks(
     Args:
         without_friction: whether dry friction (``frictionloss``) is switched off instead of
             refused.
+        reading: what the user wants of the file; None for that of ``read_as``.
         change: adds elements before the file is compiled; None for none.
 
     Returns:
@@ -112,12 +119,12 @@ def compile_with_remarks(
     _part_frames(model)
     model.opt.enableflags &= ~int(_STEPPING_OPTIONS)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    model.actuator_actearly[:] = 0  # else a control acts at once, by the length of a step
     if without_friction:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
-    reading = current_reading()
+    reading = reading or current_reading()
     left_out = _leave_out(model, reading)
     _set_closure(model, soft=reading.soft_equalities)
-    _refuse_colons(path, model)
     refuse_unlinearisable(path, model)
     sentences = dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)
     sentences = {text: None for text in sentences if _MUJOCO_PREFIX_WARNING not in text}
@@ -132,8 +139,7 @@ def _leave_out(model: mujoco.MjModel, reading: Reading) -> tuple[str, ...]:
         "friction": int((model.dof_frictionloss > 0).sum() + (model.tendon_frictionloss > 0).sum()),
         "limits": int(model.jnt_limited.sum() + model.tendon_limited.sum()),
     }
-    for name in reading.without:
-        model.opt.disableflags |= LEFT_OUT[name]
+    model.opt.disableflags |= reading.disabled
     words = {"contact": "geoms that touch", "friction": "frictionloss", "limits": "limits"}
     named = [f"{words[name]} ({counts[name]})" for name in reading.without if counts[name]]
     return (f"left out as requested: {', '.join(named)}",) if named else ()
@@ -168,19 +174,6 @@ def mjcf_files(path: Path) -> tuple[Path, ...]:
         exist; sorted.
     """
     return named_files(read_source_files(path))
-
-
-def _refuse_colons(path: Path, model: mujoco.MjModel) -> None:
-    """Refuse names of bodies and sites that no label could hold, with the prefixes of MuJoCo."""
-    elements = [("body", model.body(k).name) for k in range(model.nbody)]
-    elements += [("site", model.site(k).name) for k in range(model.nsite)]
-    for kind, name in elements:
-        if ":" in name:
-            raise InputError(
-                f"{path}: {kind} {name!r} has a colon in its name, but labels such as acc1:+tx "
-                "use the colon to separate point and direction: rename it, or the prefix that "
-                "attaches it"
-            )
 
 
 def _explain(path: Path, message: str) -> str:

@@ -11,6 +11,14 @@ from mbmodel.mjcf.tendons import is_fixed_tendon
 
 _DISABLE = mujoco.mjtDisableBit
 _JOINT = mujoco.mjtJoint
+# Activations that follow the control alone: they stay at rest, whatever the machine does.
+_HELD_DYNAMICS = (
+    mujoco.mjtDyn.mjDYN_NONE,
+    mujoco.mjtDyn.mjDYN_INTEGRATOR,
+    mujoco.mjtDyn.mjDYN_FILTER,
+    mujoco.mjtDyn.mjDYN_FILTEREXACT,
+    mujoco.mjtDyn.mjDYN_MUSCLE,
+)
 _CLOSED_RIGIDLY = (
     mujoco.mjtEq.mjEQ_CONNECT,
     mujoco.mjtEq.mjEQ_WELD,
@@ -113,12 +121,13 @@ def _check_tendon(path: Path, model: mujoco.MjModel, tendon: int) -> None:
 
 
 def _check_actuator(path: Path, model: mujoco.MjModel, actuator: int) -> None:
-    """Refuse actuators with a state, a delay or an armature."""
+    """Refuse actuators with a delay, an armature, or a state that the motion drives."""
     element = f"actuator {actuator_name(model, actuator)!r}"
-    if model.actuator_actnum[actuator] or model.actuator_delay[actuator] > 0:
+    dynamics = mujoco.mjtDyn(model.actuator_dyntype[actuator])
+    if model.actuator_delay[actuator] > 0 or dynamics not in _HELD_DYNAMICS:
         raise InputError(
-            f"{path}: {element} has a state or a delay, which the linear model does not hold: "
-            "remove it"
+            f"{path}: {element} has a delay, or a state that its motion drives, which the linear "
+            "model does not hold: remove it"
         )
     if model.actuator_armature[actuator]:
         raise InputError(f"{path}: {element} has armature: give it to its joint")

@@ -76,6 +76,18 @@ def read_source_files(path: Path) -> tuple[SourceFile, ...]:
     return tuple(_read_model(path, ()))
 
 
+def is_model(path: Path) -> bool:
+    """Return whether a file looks like an MJCF or URDF of its own: it has bodies or includes them.
+
+    Args:
+        path: of an XML or URDF file.
+    """
+    content = path.read_bytes()
+    is_mjcf = re.search(rb"<mujoco[\s>]", content) and re.search(rb"<(body|include)[\s>]", content)
+    is_urdf = re.search(rb"<robot[\s>]", content) and re.search(rb"<link[\s>]", content)
+    return bool(is_mjcf or is_urdf)
+
+
 def _read_model(path: Path, parents: tuple[Path, ...]) -> list[SourceFile]:
     """Read a model: its file, included files, attached models.
 

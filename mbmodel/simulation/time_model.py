@@ -110,9 +110,11 @@ def build_time_model(
         _add_encoders(spec, encoders)
         change(spec)
 
-    compiled, _ = compile_with_remarks(machine.source, without_friction=True, change=add_sensors)
+    compiled, _ = compile_with_remarks(
+        machine.source, without_friction=True, reading=machine.reading, change=add_sensors
+    )
     data = find_equilibrium(compiled, machine.source, pose_data(compiled, machine.keyframe)).data
-    compiled.opt.disableflags = flags[0]
+    compiled.opt.disableflags = flags[0] | machine.reading.disabled
     velocity = spin_velocity(compiled, spin or {})
     data.qvel[:] = velocity
     compute_forces(compiled, data)

@@ -62,14 +62,14 @@ def write_model(
     nominal, held = _following(model), held_parameters(model, theta)
 
     def compare(path: Path) -> Difference | None:
-        written = load_machine(path, key=model.machine.keyframe)
+        written = load_machine(path, key=model.machine.keyframe, reading=model.machine.reading)
         return compare_machines(nominal, held, written) or compare_masses(path)
 
     source = model.machine.source
     difference = write_and_compare(source, target, changes, folder, compare)
     if laws and difference is None:
         with in_place(target, folder) as path:
-            linear, _ = compile_with_remarks(path)
+            linear, _ = compile_with_remarks(path, reading=model.machine.reading)
         difference = write_and_compare(
             source, target, [*changes, *laws], folder, compare_with(linear, laws)
         )
@@ -91,7 +91,9 @@ def read_as_written(model: Model, theta: Real) -> Machine:
     changes, _ = split_edits(model, theta)
     with temporary_folder() as folder:
         write_mjcf(model.machine.source, folder / "machine.xml", changes, expanded=True)
-        return load_machine(folder / "machine.xml", key=model.machine.keyframe)
+        return load_machine(
+            folder / "machine.xml", key=model.machine.keyframe, reading=model.machine.reading
+        )
 
 
 def _following(model: Model) -> Model:
@@ -99,7 +101,9 @@ def _following(model: Model) -> Model:
     machine = model.machine
     if machine.statics is not None or machine.spinning:
         return model
-    nominal = load_machine(machine.source, key=machine.keyframe, follow=True)
+    nominal = load_machine(
+        machine.source, key=machine.keyframe, follow=True, reading=machine.reading
+    )
     return replace(model, machine=replace(machine, statics=nominal.statics))
 
 

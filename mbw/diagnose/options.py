@@ -6,7 +6,18 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Band, CampaignFolder, Jobs, Json, Overwrite, Quiet, Seed, out_option
+from mbw.options import (
+    Band,
+    CampaignFolder,
+    Jobs,
+    Json,
+    Overwrite,
+    Quiet,
+    Seed,
+    SoftEqualities,
+    Without,
+    out_option,
+)
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -26,6 +37,8 @@ def diagnose(  # noqa: PLR0913  # one for each option
         bool, typer.Option("--resume", help="Continue an interrupted run of the same call.")
     ] = False,
     seed: Seed = 0,
+    without: Without = None,
+    soft_equalities: SoftEqualities = False,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:

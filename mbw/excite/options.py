@@ -6,7 +6,18 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Key, Overwrite, Pictures, Quiet, Seed, SingleJob, out_option
+from mbw.options import (
+    Json,
+    Key,
+    Overwrite,
+    Pictures,
+    Quiet,
+    Seed,
+    SingleJob,
+    SoftEqualities,
+    Without,
+    out_option,
+)
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -88,6 +99,8 @@ def excite(  # noqa: PLR0913  # one for each option
     json: Json = None,
     seed: Seed = 0,
     jobs: SingleJob = 1,
+    without: Without = None,
+    soft_equalities: SoftEqualities = False,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -116,6 +129,8 @@ def excite(  # noqa: PLR0913  # one for each option
         pictures=pictures,
         json=json,
         seed=seed,
+        without=without,
+        soft_equalities=soft_equalities,
         quiet=quiet,
         overwrite=overwrite,
     )

@@ -23,7 +23,7 @@ function channelGrid(body) {
   const points = new Map();
   OUTPUTS.forEach((name, out) => {
     if (DATA.bodies[out] !== body) return;
-    const point = name.split(":")[0] + (turns(name) ? " turning" : "");
+    const point = name.replace(/:[^:]*$/, "") + (turns(name) ? " turning" : "");
     points.set(point, [...(points.get(point) || []), out]);
   });
   const width = byId("solid-grid").clientWidth < NARROW ? 1 : 3;

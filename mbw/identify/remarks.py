@@ -159,7 +159,7 @@ def _reversed_channels(result: IdentificationResult) -> list[str]:
         for label, value, is_known in zip(
             outputs, arrays["comac_solid"], arrays["is_solid"], strict=True
         )
-        if is_known and value < 0 and label.partition(":")[0] not in exchanged
+        if is_known and value < 0 and label.rpartition(":")[0] not in exchanged
     ]
     if not channels:
         return []

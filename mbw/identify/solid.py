@@ -3,7 +3,7 @@
 import numpy as np
 
 from identification import BodyCheck, Fault
-from identification.words import Real
+from identification.words import DIRECTIONS, Real
 from mbw.page.html import pack_real
 from mbw.results.identified_schema import SolidRow
 
@@ -84,7 +84,9 @@ def fault_words(label: str) -> str:
     """Return a fault's label as a text: ``acc1 tx: gain`` for ``sensor_gain@sensor:acc1:tx``."""
     effect, _, rest = label.partition("@")
     kind, _, place = rest.partition(":")
-    point, _, dof = place.partition(":")
+    point, _, dof = place.rpartition(":")
+    if not point or not set(dof.split("+")) <= set(DIRECTIONS):
+        point, dof = place, ""
     where = " ".join(part for part in (_place(f"{kind}:{point}"), dof.replace("+", ", ")) if part)
     return f"{where}: {_FAULT_NAMES.get(effect, effect)}"
 

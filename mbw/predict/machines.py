@@ -84,7 +84,7 @@ def parse_additions(mount: Path | None, place: str | None, masses: Sequence[str]
         raise UsageError(f"--mount and --at go together: add {missing}")
     stage = None
     if mount is not None and place is not None:
-        body, colon, spot = place.partition(":")
+        body, colon, spot = place.rpartition(":")
         if not (colon and body and spot):
             raise UsageError(
                 f"--at {place!r}: write BODY:SITE or BODY:x,y,z (in m from the body's centre of "

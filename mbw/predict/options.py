@@ -6,7 +6,18 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Key, Overwrite, Pictures, Quiet, Seed, SingleJob, out_option
+from mbw.options import (
+    Json,
+    Key,
+    Overwrite,
+    Pictures,
+    Quiet,
+    Seed,
+    SingleJob,
+    SoftEqualities,
+    Without,
+    out_option,
+)
 
 # Frequency lines of FRFs: at 200 Hz one every 0.2 mHz, and a few hundred MB for each FRF.
 MAX_FREQUENCY_LINES = 1_000_000
@@ -233,6 +244,8 @@ def predict(  # noqa: PLR0913  # one for each option
     pictures: Pictures = True,
     json: Json = None,
     jobs: SingleJob = 1,
+    without: Without = None,
+    soft_equalities: SoftEqualities = False,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:

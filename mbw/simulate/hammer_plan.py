@@ -162,7 +162,8 @@ def _references(machine: Machine, texts: Sequence[str]) -> tuple[Dof, ...]:
     layout = machine.layout
     references: list[Dof] = []
     for text in texts or hammer_sites(layout):
-        point, colon, direction = text.partition(":")
+        is_directed = ":" in text and text not in layout.points
+        point, direction = text.rsplit(":", 1) if is_directed else (text, "")
         if point.isdecimal():
             site = layout.hammer_at_node(int(point))
             if site is None:
@@ -171,7 +172,7 @@ def _references(machine: Machine, texts: Sequence[str]) -> tuple[Dof, ...]:
         layout.body_name(point)  # refuses an unknown point
         references += (
             [Dof.parse(f"{point}:{direction}")]
-            if colon
+            if is_directed
             else [Dof.of(point, axis) for axis in range(3)]
         )
     if not references:

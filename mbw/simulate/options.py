@@ -6,7 +6,17 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Key, Overwrite, Pictures, Quiet, Seed, out_option
+from mbw.options import (
+    Json,
+    Key,
+    Overwrite,
+    Pictures,
+    Quiet,
+    Seed,
+    SoftEqualities,
+    Without,
+    out_option,
+)
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -255,6 +265,8 @@ def simulate(  # noqa: PLR0913  # one for each option
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Number of threads. Default: all cores.")
     ] = None,
+    without: Without = None,
+    soft_equalities: SoftEqualities = False,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -311,6 +323,8 @@ def simulate(  # noqa: PLR0913  # one for each option
         json=json,
         seed=seed,
         jobs=jobs,
+        without=without,
+        soft_equalities=soft_equalities,
         quiet=quiet,
         overwrite=overwrite,
     )

@@ -14,6 +14,8 @@ from mbw.options import (
     Pictures,
     Quiet,
     Seed,
+    SoftEqualities,
+    Without,
     out_option,
 )
 
@@ -112,6 +114,8 @@ def tune(  # noqa: PLR0913  # one for each option
         ),
     ] = False,
     pictures: Pictures = True,
+    without: Without = None,
+    soft_equalities: SoftEqualities = False,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -135,6 +139,8 @@ def tune(  # noqa: PLR0913  # one for each option
             json=json,
             pictures=pictures,
             overwrite=overwrite,
+            without=without,
+            soft_equalities=soft_equalities,
             quiet=quiet,
         )
         return
@@ -156,6 +162,8 @@ def tune(  # noqa: PLR0913  # one for each option
         information=information,
         pictures=pictures,
         overwrite=overwrite,
+        without=without,
+        soft_equalities=soft_equalities,
         quiet=quiet,
     )
 

@@ -6,13 +6,13 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Key, Overwrite, Quiet, SingleJob
+from mbw.options import Json, Key, Overwrite, Quiet, SingleJob, SoftEqualities, Without
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 
 @app.command()
-def view(
+def view(  # noqa: PLR0913  # one for each option
     model: Annotated[Path, typer.Argument(help="MJCF of a machine.")],
     *,
     mode: Annotated[
@@ -31,6 +31,8 @@ def view(
     ] = None,
     json: Json = None,
     jobs: SingleJob = 1,
+    without: Without = None,
+    soft_equalities: SoftEqualities = False,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:

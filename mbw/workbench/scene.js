@@ -165,7 +165,7 @@ export function createScene(canvas, marks, onPick) {
     const scale = 26, corner = [34, canvas.clientHeight - 34];
     letters.forEach((letter, k) => move(letter, [corner[0] + scale * look.right[k], corner[1] - scale * look.up[k]]));
     names.forEach((name, k) => {
-      const [text, sign] = [[ports[view.reference] ?? view.reference, -1], [view.channel, 1]][k], [place, direction] = [text.split(":")[0], text.split(":").pop()];
+      const [text, sign] = [[ports[view.reference] ?? view.reference, -1], [view.channel, 1]][k], [place, direction] = [text.replace(/:[^:]*$/, ""), text.split(":").pop()];
       const hit = k === 0 && dots.find(d => d.name === place.replace(/^\D+/, "hit")), point = hit || dots.find(d => d.name === place);
       const body = data.stages.indexOf(place), centre = body >= 0 && moved(Array.from(centres.subarray(3 * body, 3 * body + 3)), body);
       const spot = point ? point.at : centre ? project(look.matrix, centre) : null;
@@ -219,7 +219,7 @@ export function createScene(canvas, marks, onPick) {
     setMachine(next) { setMachine(next); ask(); },
     show(frame, portOf, isPreview) {
       if (frame.arrays.shape.length === 12 * data.stages.length) shape = frame.arrays.shape.slice(); view = frame.view; ports = portOf;
-      for (const d of dots) d.dot.classList.toggle("chosen", d.name === view.channel.split(":")[0]);
+      for (const d of dots) d.dot.classList.toggle("chosen", d.name === view.channel.replace(/:[^:]*$/, ""));
       scaleShape();
       clearTimeout(rest); rest = 0;
       if (isSlow && isPreview) rest = setTimeout(() => { rest = 0; ask(); }, REST_MS);

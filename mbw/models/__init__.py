@@ -1,0 +1,1 @@
+"""``mbw models``: which models of a folder have a linear model, and why others have none."""

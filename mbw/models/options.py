@@ -1,0 +1,34 @@
+"""Options of ``mbw models``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Json, Overwrite, Quiet, SingleJob, SoftEqualities, Without
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def models(
+    folder: Annotated[Path, typer.Argument(help="Folder with MJCF and URDF files, at any depth.")],
+    *,
+    without: Without = None,
+    soft_equalities: SoftEqualities = False,
+    json: Json = None,
+    jobs: SingleJob = 1,
+    quiet: Quiet = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """List the models of a folder on stdout: coordinates of each, or why it has no linear model."""
+    del jobs, overwrite
+    run_verb(
+        "mbw.models.verb",
+        folder,
+        quiet=quiet,
+        without=without,
+        soft_equalities=soft_equalities,
+        json=json,
+    )
