@@ -119,8 +119,8 @@ def dynamics_error(machine: Machine) -> float | None:
         probe.act[:] = rest.act
         mujoco.mj_integratePos(model, probe.qpos, change, 1.0)
         mujoco.mj_forward(model, probe)
-        found: Real = probe.qacc.copy()
-        return found
+        accelerated: Real = probe.qacc.copy()
+        return accelerated
 
     none = np.zeros(model.nv)
     fine = choose_difference_step(model, rest)

@@ -17,18 +17,14 @@ def models(
     *,
     without: Without = None,
     soft_equalities: SoftEqualities = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the table as tab-separated text.")
+    ] = None,
     json: Json = None,
     jobs: SingleJob = 1,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:
     """List the models of a folder on stdout: coordinates of each, or why it has no linear model."""
-    del jobs, overwrite
-    run_verb(
-        "mbw.models.verb",
-        folder,
-        quiet=quiet,
-        without=without,
-        soft_equalities=soft_equalities,
-        json=json,
-    )
+    del jobs
+    run_verb("mbw.models.verb", **locals())

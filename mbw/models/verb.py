@@ -42,7 +42,7 @@ class ModelTable(ResultFile):
     models: list[ModelRow]
 
 
-def run_options(folder: Path, *, json: Path | None) -> None:
+def run_options(folder: Path, *, out: Path | None, json: Path | None, overwrite: bool) -> None:
     """Run the verb with the values of its options, as ``mbw.models.options`` describes them.
 
     Raises:
@@ -50,6 +50,8 @@ def run_options(folder: Path, *, json: Path | None) -> None:
     """
     if json is not None:
         check_json_target(json)
+    if out is not None and out.exists() and not overwrite:
+        raise InputError(f"{out} exists: name another file with --out, or add --overwrite")
     paths = sorted(
         path
         for path in folder.rglob("*")
@@ -61,10 +63,12 @@ def run_options(folder: Path, *, json: Path | None) -> None:
     for path in paths:
         with SCREEN.status(f"{path.relative_to(folder)}"):
             rows.append(_row(path, folder))
-        if json != Path("-"):
+        if json != Path("-") and out is None:
             sys.stdout.write(_line(rows[-1]))
     accepted = sum(row.coordinates is not None for row in rows)
     SCREEN.say(f"{accepted} of {len(rows)} models have a linear model")
+    if out is not None:
+        out.write_text("".join(map(_line, rows)), encoding="utf-8")
     if json is not None:
         table = ModelTable(folder=str(folder), accepted=accepted, models=rows)
         write_json(table.model_dump_json(indent=1), json)
