@@ -58,9 +58,9 @@ class Axle:
             count: number of the machine's coordinates.
         """
         if self.chain_row is None:
-            return np.eye(1, count, self.coordinate)[0]
-        motion: Real = np.pad(self.chain_row, (0, count - len(self.chain_row)))
-        return motion
+            motion: Real = np.eye(1, count, self.coordinate)[0]
+            return motion
+        return np.pad(self.chain_row, (0, count - len(self.chain_row)))
 
     @property
     def dof(self) -> str:

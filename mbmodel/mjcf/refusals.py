@@ -13,7 +13,6 @@ _DISABLE = mujoco.mjtDisableBit
 _JOINT = mujoco.mjtJoint
 # Activations that follow the control alone: they stay at rest, whatever the machine does.
 _HELD_DYNAMICS = (
-    mujoco.mjtDyn.mjDYN_NONE,
     mujoco.mjtDyn.mjDYN_INTEGRATOR,
     mujoco.mjtDyn.mjDYN_FILTER,
     mujoco.mjtDyn.mjDYN_FILTEREXACT,
@@ -124,7 +123,8 @@ def _check_actuator(path: Path, model: mujoco.MjModel, actuator: int) -> None:
     """Refuse actuators with a delay, an armature, or a state that the motion drives."""
     element = f"actuator {actuator_name(model, actuator)!r}"
     dynamics = mujoco.mjtDyn(model.actuator_dyntype[actuator])
-    if model.actuator_delay[actuator] > 0 or dynamics not in _HELD_DYNAMICS:
+    has_state = model.actuator_actnum[actuator] and dynamics not in _HELD_DYNAMICS
+    if has_state or model.actuator_delay[actuator] > 0:
         raise InputError(
             f"{path}: {element} has a delay, or a state that its motion drives, which the linear "
             "model does not hold: remove it"
