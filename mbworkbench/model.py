@@ -11,6 +11,7 @@ from mbmodel import (
     Machine,
     Model,
     Modes,
+    Reading,
     TimeResponse,
     as_drawn,
     linearise,
@@ -212,7 +213,12 @@ class MachineModel(Shown):
 
 
 def read_model(
-    path: AnyPath, spin: Mapping[str, float] | None = None, key: str | None = None
+    path: AnyPath,
+    spin: Mapping[str, float] | None = None,
+    key: str | None = None,
+    *,
+    without: Sequence[str] = (),
+    soft_equalities: bool = False,
 ) -> MachineModel:
     """Read a machine from MJCF and linearise it at its static equilibrium.
 
@@ -221,8 +227,12 @@ def read_model(
         spin: rates of hinges that turn steadily [rad/s], by name of the joint.
         key: name of the keyframe that gives the pose and the controls, empty for none; by default
             the keyframe ``home`` if there is one, else none.
+        without: what is left out of the file: ``contact``, ``friction``, ``limits``.
+        soft_equalities: whether equality constraints give way as MuJoCo's do; else they are rigid.
 
     Raises:
         InputError: the file cannot be read or the machine cannot be linearised.
+        UsageError: there is nothing of a name that is left out.
     """
-    return MachineModel(load_machine(as_path(path), spin, key))
+    reading = Reading(tuple(without), soft_equalities)
+    return MachineModel(load_machine(as_path(path), spin, key, reading=reading))

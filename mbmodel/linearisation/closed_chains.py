@@ -26,7 +26,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from identification.words import InputError, Integers, Real, shorten_names
+from identification.words import InputError, Integers, Mask, Real, shorten_names
 from mbmodel.linearisation.tendon_slopes import FOURTH_ORDER_WEIGHTS
 from mbmodel.mjcf.names import coordinate_names, equality_name
 
@@ -300,26 +300,29 @@ def find_chains(model: mujoco.MjModel, data: mujoco.MjData) -> Chains | None:
     if not has_rigid_chains(model):
         return None
     closure = read_closure(model, data, data.qpos)
-    following = _choose_following(_scale_rows(model, closure), closure.numbers)
+    ties = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0)
+    driven = np.isin(model.dof_jntid, model.eq_obj1id[ties])
+    following = _choose_following(_scale_rows(model, closure), closure.numbers, driven)
     kept = np.setdiff1d(np.arange(model.nv), following)
     return Chains(model, copy.copy(data), kept, following, closure)
 
 
-def _choose_following(rows: Real, numbers: Integers) -> Integers:
+def _choose_following(rows: Real, numbers: Integers, driven: Mask) -> Integers:
     """Return as many independent columns as C has rank.
 
     Joints in few constraints come first, and of these the last of the file: the legs of a platform
-    follow it, whatever they weigh. A column is passed over at first if most of it depends on those
-    before it.
+    follow it, whatever they weigh. Of a gear its first joint follows, a function of the second. A
+    column is passed over at first if most of it depends on those before it.
 
     Args:
         rows: scaled C; (n_row, nv).
         numbers: number of the constraint of each row; (n_row,).
+        driven: coordinates that a gear states as functions of others; (nv,).
     """
     sizes = np.linalg.norm(rows, axis=0)
     is_tied = np.abs(rows) > _MIN_INDEPENDENT_SHARE
     counts = [len(set(numbers[column].tolist())) for column in is_tied.T]
-    order = sorted(range(len(counts)), key=lambda k: (counts[k], -k))
+    order = sorted(range(len(counts)), key=lambda k: (counts[k], not driven[k], -k))
     rank, chosen = _rank(rows), list[int]()
     span = np.zeros((len(rows), 0))
     for share in _INDEPENDENT_SHARES:

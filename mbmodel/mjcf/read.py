@@ -39,10 +39,20 @@ class Reading:
     Args:
         without: kinds of constraints that are left out: ``contact``, ``friction``, ``limits``.
         soft_equalities: whether equality constraints give way as MuJoCo's do; else they are rigid.
+
+    Raises:
+        UsageError: there is nothing of a name that is left out.
     """
 
     without: tuple[str, ...] = ()
     soft_equalities: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the names of what is left out."""
+        if unknown := [name for name in self.without if name not in LEFT_OUT]:
+            raise UsageError(
+                f"without {unknown[0]!r}: name one or several of {', '.join(LEFT_OUT)}"
+            )
 
     @property
     def disabled(self) -> int:
@@ -60,15 +70,7 @@ def current_reading() -> Reading:
 
 @contextmanager
 def read_as(reading: Reading) -> Iterator[None]:
-    """Read all MJCF files within the context in one way.
-
-    Raises:
-        UsageError: there is nothing of a name that is left out.
-    """
-    if unknown := [name for name in reading.without if name not in LEFT_OUT]:
-        raise UsageError(
-            f"without {unknown[0]!r}: name one or several of {', '.join(LEFT_OUT)}, with commas"
-        )
+    """Read all MJCF files within the context in one way."""
     token = _READING.set(reading)
     try:
         yield

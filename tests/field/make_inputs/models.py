@@ -98,6 +98,12 @@ def _read():
             f"<mujoco><worldbody>{TWO_BODIES}</worldbody>"
             '<equality><weld body1="a" body2="b" active="false"/></equality></mujoco>\n',
         ),
+        "gear": (
+            "a gear (equality of two joints)",
+            [3.55881],  # sqrt((4 * 4000 + 9000) / (4 * 10 + 10)) / (2 pi)
+            f"<mujoco><worldbody>{TWO_BODIES}</worldbody><equality>"
+            '<joint joint1="ja" joint2="jb" polycoef="0 2 0 0 0"/></equality></mujoco>\n',
+        ),
         "discardvisual": (
             "a compiler that discards what is only seen",
             None,
@@ -124,12 +130,6 @@ def _read():
 
 def _refused():
     refused = {
-        "gear": (
-            "a gear (equality of two joints)",
-            f"<mujoco><worldbody>{TWO_BODIES}</worldbody><equality>"
-            '<joint joint1="ja" joint2="jb" polycoef="0 2 0 0 0"/></equality></mujoco>\n',
-            ["ja"],
-        ),
         "infinity": (
             "a stiffness of infinity",
             one_body(joint=SLIDE.replace("4000", "infinity")),
