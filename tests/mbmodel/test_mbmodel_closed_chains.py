@@ -14,6 +14,7 @@ from closed_machines import (
     slider_crank,
 )
 from exudyn_chains import exudyn_hexapod_hz
+from mbmodel_examples import STATION
 from mpmath import acos, atan2, cos, diff, findroot, matrix, mp, mpf, sin, sqrt
 
 from identification.words import Dof, InputError, Signal
@@ -330,3 +331,53 @@ def test_a_hexapod_has_motors_encoders_and_a_state_space(from_text):
     # A force along the strut stretches it by less than its own spring would let it alone.
     static = Evaluator(model, FrfRequest(np.array([0.0]), outputs, inputs, "receptance"))
     assert 0 < static.at(model.drawn).frf().values[0, 0, 0].real < 1 / 2e7
+
+
+def test_the_reactions_of_a_weld_are_its_force_and_moment_in_world_axes(from_text):
+    # A turned body on a slide carries a free one by a weld at its own origin, 0.3 m away.
+    machine = from_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="a" quat="0.8 0.6 0 0">'
+        '<joint name="z" type="slide" axis="0 0.96 0.28" stiffness="900"/>'
+        '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>'
+        '<body name="c" pos="0.3 0 0"><freejoint name="free"/>'
+        '<inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/></body></worldbody>'
+        '<equality><weld name="w" body1="c" body2="a" torquescale="0.7"/></equality></mujoco>'
+    )
+    assert machine.coordinates == ("z",)
+    axle = machine.axles[0].axis
+    names = ("reaction_w", *(f"reaction_w.{k}" for k in range(1, 6)))
+    outputs = tuple(machine.layout.parse(name) for name in names)
+    inputs = tuple(Dof.of("c", axis) for axis in range(6))
+    freq = np.array([2.0])
+    model = as_drawn(machine)
+    values = Evaluator(model, FrfRequest(freq, outputs, inputs, "receptance"))
+    found = values.at(model.drawn).frf().values[0]
+    s = 2j * np.pi * freq[0]
+    for axis in range(3):
+        push = np.eye(3)[axis]
+        acceleration = s**2 * axle * (axle @ push) / (900 + 5 * s**2)
+        force = 3 * acceleration - push
+        moment = -np.cross([-0.3, 0, 0], force)
+        np.testing.assert_allclose(found[:, axis], [*force, *moment], atol=1e-6)
+        np.testing.assert_allclose(found[:, 3 + axis], [0, 0, 0, *-push], atol=1e-6)
+
+
+def test_a_chain_at_a_dead_centre_is_refused(tmp_path):
+    # A flat parallelogram can leave its pose as a parallelogram and as a kite.
+    bar = '<inertial pos="0.15 0 0" mass="1" diaginertia="0.03 0.02 0.03"/>'
+    text = (
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="crank">'
+        f'<joint name="crank" axis="0 1 0" stiffness="3"/>{bar}<body name="coupler" pos="0.3 0 0">'
+        f'<joint name="pin" axis="0 1 0"/>{bar}</body></body><body name="rocker" pos="0.4 0 0">'
+        f'<joint name="rocker" axis="0 1 0"/>{bar}</body></worldbody><equality>'
+        '<connect name="loop" body1="coupler" body2="rocker" anchor="0.4 0 0"/></equality></mujoco>'
+    )
+    with pytest.raises(InputError, match=r"'loop'.* dead centre"):
+        load_machine(_write(tmp_path, text))
+
+
+def test_the_example_of_the_assets_is_the_hexapod(from_text):
+    example, built = load_machine(STATION.parents[1] / "hexapod.xml"), from_text(hexapod())
+    for name in ("mass", "damping", "stiffness"):
+        first, second = getattr(matrices(example), name), getattr(matrices(built), name)
+        np.testing.assert_allclose(first, second, atol=1e-12 * np.abs(second).max())
