@@ -9,7 +9,7 @@ import numpy as np
 from identification.words import InputError, Real
 from mbmodel.chain_reduction import reduce_machine, refuse_spinning_chain
 from mbmodel.linear_model_check import check_linear_model
-from mbmodel.linearisation.closed_chains import soft_remarks
+from mbmodel.linearisation.chain_closure import soft_remarks
 from mbmodel.linearisation.drawing import read_drawing
 from mbmodel.linearisation.equilibrium import equilibrium_remarks, find_equilibrium
 from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping, soft_inertia

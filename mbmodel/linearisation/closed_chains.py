@@ -27,84 +27,24 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError, Integers, Mask, Real, shorten_names
+from mbmodel.linearisation.chain_closure import (
+    MAX_REFUSED_GAP,
+    MIN_INDEPENDENT_SHARE,
+    Closure,
+    close_chains,
+    count_independent,
+    dense_rows,
+    has_rigid_chains,
+    read_closure,
+    scale_rows,
+)
 from mbmodel.linearisation.tendon_slopes import FOURTH_ORDER_WEIGHTS
 from mbmodel.mjcf.names import coordinate_names, equality_name
 
 _CURVATURE_STEP = 1e-3  # m or rad: truncation is 4e-12 over a length of 0.3 m, rounding 1e-13
-# Of the largest row: constraints that depend more closely on others repeat them. Rounding of rows
-# leaves 1e-15, a chain within 1e-8 rad of a dead centre counts as in it.
-_MIN_INDEPENDENT_SHARE = 1e-8
 _MAX_CONTRADICTION = 1e-6  # of the curvature of constraints: what no motion takes up
 # Of a column: what the columns before it leave of it, so that it is chosen, in turn.
 _INDEPENDENT_SHARES = 0.3, 1e-3, 0.0
-_MAX_CLOSING_STEPS = 100
-_MAX_CLOSING_STEP = 0.3  # m or rad
-_MAX_GAP = 1e-12  # of the machine's size: a chain whose gap is smaller is closed
-_MAX_REFUSED_GAP = 1e-9  # of the machine's size: beyond it the chain stays open
-_CONSTRAINT_STEPS = (
-    mujoco.mj_kinematics,
-    mujoco.mj_comPos,
-    mujoco.mj_flex,
-    mujoco.mj_tendon,
-    mujoco.mj_makeConstraint,
-)
-_OTHER_CONSTRAINTS = (
-    mujoco.mjtDisableBit.mjDSBL_CONTACT
-    | mujoco.mjtDisableBit.mjDSBL_LIMIT
-    | mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
-)
-
-
-def has_rigid_chains(model: mujoco.MjModel) -> bool:
-    """Return whether equality constraints are eliminated: active, but not left to MuJoCo."""
-    off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_EQUALITY
-    return bool(off and model.eq_active0.any())
-
-
-@dataclass(frozen=True, eq=False)
-class Closure:
-    """The equality constraints at a pose, as MuJoCo states them.
-
-    Args:
-        gap: c [m, rad or units of a tendon]; (n_row,).
-        rows: C; (n_row, nv).
-        numbers: number of the equality constraint of each row; (n_row,).
-    """
-
-    gap: Real
-    rows: Real
-    numbers: Integers
-
-
-def read_closure(model: mujoco.MjModel, data: mujoco.MjData, position: Real) -> Closure:
-    """Return the equality constraints at a pose.
-
-    Args:
-        position: joint positions [m, rad]; (nq,).
-    """
-    probe, flags = copy.copy(data), model.opt.disableflags
-    probe.qpos[:] = position
-    try:
-        model.opt.disableflags = (flags | _OTHER_CONSTRAINTS) & ~int(
-            mujoco.mjtDisableBit.mjDSBL_EQUALITY
-        )
-        for step in _CONSTRAINT_STEPS:
-            step(model, probe)
-    finally:
-        model.opt.disableflags = flags
-    return Closure(probe.efc_pos.copy(), dense_rows(model, probe), probe.efc_id.astype(np.intp))
-
-
-def dense_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
-    """Return the Jacobian of all constraints that act; (nefc, nv)."""
-    rows = np.zeros((data.nefc, model.nv))
-    if mujoco.mj_isSparse(model) and data.nefc:
-        mujoco.mju_sparse2dense(
-            rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
-        )
-    elif data.nefc:
-        rows[:] = data.efc_J.reshape(rows.shape)
-    return rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +158,7 @@ class Chains:
         missing = inertia + data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator - applied
         is_equality = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         rows = dense_rows(model, data)[is_equality]
-        reactions: Real = np.linalg.lstsq(rows.T, missing, rcond=_MIN_INDEPENDENT_SHARE)[0]
+        reactions: Real = np.linalg.lstsq(rows.T, missing, rcond=MIN_INDEPENDENT_SHARE)[0]
         data.efc_force[is_equality] = reactions
         return self._in_world_axes(data, reactions.copy())
 
@@ -244,7 +184,7 @@ class Chains:
         Returns:
             The chains; None if they do not close.
         """
-        if close_chains(self.model, data, self.following) > _MAX_REFUSED_GAP:
+        if close_chains(self.model, data, self.following) > MAX_REFUSED_GAP:
             return None
         closure = read_closure(self.model, data, data.qpos)
         return replace(self, data=copy.copy(data), closure=closure)
@@ -274,11 +214,11 @@ class Chains:
             f"closed chains leave {len(self.kept)} of {len(names)} joint coordinates; "
             f"{shorten_names(lost)} follow from the others"
         ]
-        scaled, rank = _scale_rows(self.model, self.closure), 0
+        scaled, rank = scale_rows(self.model, self.closure), 0
         for number in dict.fromkeys(self.closure.numbers.tolist()):
             count = int((self.closure.numbers == number).sum())
             until = int(np.flatnonzero(self.closure.numbers == number)[-1]) + 1
-            before, rank = rank, _rank(scaled[:until])
+            before, rank = rank, count_independent(scaled[:until])
             if repeated := count - (rank - before):
                 sentences.append(
                     f"{equality_name(self.model, number)} repeats {repeated} of its {count} "
@@ -302,7 +242,7 @@ def find_chains(model: mujoco.MjModel, data: mujoco.MjData) -> Chains | None:
     closure = read_closure(model, data, data.qpos)
     ties = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0)
     driven = np.isin(model.dof_jntid, model.eq_obj1id[ties])
-    following = _choose_following(_scale_rows(model, closure), closure.numbers, driven)
+    following = _choose_following(scale_rows(model, closure), closure.numbers, driven)
     kept = np.setdiff1d(np.arange(model.nv), following)
     return Chains(model, copy.copy(data), kept, following, closure)
 
@@ -320,107 +260,17 @@ def _choose_following(rows: Real, numbers: Integers, driven: Mask) -> Integers:
         driven: coordinates that a gear states as functions of others; (nv,).
     """
     sizes = np.linalg.norm(rows, axis=0)
-    is_tied = np.abs(rows) > _MIN_INDEPENDENT_SHARE
+    is_tied = np.abs(rows) > MIN_INDEPENDENT_SHARE
     counts = [len(set(numbers[column].tolist())) for column in is_tied.T]
     order = sorted(range(len(counts)), key=lambda k: (counts[k], not driven[k], -k))
-    rank, chosen = _rank(rows), list[int]()
+    rank, chosen = count_independent(rows), list[int]()
     span = np.zeros((len(rows), 0))
     for share in _INDEPENDENT_SHARES:
         for k in order:
             rest = rows[:, k] - span @ (span.T @ rows[:, k])
             rest -= span @ (span.T @ rest)
-            is_new = np.linalg.norm(rest) > max(share * sizes[k], _MIN_INDEPENDENT_SHARE)
+            is_new = np.linalg.norm(rest) > max(share * sizes[k], MIN_INDEPENDENT_SHARE)
             if k not in chosen and is_new and len(chosen) < rank:
                 chosen.append(k)
                 span = np.column_stack([span, rest / np.linalg.norm(rest)])
     return np.sort(np.array(chosen, np.intp))
-
-
-def coordinate_lengths(model: mujoco.MjModel) -> Real:
-    """Return the machine's size for each translation and 1 for each rotation [m or 1]; (nv,)."""
-    kinds = model.jnt_type[model.dof_jntid]
-    place = np.arange(model.nv) - model.jnt_dofadr[model.dof_jntid]
-    translates = (kinds == mujoco.mjtJoint.mjJNT_SLIDE) | (
-        (kinds == mujoco.mjtJoint.mjJNT_FREE) & (place < 3)
-    )
-    return np.where(translates, max(model.stat.extent, 1e-300), 1.0)
-
-
-def soft_remarks(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, ...]:
-    """Return how equality constraints that are left to MuJoCo give way.
-
-    Args:
-        data: after ``compute_forces`` at rest.
-    """
-    sentences = []
-    numbers = data.efc_id[: data.ne]
-    for number in dict.fromkeys(numbers.tolist()):
-        row = int(np.argmax(numbers == number))
-        stiffness, damping, impedance = (data.efc_KBIP[row, :3] / data.efc_R[row]).tolist()
-        inertia = 1 / float(data.efc_R[row])
-        sentences.append(
-            f"{equality_name(model, number)} gives way as in MuJoCo, with a stiffness of "
-            f"{stiffness * impedance / inertia:.3g}, a damping of {damping:.3g} and an inertia of "
-            f"{inertia:.3g} across it (SI units of its rows)"
-        )
-    return tuple(sentences)
-
-
-def _scale_rows(model: mujoco.MjModel, closure: Closure) -> Real:
-    """Return C in scaled coordinates, each row of unit size; (n_row, nv)."""
-    rows = closure.rows * coordinate_lengths(model)
-    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
-    floor = _MIN_INDEPENDENT_SHARE * float(sizes.max(initial=0.0))
-    return np.where(sizes > floor, rows / np.maximum(sizes, 1e-300), 0.0)
-
-
-def _rank(rows: Real) -> int:
-    """Return the number of independent rows."""
-    values = np.linalg.svd(rows, compute_uv=False)
-    return int((values > _MIN_INDEPENDENT_SHARE * values.max(initial=0.0)).sum())
-
-
-def close_chains(
-    model: mujoco.MjModel, data: mujoco.MjData, following: Integers | None = None
-) -> float:
-    """Move a machine until its chains close, by Newton's method; return the remaining gap [1].
-
-    Args:
-        data: the pose; moved in place.
-        following: coordinates that move; all, as little as possible, if None.
-
-    Returns:
-        The largest gap, relative to the machine's size.
-    """
-    moving = np.arange(model.nv) if following is None else following
-    lengths, size = coordinate_lengths(model)[moving], max(model.stat.extent, 1e-300)
-    gap = np.inf
-    for _ in range(_MAX_CLOSING_STEPS):
-        closure = read_closure(model, data, data.qpos)
-        gap = float(np.abs(closure.gap).max(initial=0.0)) / size
-        if gap <= _MAX_GAP:
-            break
-        rows = closure.rows[:, moving] * lengths
-        step = np.zeros(model.nv)
-        step[moving] = lengths * np.linalg.lstsq(rows, -closure.gap, rcond=1e-8)[0]
-        step *= min(1.0, _MAX_CLOSING_STEP / max(float(np.abs(step).max()), 1e-300))
-        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
-    return gap
-
-
-def refuse_open_chains(model: mujoco.MjModel, data: mujoco.MjData, gap: float, path: Path) -> None:
-    """Refuse chains that no pose near the drawing closes.
-
-    Args:
-        data: the pose that is nearest to closed.
-        gap: as ``close_chains`` returns it.
-    """
-    if gap <= _MAX_REFUSED_GAP:
-        return
-    closure = read_closure(model, data, data.qpos)
-    worst = int(np.argmax(np.abs(closure.gap)))
-    raise InputError(
-        f"{path}: {equality_name(model, int(closure.numbers[worst]))} stays open by "
-        f"{abs(closure.gap[worst]):.2g} (m or rad): no pose near the drawing closes it, or it "
-        "contradicts other constraints; draw it closed"
-    )

@@ -12,13 +12,12 @@ import numpy as np
 import scipy.linalg
 
 from identification.words import ConvergenceError, InputError, Real, shorten_names
-from mbmodel.linearisation.closed_chains import (
-    Chains,
+from mbmodel.linearisation.chain_closure import (
     close_chains,
-    find_chains,
     has_rigid_chains,
     refuse_open_chains,
 )
+from mbmodel.linearisation.closed_chains import Chains, find_chains
 from mbmodel.linearisation.force_slopes import (
     compute_forces,
     force_scale,

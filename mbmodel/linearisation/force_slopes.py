@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from identification.words import Real
-from mbmodel.linearisation.closed_chains import dense_rows
+from mbmodel.linearisation.chain_closure import dense_rows
 from mbmodel.linearisation.tendon_slopes import tendon_elongation, tendon_jacobian
 
 # Step of central differences [m, rad, or their rates]: the forces are smooth, so that errors of
