@@ -212,7 +212,7 @@ class Chains:
         lost = [names[k] for k in self.following]
         sentences = [
             f"closed chains leave {len(self.kept)} of {len(names)} joint coordinates; "
-            f"{shorten_names(lost)} follow from the others"
+            f"{shorten_names(lost)} follow{'s' if len(lost) == 1 else ''} from the others"
         ]
         scaled, rank = scale_rows(self.model, self.closure), 0
         for number in dict.fromkeys(self.closure.numbers.tolist()):
