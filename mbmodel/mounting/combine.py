@@ -14,7 +14,9 @@ from scipy.spatial.transform import Rotation
 from identification.words import ConvergenceError, InputError, Real
 from mbmodel.machine import Machine
 from mbmodel.machine_loading import load_machine
+from mbmodel.mjcf.names import equality_name
 from mbmodel.mjcf.read import compile_mjcf
+from mbmodel.mjcf.stages import GROUND, stage_of
 from mbmodel.mjcf.written_file import MAX_RELATIVE_DIFFERENCE, Difference, compare_compiled
 from mbmodel.mounting.combined_file import CombinedFile
 from mbmodel.mounting.place import Offset, PointMass, find_pose
@@ -121,6 +123,7 @@ def _combine(
     if stage is not None:
         pose = find_pose(machine, stage.body, stage.place)
         compiled = compile_mjcf(stage.path)
+        _refuse_ties_to_world(stage.path, compiled)
         file.mount(stage.path, compiled, pose)
         origins.append((stage.path.name, file.prefix, compiled))
         remarks += _stage_remarks(machine, base, stage, compiled, file)
@@ -132,6 +135,22 @@ def _combine(
     path = file.write(folder)
     difference = compare_combination(compile_mjcf(path), origins, [m.mass_kg for m in masses])
     return Combined(loaded, file, tuple(remarks)), difference
+
+
+def _refuse_ties_to_world(path: Path, model: mujoco.MjModel) -> None:
+    """Refuse a stage that an equality constraint ties to its world, which stays behind."""
+    for equality in np.flatnonzero(model.eq_active0).tolist():
+        if mujoco.mjtEq(model.eq_type[equality]) not in _TIES_OF_BODIES:
+            continue
+        at_sites = model.eq_objtype[equality] == mujoco.mjtObj.mjOBJ_SITE
+        ends = [model.eq_obj1id[equality], model.eq_obj2id[equality]]
+        if any(
+            stage_of(model, model.site_bodyid[end] if at_sites else end) == GROUND for end in ends
+        ):
+            raise InputError(
+                f"{path}: {equality_name(model, equality)} ties it to its world, which is left out "
+                "when it is mounted: tie it to a body of its own"
+            )
 
 
 def _read(
@@ -201,6 +220,7 @@ def _gravity(model: mujoco.MjModel) -> Real:
     return gravity
 
 
+_TIES_OF_BODIES = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 _COUNTED = {
     "joints": "njnt",
     "tendons": "ntendon",

@@ -351,7 +351,7 @@ REFUSED = {
     ),
     "equality": (
         BOX.format("slide", "") , "<equality><weld body1='b'/></equality>", "a", "acc1",
-        "closes a loop",
+        "to its world",
     ),
     "wrapped geom": (
         '<geom name="pin" type="cylinder" size="0.01 0.1"/><site name="p"/>'
