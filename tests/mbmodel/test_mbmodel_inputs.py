@@ -6,7 +6,7 @@ from mbmodel_examples import mass_on_spring, mjcf, random_tree, some_dofs, worst
 from test_mbmodel_parts import differences, off, size_of
 from test_mbmodel_slopes import assert_gradient_is_contraction, worst_column
 
-from identification.words import Dof, InputError, Signal, UsageError
+from identification.words import Dof, Signal, UsageError
 from mbmodel import (
     FrfRequest,
     Model,
@@ -228,9 +228,3 @@ def test_only_a_hinge_of_the_machine_can_spin(tmp_path):
         load_spinning(tmp_path, rotor(), wheel=1.0)
     with pytest.raises(UsageError, match="rate in rad/s"):
         load_spinning(tmp_path, rotor(), drive=float("nan"))
-
-
-def test_a_closed_loop_is_refused_by_name(from_text):
-    loop = '<equality><connect name="loop" body1="a" body2="b" anchor="0 0 0"/></equality>'
-    with pytest.raises(InputError, match="'loop' closes a loop"):
-        from_text(driven().replace("</mujoco>", loop + "</mujoco>"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mbmodel_examples import STATION, mass_on_spring, mjcf
 
-from identification.words import InputError
+from identification.words import Dof, InputError
 from mbmodel import load_machine, mjcf_files
 from mbmodel.mjcf.source_files import read_source_files
 
@@ -256,11 +256,12 @@ def test_options_that_an_attached_model_loses_are_remarked(tmp_path):
     assert machine.layout.sensors == ("acc1", "s_acc7")
 
 
-def test_a_prefix_of_an_attached_model_gives_no_name_with_a_colon(tmp_path):
+def test_a_prefix_of_an_attached_model_may_give_names_with_a_colon(tmp_path):
     save(tmp_path, GOOD, name="part.xml")
     asset = '<asset><model name="part" file="part.xml"/></asset>'
     attach = '<body><attach model="part" body="a" prefix="{}"/></body>'
     text = f"<mujoco>{asset}<worldbody>{attach}</worldbody></mujoco>"
     assert load_machine(save(tmp_path, text.format("left_"))).coordinates == ("left_a_j",)
-    with pytest.raises(InputError, match=r"'left:a' has a colon in its name.*prefix"):
-        load_machine(save(tmp_path, text.format("left:")))
+    machine = load_machine(save(tmp_path, text.format("left:")))
+    assert machine.layout.bodies == ("left:a",)
+    assert machine.layout.parse("left:a:+tx") == Dof("left:a", "+tx")
