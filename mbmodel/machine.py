@@ -211,7 +211,7 @@ class Machine:
         """Return the slide or hinge on which a motor acts most, and its force per unit of control.
 
         Args:
-            motor: name of the motor.
+            motor: of the machine, by name.
 
         Returns:
             None for a motor that acts on none.

@@ -58,7 +58,7 @@ def load_machine(
             left out instead of refused.
         follow: whether the equilibrium follows the parameters wherever it depends on them; else
             only where that changes T or K noticeably.
-        reading: what the user wants of the file; None for that of ``read_as``.
+        reading: as for ``compile_with_remarks``.
 
     Raises:
         InputError: what cannot be read or linearised, with the element and a remedy.

@@ -228,7 +228,7 @@ def read_model(
         key: name of the keyframe that gives the pose and the controls, empty for none; by default
             the keyframe ``home`` if there is one, else none.
         without: what is left out of the file: ``contact``, ``friction``, ``limits``.
-        soft_equalities: whether equality constraints give way as MuJoCo's do; else they are rigid.
+        soft_equalities: whether equality constraints are soft as in MuJoCo, instead of rigid.
 
     Raises:
         InputError: the file cannot be read or the machine cannot be linearised.

@@ -56,7 +56,7 @@ def read_closure(model: mujoco.MjModel, data: mujoco.MjData, position: Real) -> 
     """Return the equality constraints at a pose.
 
     Args:
-        position: joint positions [m, rad]; (nq,).
+        position: joint positions of the pose; (nq,).
     """
     probe, flags = copy.copy(data), model.opt.disableflags
     probe.qpos[:] = position
@@ -97,7 +97,7 @@ def soft_remarks(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, ...]:
     """Return how equality constraints that are left to MuJoCo give way.
 
     Args:
-        data: after ``compute_forces`` at rest.
+        data: state at rest, with its forces.
     """
     sentences = []
     numbers = data.efc_id[: data.ne]

@@ -52,7 +52,7 @@ class Chains:
     """The closed chains of a machine at a pose.
 
     Args:
-        model: the compiled model.
+        model: compiled model whose constraints close them.
         data: at the pose.
         kept: numbers of the joint coordinates that are the machine's; (n,).
         following: those that follow from them, as many as C has rank.
@@ -235,7 +235,7 @@ def find_chains(model: mujoco.MjModel, data: mujoco.MjData) -> Chains | None:
     count. The rank is that of the singular values.
 
     Args:
-        data: after ``compute_forces`` at the pose.
+        data: state at the pose, with its forces.
     """
     if not has_rigid_chains(model):
         return None

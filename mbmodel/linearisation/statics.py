@@ -43,7 +43,7 @@ class Statics:
         stages: MJCF body number of each stage.
         frames: axes of the stages at rest, in columns, in world axes; (n_stage, 3, 3).
         centres: centres of mass in these axes, from the origin of the MJCF body [m]; (n_stage, 3).
-        chains: closed chains at rest; None without any.
+        chains: those at the nominal rest that are closed; None without any.
     """
 
     model: mujoco.MjModel
@@ -64,8 +64,8 @@ class Statics:
         """Return the pose at a step along a direction; chains stay closed; (nq,).
 
         Args:
-            model: as ``with_edits`` returns it.
-            pose: joint positions [m, rad]; (nq,).
+            model: changed copy of the compiled model.
+            pose: joint positions from which it goes; (nq,).
             direction: of the machine's coordinates [m, rad]; (n_coordinate,).
             step: multiple of the direction.
         """
@@ -82,7 +82,7 @@ class Statics:
         """Return the closed chains at a pose, closed in place; None without any.
 
         Args:
-            model: as ``with_edits`` returns it.
+            model: as for ``move``.
             data: near a pose at which they close.
 
         Raises:
