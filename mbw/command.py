@@ -52,6 +52,7 @@ VERBS = {
     "predict": Verb("mbw.predict.options", "Print a model's modes, FRFs and state space."),
     "view": Verb("mbw.view.options", "Show a machine in MuJoCo's viewer, or in a picture."),
     "open": Verb("mbw.open.options", "Open the workbench: a live page of model and test."),
+    "live": Verb("mbw.live.options", "Judge the hits of a running test, and plan the next one."),
     "simulate": Verb(
         "mbw.simulate.options", "Make a virtual hammer test, or play a signal, in time."
     ),
