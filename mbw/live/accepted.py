@@ -1,5 +1,6 @@
 """Campaign of the accepted hits, which every verb reads: one block for each of them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,6 @@ import numpy as np
 from identification.readers.array_records import write_array_records
 from identification.words import HitEstimate, Records
 from mbw.live.test import LiveTest, Place, Sheet
-from tuning import write_atomically
 from tuning.files.states_campaign import write_campaign_with_tests
 
 # What the records that are written have in SI, or what has been done with them.
@@ -17,31 +17,26 @@ _SETTLED = {"file", "unit", "columns", "averages", "time_sign", "references", "c
 _BLOCKS = {"block_s", "pretrigger_s"}
 
 
-def write_accepted(test: LiveTest, sheet: Sheet, folder: Path, places: list[Place]) -> Path:
+def write_accepted(
+    test: LiveTest, sheet: Sheet, places: Sequence[Place], staging: Path, folder: Path
+) -> None:
     """Write the accepted hits of some places as a campaign.
 
     Args:
         test: with campaign.toml, which states all else.
         sheet: hits, as they are judged.
-        folder: where the files go; it is made if it is missing.
         places: those whose hits are written.
-
-    Returns:
-        The folder.
-
-    Raises:
-        InputError: the folder cannot be written.
+        staging: existing folder into which the files are written.
+        folder: where they are in the end.
     """
-    with write_atomically(folder) as staging:
-        blocks = []
-        for number, place in enumerate(places, start=1):
-            records = cut_accepted(sheet.records[place], sheet.estimates[place])
-            name = f"hits_{number:02}.npz"
-            write_array_records(staging / name, [records])
-            stated = test.settings.test[place[0]].model_dump(exclude_unset=True, exclude=_SETTLED)
-            blocks.append(_describe(stated, name, records))
-        write_campaign_with_tests(test.source, blocks, staging, folder)
-    return folder
+    blocks = []
+    for number, place in enumerate(places, start=1):
+        records = cut_accepted(sheet.records[place], sheet.estimates[place])
+        name = f"hits_{number:02}.npz"
+        write_array_records(staging / name, [records])
+        stated = test.settings.test[place[0]].model_dump(exclude_unset=True, exclude=_SETTLED)
+        blocks.append(_describe(stated, name, records))
+    write_campaign_with_tests(test.source, blocks, staging, folder)
 
 
 def cut_accepted(records: Records, estimate: HitEstimate) -> Records:

@@ -14,7 +14,7 @@ from diagnosis.next_test.provisional import find_provisionally
 from identification.words import Dof, WorkbenchError
 from mbw.live.accepted import write_accepted
 from mbw.live.test import LiveTest, Place, Sheet
-from tuning import open_session
+from tuning import open_session, write_atomically
 
 _NICE = 10  # hits are judged meanwhile
 
@@ -119,7 +119,8 @@ class FindingsWorker:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, get_context("spawn"), initializer=_lower_priority)
         self._asked, self._since = keys, time.monotonic()
-        write_accepted(test, sheet, self.folder, places)
+        with write_atomically(self.folder) as staging:
+            write_accepted(test, sheet, places, staging, self.folder)
         planned = [place[1] for place in sheet.places if place not in places]
         dofs = [dof for dof in planned if isinstance(dof, Dof)]
         self._running = self._pool.submit(compute_findings, self.folder, places, len(keys), dofs)

@@ -128,17 +128,21 @@ class LiveSession:
             self._changed.wait_for(lambda: self.version != version, timeout_s)
             return self.version
 
-    def write_accepted(self, folder: Path) -> Path:
+    def write_accepted(self, staging: Path, folder: Path) -> None:
         """Write a campaign of the accepted hits.
 
+        Args:
+            staging: existing folder into which the files are written.
+            folder: where they are in the end.
+
         Raises:
-            InputError: no hit is accepted, or the folder cannot be written.
+            InputError: no hit is accepted yet.
         """
         with self._changed:
             places = [place for place in self.sheet.places if place in self.sheet.estimates]
             if not places:
                 raise InputError("no hit is accepted yet: hit first")
-            return write_accepted(self.test, self.sheet, folder, places)
+            write_accepted(self.test, self.sheet, places, staging, folder)
 
     def close(self) -> None:
         """End the process of the findings."""

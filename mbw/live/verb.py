@@ -45,7 +45,7 @@ def run_options(
         outputs = ResultOptions(out, overwrite=overwrite)
         with outputs.open("live", session.test.source, "accepted", ["campaign.toml"]) as output:
             with output.write() as place:
-                session.write_accepted(place)
+                session.write_accepted(place, output.path)
             SCREEN.say(f"accepted hits are in {output.path}: mbw diagnose {output.path}")
     if json is not None:
         write_json(LiveSummary.of(session).model_dump_json(indent=1), json)
