@@ -31,7 +31,7 @@ _MAX_EQUAL_ERROR = 0.3  # of two hits at one place: scatter of the aim gives a t
 _MAX_ERROR_RATIO = 0.7  # of the best other place over the stated one, for a wrong place
 _MAX_MEASURED_ERROR = 0.15  # from the hits at another place, for a hit that was made there
 _MIN_CHANNEL_SHARE = 0.1  # of the largest expected motion: less may be transverse, or noise
-_MIN_AGREEMENT = 0.6  # median correlation over channels: with less, nothing is said of one channel
+_MIN_AGREEMENT = 0.85  # median correlation over channels: with less, nothing is said of one channel
 _MIN_FAULT_CORRELATION = 0.6  # with the expected motion, below which a channel is turned
 _MIN_ERROR_RATIO = 3.0  # of two exchanged channels over the median channel
 _MAX_EXCHANGED_ERROR = 0.5  # of their error as stated
@@ -121,28 +121,33 @@ def compared_hits(blocks: Blocks, window: CompareWindow) -> list[ComparedHit]:
 
 
 def find_other_place(
-    hit: ComparedHit, stated: Dof, model: Places, others: Sequence[Complex], measured: Places
+    hits: tuple[ComparedHit, ComparedHit],
+    stated: Dof,
+    model: Places,
+    others: Sequence[Complex],
+    measured: Places,
 ) -> Dof | None:
     """Return the place and direction that explains a hit better than the stated one, or None.
 
     Args:
-        hit: spectra of the hit.
+        hits: spectra of the hit with the window of the model, and with that of other hits.
         stated: where it was said to be.
         model: FRFs of the model for each place and direction that may have been hit; may be empty.
         others: FRFs of other hits at the stated place.
         measured: FRFs of hits elsewhere.
     """
-    equal = [hit.error(frf) < _MAX_EQUAL_ERROR for frf in others]
+    hit, beside_others = hits
+    equal = [beside_others.error(frf) < _MAX_EQUAL_ERROR for frf in others]
     if len(equal) > 1 and sum(equal) > len(equal) / 2:
         return None
     errors = _errors_of_places(hit, model)
-    own = min([errors.get(stated, 1.0), *(hit.error(frf) for frf in others)])
+    own = min([errors.get(stated, 1.0), *(beside_others.error(frf) for frf in others)])
     errors.pop(stated, None)
     if stated in model and model[stated].any() and errors:
         best = min(errors, key=lambda dof: errors[dof])
         if errors[best] < _MAX_ERROR_RATIO * own:
             return best
-    elsewhere = _errors_of_places(hit, measured)
+    elsewhere = _errors_of_places(beside_others, measured)
     elsewhere.pop(stated, None)
     nearest = min(elsewhere, key=lambda dof: elsewhere[dof], default=None)
     if nearest is None or elsewhere[nearest] > _MAX_MEASURED_ERROR:

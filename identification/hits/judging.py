@@ -36,8 +36,9 @@ from identification.hits.settings import HitSettings
 from identification.words import Dof, Output, Real, Records
 
 # Time constants of comparisons over the median pulse width: the springs of a nominal model are
-# uncertain by factors and hardly act within half a pulse; those of a tuned one are known.
-_NOMINAL_TAU_WIDTHS, _TUNED_TAU_WIDTHS = 0.5, 2.0
+# uncertain by factors and hardly act within half a pulse. Those of a tuned one are known, and so
+# short a window has few samples, in which two hits differ by when they began between two of them.
+_NOMINAL_TAU_WIDTHS, _USUAL_TAU_WIDTHS = 0.5, 2.0
 _MIN_PLANNED_PEAK_HITS = 3  # with fewer hits, they are weak against the planned peak
 
 PredictPlaces = Callable[[CompareWindow, tuple[Output, ...]], Places]
@@ -111,8 +112,9 @@ def judge_hits(
     cut = [cut_blocks(each, hits, plan) for each, hits in zip(records, blows, strict=True)]
     rate = records[0].rate_hz
     width = float(np.median([blow.main.width for hits in blows for blow in hits])) / rate
-    window = CompareWindow(width * (_TUNED_TAU_WIDTHS if is_tuned else _NOMINAL_TAU_WIDTHS), rate)
-    series = [_Series.of(blocks, window, predict) for blocks, _ in cut]
+    of_hits = CompareWindow(width * _USUAL_TAU_WIDTHS, rate)
+    of_model = of_hits if is_tuned else CompareWindow(width * _NOMINAL_TAU_WIDTHS, rate)
+    series = [_Series.of(blocks, (of_model, of_hits), predict) for blocks, _ in cut]
     common = _find_common_faults(series)
     quiet: dict[tuple[Output, ...], Real] = {}
     for each in series:
@@ -172,23 +174,31 @@ class _Series:
 
     Args:
         blocks: all of its blocks.
-        hits: their spectra.
+        for_model: their spectra with the window of the model.
+        hits: their spectra with the window of other hits.
         model: FRFs of the model for all places; empty without one.
         by_model: channels of each hit beside those of the model; empty without one.
         quiet: rms of the channels before each hit; (n_hit, n_out).
     """
 
     blocks: Blocks
+    for_model: list[ComparedHit]
     hits: list[ComparedHit]
     model: Places
     by_model: list[ChannelComparison]
     quiet: Real
 
     @classmethod
-    def of(cls, blocks: Blocks, window: CompareWindow, predict: PredictPlaces | None) -> "_Series":
+    def of(
+        cls,
+        blocks: Blocks,
+        windows: tuple[CompareWindow, CompareWindow],
+        predict: PredictPlaces | None,
+    ) -> "_Series":
         """Compare the hits of one reference with a model."""
-        hits, reference = compared_hits(blocks, window), blocks.records.reference
-        model: Places = {} if predict is None else predict(window, blocks.records.outputs)
+        for_model, hits = (compared_hits(blocks, window) for window in windows)
+        reference = blocks.records.reference
+        model: Places = {} if predict is None else predict(windows[0], blocks.records.outputs)
         compared: list[ChannelComparison] = []
         if isinstance(reference, Dof):
             sign = reference.sign
@@ -198,8 +208,8 @@ class _Series:
                 for dof, frf in model.items()
             }
             if reference in model:
-                compared = [ChannelComparison(hit, model[reference]) for hit in hits]
-        return cls(blocks, hits, model, compared, quiet_levels(blocks))
+                compared = [ChannelComparison(hit, model[reference]) for hit in for_model]
+        return cls(blocks, for_model, hits, model, compared, quiet_levels(blocks))
 
     def _rows(self, blocks: Blocks) -> list[int]:
         """Return the places of some blocks among all."""
@@ -215,11 +225,11 @@ class _Series:
         stated = self.blocks.records.reference
         if not isinstance(stated, Dof):
             return [None] * len(blocks.blows)
-        hits = self.select(blocks)
+        hits = [(self.for_model[row], self.hits[row]) for row in self._rows(blocks)]
         alone = [find_other_place(hit, stated, self.model, (), {}) is None for hit in hits]
         reasons: Reasons = []
         for number, hit in enumerate(hits):
-            others = [each.frf for k, each in enumerate(hits) if alone[k] and k != number]
+            others = [each.frf for k, (_, each) in enumerate(hits) if alone[k] and k != number]
             place = find_other_place(hit, stated, self.model, others, elsewhere)
             reasons.append(
                 None if place is None else f"looks like a hit at {place}, not at {stated}"

@@ -13,11 +13,12 @@ KINDS = (
     *("turned channel", "swapped channels", "loose cable"),
 )
 _WEAK_SHARE = (0.03, 0.15)  # of the planned peak
-_OVERLOAD_SHARE = (0.1, 0.3)  # of its largest motion, at which a channel is clipped
+_OVERLOAD_SHARE = (3.0, 6.0)  # of the planned peak
+_RANGE_OF_USUAL = 1.3  # range of the channels over the largest motion of a usual hit
 _LOOSE_NOISE_SHARE = 0.1  # of the channel's largest motion: rms of a cable that crackles
 _DEAD_GAIN = 1e-3  # of a cable that carries nothing but crosstalk
 # Kinds that act on channels, and on how many.
-_CHANNELS = {"overload": 1, "turned channel": 1, "swapped channels": 2, "loose cable": 1}
+_CHANNELS = {"overload": 0, "turned channel": 1, "swapped channels": 2, "loose cable": 1}
 _MIN_MOTION_SHARE = 0.1  # of the largest channel: faults of others would not show
 
 
@@ -29,7 +30,7 @@ class BadHit:
         kind: one of ``KINDS``.
         struck: where the hammer hit; the planned place and direction for most kinds.
         channels: numbers of the channels that are wrong.
-        share: size of the fault as a share; 0 where it has none.
+        share: peak force over the planned one, where it differs; else 0.
         is_dead: whether a loose cable carries nothing, in place of crackling.
     """
 
@@ -79,7 +80,7 @@ def _draw(reference: Dof, planned: Sequence[Dof], random: np.random.Generator) -
 
 
 def spoil_hits(hits: Hits, bad: Sequence[BadHit | None], random: np.random.Generator) -> Hits:
-    """Return hits with the weak and the double ones among them.
+    """Return hits with the weak, too strong and double ones among them.
 
     Args:
         hits: good hits; n_hit.
@@ -87,7 +88,7 @@ def spoil_hits(hits: Hits, bad: Sequence[BadHit | None], random: np.random.Gener
         random: source of the draws.
     """
     kinds = np.array(["" if each is None else each.kind for each in bad])
-    shares = np.array([1.0 if each is None or each.kind != "weak" else each.share for each in bad])
+    shares = np.array([each.share if each is not None and each.share else 1.0 for each in bad])
     peaks, onsets = hits.peaks * shares[:, None], hits.onsets.copy()
     is_double = kinds == "double"
     heights, delays = draw_bounces(len(bad), random)
@@ -117,9 +118,9 @@ def spoil_channels(
             raise UsageError("a test of one channel has none to exchange: give more channels")
         chosen = random.permutation(shown)[: _CHANNELS[fault.kind]]
         if fault.kind == "overload":
-            chosen = np.array([np.argmax(largest)])
-            limit = fault.share * largest[chosen]
-            record[chosen] = np.clip(record[chosen], -limit, limit)
+            limit = _RANGE_OF_USUAL / fault.share * largest.max()
+            chosen = np.flatnonzero(largest > limit)
+            record[:] = np.clip(record, -limit, limit)
         elif fault.kind == "turned channel":
             record[chosen] *= -1
         elif fault.kind == "swapped channels":
