@@ -69,7 +69,7 @@ class CompareWindow:
     @property
     def freq_hz(self) -> Real:
         """Frequencies above 0 Hz that anti-aliasing filters leave [Hz]; (n_freq,)."""
-        lines: Real = np.fft.rfftfreq(self.samples, 1 / self.rate_hz)
+        lines = np.fft.rfftfreq(self.samples, 1 / self.rate_hz).astype(np.float64)
         return lines[(lines > 0) & (lines <= _USABLE_RATE_SHARE * self.rate_hz)]
 
 
@@ -208,7 +208,9 @@ class ChannelComparison:
         size = np.add.outer(self._wanted[shown] ** 2, self._wanted[shown] ** 2)
         is_odd = pairs > _MIN_ERROR_RATIO**2 * typical * size
         is_pair = is_odd & (among + among.T < _MAX_EXCHANGED_ERROR**2 * pairs)
-        for first, second in zip(*(shown[rows].tolist() for rows in np.nonzero(is_pair)), strict=True):
+        for first, second in zip(
+            *(shown[rows].tolist() for rows in np.nonzero(is_pair)), strict=True
+        ):
             if first < second and not {(TURNED, (first,)), (TURNED, (second,))} & faults:
                 faults.add((EXCHANGED, (first, second)))
         return faults

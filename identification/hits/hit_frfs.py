@@ -125,9 +125,7 @@ def _select_hits(
     blocks = blocks.keep(np.array([b.number not in settings.left_out for b in blocks.blows], bool))
     blocks, faults = leave_out_dying_channels(blocks)
     if settings.reject and blocks.blows:
-        blocks, rejected = reject_hits(
-            blocks, lambda chosen: hit_spectra(chosen, settings)
-        )
+        blocks, rejected = reject_hits(blocks, lambda chosen: hit_spectra(chosen, settings))
         left_out += rejected
     if not blocks.blows:
         raise InputError(

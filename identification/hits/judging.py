@@ -3,8 +3,9 @@
 Hits are judged together whenever one has come, so that a later hit can clear or convict an earlier
 one. The checks are those of every test (``rejection``), with three more between them: a hit far
 weaker than planned, another place or direction, and channels (``comparison``). A fault of a channel
-counts against a hit if most comparisons show it, with the model and with each other hit there. What
-the model shows in most hits of the test is no fault of a hit but of model or sensor: it is a remark.
+counts against a hit if most comparisons show it, with the model and with each other hit there.
+What the model shows in most hits of the test is no fault of a hit but of model or sensor, and
+becomes a remark.
 """
 
 from collections import Counter
@@ -17,8 +18,8 @@ import numpy as np
 from identification.hits.blocks import Blocks, cut_blocks, plan_blocks
 from identification.hits.comparison import (
     LOOSE,
-    ComparedHit,
     ChannelComparison,
+    ComparedHit,
     CompareWindow,
     Fault,
     Places,
@@ -134,15 +135,15 @@ def judge_hits(
             partial(each.find_channel_faults, common=common, usual=usual),
             partial(each.find_places, elsewhere=elsewhere),
         ]
-        kept = blocks
+        kept, refused = blocks, left_out
         if test.settings.reject and blocks.blows:
             spectra = partial(hit_spectra, settings=test.settings)
             kept, rejected = reject_hits(blocks, spectra, checks)
-            left_out = (*left_out, *rejected)
-        reasons = {rejection.hit: rejection.reason for rejection in left_out}
+            refused = (*left_out, *rejected)
+        reasons = {rejection.hit: rejection.reason for rejection in refused}
         judged.append(tuple(_judged(blow, reasons.get(blow.number), rate) for blow in hits))
-        if kept.blows:
-            dof = test.records.reference
+        dof = test.records.reference
+        if kept.blows and isinstance(dof, Dof):
             measured.setdefault(dof, []).extend(each.select(kept))
     remarks = [
         f"{describe_fault(fault, outputs)} in most hits: a sensor, or what the model lacks"
@@ -249,7 +250,9 @@ class _Series:
         rows, outputs = self._rows(blocks), self.blocks.records.outputs
         reasons: Reasons = []
         for row in rows:
-            compared = [ChannelComparison(self.hits[row], self.hits[k].frf) for k in rows if k != row]
+            compared = [
+                ChannelComparison(self.hits[row], self.hits[k].frf) for k in rows if k != row
+            ]
             compared += self.by_model[row : row + 1]
             candidates = {fault for each in compared for fault in each.find_faults()}
             faults = [

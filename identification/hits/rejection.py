@@ -97,7 +97,8 @@ def _clipped_samples(values: Real) -> Mask:
     unclipped crest of height A, in contrast, stays within k steps q of its top for a phase of
     2 sqrt(2 k q / A): the next ten values together are 2.3 times as frequent as the largest. The
     step is the smallest difference of two values, and at least that of a text file with six
-    digits. Limits of equal size on both sides count together. Clipping before a digital filter leaves no equal samples and is not detected.
+    digits. Limits of equal size on both sides count together. Clipping before a digital filter
+    leaves no equal samples and is not detected.
 
     Args:
         values: samples of one channel; (n_hit, n_sample).

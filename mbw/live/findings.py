@@ -1,4 +1,4 @@
-"""Provisional findings about the accepted hits, computed in a process of its own at low priority."""
+"""Provisional findings about the accepted hits, computed in another process at low priority."""
 
 import os
 import signal
@@ -48,8 +48,8 @@ class Findings:
     Args:
         places: places and directions whose hits they are about.
         hits: number of these hits.
-        error: relative error of the tuned model.
-        excess: error over noise.
+        error: relative error of the tuned model; None if no channel is clear of its noise.
+        excess: error over noise; None without noise.
         is_gap_visible: whether more than noise remains.
         causes: the most promising effects, the best first.
         next_hits: labels of planned places, the most informative first.
@@ -59,8 +59,8 @@ class Findings:
 
     places: tuple[Place, ...]
     hits: int
-    error: float
-    excess: float
+    error: float | None
+    excess: float | None
     is_gap_visible: bool
     causes: tuple[FoundCause, ...]
     next_hits: tuple[str, ...]
@@ -84,8 +84,8 @@ def compute_findings(
     return Findings(
         tuple(places),
         hits,
-        float(found.gap.error),
-        float(found.gap.excess),
+        found.gap.error,
+        found.gap.excess,
         found.is_gap_visible,
         tuple(
             FoundCause(cause.effect, cause.location, cause.dof or "", cause.gain)

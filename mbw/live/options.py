@@ -15,9 +15,7 @@ app = typer.Typer(rich_markup_mode=None, add_completion=False)
 def live(
     folder: Annotated[
         Path,
-        typer.Argument(
-            help="Folder with campaign.toml, into which the records of the hits come."
-        ),
+        typer.Argument(help="Folder with campaign.toml, into which the records of the hits come."),
     ],
     *,
     idle: Annotated[

@@ -16,6 +16,7 @@ from mbw.live.accepted import write_accepted
 from mbw.live.advice import Advice, advise
 from mbw.live.findings import Findings, FindingsWorker
 from mbw.live.model import HitPredictor
+from mbw.live.refits import FullRefits
 from mbw.live.test import HitRow, LiveTest, Sheet
 from mbw.live.watcher import FolderWatch
 from mbw.workbench.state_log import state_folder
@@ -47,11 +48,12 @@ class LiveSession:
         self._changed = threading.Condition(threading.RLock())
         self._watch = FolderWatch(self.test.source.parent, self.test.patterns, self.test.read)
         self._worker = FindingsWorker(self.folder / ACCEPTED)
+        self._refits = FullRefits(self.folder, self.say)
         self.sheet: Sheet = self.test.judge()
         self.advice: Advice = advise(self.sheet, [])
         self.version = 0
         self.last_change = time.monotonic()
-        self._judged: dict[str, str | None] = {}
+        self._judged: dict[str, tuple[bool, str | None]] = {}
         for row in _read_log(self.folder / LOG):
             if row.get("decision", "") is None:
                 self.test.decisions.pop(row["hit"], None)
@@ -77,7 +79,8 @@ class LiveSession:
             say(remark)
         test = LiveTest(source, settings, machine.layout)
         stated = [entry.quantity for entry in settings.test if entry.quantity]
-        predictor = HitPredictor(machine, tuple(test.planned), *stated[:1])
+        quantity = stated[0] if stated else "accelerance"
+        predictor = HitPredictor(machine, tuple(test.planned), quantity)
         return cls(test, predictor, state_folder(source) / "live", say)
 
     def step(self) -> None:
@@ -101,6 +104,8 @@ class LiveSession:
             if changes.read or changes.gone or found is not None:
                 self._judge()
             self._worker.ask(self.test, self.sheet)
+            if self.advice.stop and self.findings:
+                self._refits.ask(self.test, self.sheet)
 
     def decide(self, key: str, decision: bool | None) -> None:
         """Take a refused hit back, withdraw an accepted one, or leave it to the judgement.
@@ -145,8 +150,9 @@ class LiveSession:
             write_accepted(self.test, self.sheet, places, staging, folder)
 
     def close(self) -> None:
-        """End the process of the findings."""
+        """End the processes of findings and refits."""
         self._worker.close()
+        self._refits.close()
 
     def _judge(self) -> None:
         """Judge all hits, tell what is new of them, and what to do next."""
@@ -158,11 +164,11 @@ class LiveSession:
             self.say(str(error))
             return
         before, self.advice = self.advice, advise(self.sheet, self.findings)
-        judged = {hit.key: None if hit.is_accepted else (hit.reason or "") for hit in self.sheet.hits}
         for hit in self.sheet.hits:
-            if hit.key not in self._judged or self._judged[hit.key] != judged[hit.key]:
-                self._tell_hit(hit, is_new=hit.key not in self._judged)
-        self._judged = judged
+            judged, is_new = (hit.is_accepted, hit.reason), hit.key not in self._judged
+            if is_new or self._judged[hit.key] != judged:
+                self._tell_hit(hit, is_new=is_new)
+            self._judged[hit.key] = judged
         if self.advice != before:
             self.say(self.describe_advice())
         self.version += 1
@@ -209,10 +215,11 @@ def describe_findings(found: Findings, now: float) -> str:
         now: time [s].
     """
     age = f"{found.hits} hits, {max(now - found.since, 0.0):.0f} s old"
+    excess = "" if found.excess is None else f", excess {found.excess:.3g}"
     if not found.is_gap_visible:
-        return f"provisional ({age}): the tuned model explains them, excess {found.excess:.3g}"
+        return f"provisional ({age}): the tuned model explains them{excess}"
     causes = ", ".join(f"{cause.site} {cause.gain:.3g} nats" for cause in found.causes[:3])
-    return f"provisional ({age}): excess {found.excess:.3g}; {causes or 'no effect explains it'}"
+    return f"provisional ({age}{excess}): {causes or 'no effect explains the gap'}"
 
 
 def _read_log(path: Path) -> list[dict[str, Any]]:

@@ -16,7 +16,7 @@ from identification.hits import estimate_hit_frfs
 from identification.hits.judging import HitsToJudge, JudgedHit, PredictPlaces, judge_hits
 from identification.readers.campaign_toml import CampaignSettings, TestSettings
 from identification.record_tests import hit_settings, read_records
-from identification.words import Dof, HitEstimate, InputError, Layout, Port, Records, WorkbenchError
+from identification.words import HitEstimate, InputError, Layout, Port, Records, WorkbenchError
 
 MIN_HITS = 3  # at each place and direction: with fewer, no outlier is told from the others
 _MIN_LENGTH_SHARE = 0.5  # of the median record: shorter ones are cut off
@@ -159,14 +159,12 @@ class LiveTest:
             if any(hit.is_accepted for hit in rows[place])
         ]
         estimates, failures = _estimate(chosen)
+        sheet_hits = [hit for of_place in rows.values() for hit in of_place]
         order = {path.name: number for number, path in enumerate(self._files)}
-        hits = sorted(
-            (hit for of_place in rows.values() for hit in of_place),
-            key=lambda hit: order[hit.key.partition("#")[0]],
-        )
+        sheet_hits.sort(key=lambda hit: order[hit.key.partition("#")[0]])
         joined = {place: records for place, (records, _) in series.items()}
         remarks = [*remarks, *judgement.remarks, *failures]
-        return Sheet(places, tuple(hits), estimates, joined, tuple(dict.fromkeys(remarks)))
+        return Sheet(places, tuple(sheet_hits), estimates, joined, tuple(dict.fromkeys(remarks)))
 
     def _to_judge(self, number: int, records: Records) -> HitsToJudge:
         entry = self.settings.test[number]

@@ -5,7 +5,7 @@ import threading
 import time
 from pathlib import Path
 
-from identification.words import InputError, WorkbenchError
+from identification.words import WorkbenchError
 from mbw.files import check_json_target, write_json
 from mbw.live.session import LiveSession
 from mbw.live.summary import LiveSummary

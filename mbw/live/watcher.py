@@ -1,8 +1,8 @@
 """Files of a folder that appear or change while a test runs, found by polling.
 
 Network folders send no events, and clocks of two computers differ. So a file counts when its size
-and time of change have stayed for half a second of this computer's clock, and it can be read. A file
-that cannot be read may be half written: it is tried again until it can be.
+and time of change have stayed for half a second of this computer's clock, and it can be read. A
+file that cannot be read may be half written: it is tried again until it can be.
 """
 
 import time

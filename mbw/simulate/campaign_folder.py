@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.readers.array_records import write_array_records
 from identification.readers.result_files import FORMAT
-from identification.words import Dof, Tolerance
+from identification.words import Dof, Port, Tolerance
 from mbmodel import NonlinearJoint, RecordedFile, VirtualTest
 from mbmodel.virtual_test.bad_hits import BadHit
 from mbw.simulate.hammer_plan import PlannedTest
@@ -44,7 +44,7 @@ def write_campaign(
         laws: effect and law of each joint that was made nonlinear.
         by_hit: whether a file will hold one hit; ``write_hits`` then writes the records.
     """
-    files = planned.plan.files
+    files: Sequence[RecordedFile] = planned.plan.files
     if by_hit:
         files = [
             replace(file, file=name_hits(file, reference, "*"), references=(reference,))
@@ -64,7 +64,7 @@ def write_campaign(
     (place / ANSWER).write_text(_answer(planned, test, seed, laws), encoding="utf-8")
 
 
-def name_hits(file: RecordedFile, reference: Dof, number: str) -> str:
+def name_hits(file: RecordedFile, reference: Port, number: str) -> str:
     """Return the name of the file of one hit, or the pattern of all along a reference.
 
     Args:

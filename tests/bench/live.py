@@ -6,7 +6,7 @@ In three tests of ten nothing else is missing; in the others an added mass, an a
 to the ground is. Eight places are planned with ten hits each, and a tenth of all hits is bad in one
 of eight ways. Whoever hits follows the advice and goes on when a place has three accepted hits.
 
-Every fifth test runs to its stop, with findings after each place. Its diagnosis, and one of all
+Every tenth test runs to its stop, with findings after each place. Its diagnosis, and one of all
 good hits that were planned, are compared. The others have four places and four hits at each, with
 the nominal model. Seeds 91000 and up; cases that are done are kept.
 """
@@ -47,7 +47,7 @@ from tests.bench.kept import cases
 from tests.helpers.small_machine import MJCF
 from tuning import open_session
 
-CASES, TO_THE_STOP, SEED = 100, 5, 91_000
+CASES, TO_THE_STOP, SEED = 100, 10, 91_000
 HITS, SHORT_HITS, LEVEL_N, BAD_SHARE = 10, 4, 200.0, 0.1
 RATE_HZ, BLOCK_S, SCATTER_NEPERS = 512.0, 1.0, 0.4
 SHORT_PLACES = 4
