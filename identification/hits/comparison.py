@@ -39,7 +39,7 @@ _MAX_DEAD_SHARE = 0.1  # of the expected motion
 _NOISE_CHANGE = 10.0  # of the rms before the hit over the channel's usual one, for a loose cable
 _MIN_USUAL_HITS = 3  # for that usual one
 _MIN_NOISE_SHARE = 0.005  # of the largest motion of the hit: less noise spoils no FRF
-_MIN_QUIET_SAMPLES = 16  # before a hit, for that rms
+_MIN_QUIET_SAMPLES = 8  # before a hit, for that rms
 _RINGING_WIDTHS = 4  # pulse widths before a hit that are left out
 
 DEAD = "seems dead: look at its cable"
@@ -207,12 +207,16 @@ class ChannelComparison:
         pairs = np.add.outer(stated, stated)
         size = np.add.outer(self._wanted[shown] ** 2, self._wanted[shown] ** 2)
         is_odd = pairs > _MIN_ERROR_RATIO**2 * typical * size
-        is_pair = is_odd & (among + among.T < _MAX_EXCHANGED_ERROR**2 * pairs)
-        for first, second in zip(
-            *(shown[rows].tolist() for rows in np.nonzero(is_pair)), strict=True
-        ):
-            if first < second and not {(TURNED, (first,)), (TURNED, (second,))} & faults:
-                faults.add((EXCHANGED, (first, second)))
+        ratio = (among + among.T) / np.maximum(pairs, np.finfo(float).tiny)
+        used = {channel for _, (channel,) in faults}
+        for place in np.argsort(ratio, axis=None).tolist():  # the best explanation first
+            row, column = divmod(place, len(shown))
+            pair = int(shown[row]), int(shown[column])
+            if ratio[row, column] > _MAX_EXCHANGED_ERROR**2:
+                break
+            if row < column and is_odd[row, column] and not used & set(pair):
+                faults.add((EXCHANGED, pair))
+                used |= set(pair)
         return faults
 
     def leans_to(self, fault: Fault) -> bool:

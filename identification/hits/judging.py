@@ -132,8 +132,8 @@ def judge_hits(
         usual = quiet[test.records.outputs]
         checks = [
             partial(_find_weak, peak_n=test.peak_n),
-            partial(each.find_channel_faults, common=common, usual=usual),
             partial(each.find_places, elsewhere=elsewhere),
+            partial(each.find_channel_faults, common=common, usual=usual),
         ]
         kept, refused = blocks, left_out
         if test.settings.reject and blocks.blows:

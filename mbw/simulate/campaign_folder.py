@@ -61,7 +61,8 @@ def write_campaign(
     (place / CAMPAIGN).write_text(
         "\n".join([*blocks, _tolerance_table(planned.stated)]), encoding="utf-8"
     )
-    (place / ANSWER).write_text(_answer(planned, test, seed, laws), encoding="utf-8")
+    answer = _answer(planned, test, seed, laws, by_hit=by_hit)
+    (place / ANSWER).write_text(answer, encoding="utf-8")
 
 
 def name_hits(file: RecordedFile, reference: Port, number: str) -> str:
@@ -117,7 +118,7 @@ def _tolerance_table(tolerance: Tolerance) -> str:
     return "[tolerance]  # one standard deviation\n" + _rows(vars(tolerance))
 
 
-def _answer(planned: PlannedTest, test: VirtualTest, seed: int, laws: Laws) -> str:
+def _answer(planned: PlannedTest, test: VirtualTest, seed: int, laws: Laws, *, by_hit: bool) -> str:
     """Return the text of answer.toml."""
     effects = dict.fromkeys(effect for effect, _ in laws)
     parts = [f'{_ANSWER_HEAD}effect = "{" and ".join(effects) or "none"}"\nseed = {seed}\n']
@@ -133,26 +134,26 @@ def _answer(planned: PlannedTest, test: VirtualTest, seed: int, laws: Laws) -> s
     for site, sensor in instruments.sensors.items():
         parts.append(f"[sensor.{_quote(site)}]\n" + _rows(vars(sensor)))
     parts += [
-        "[[bad_hit]]\n" + _rows(_describe_bad_hit(file, reference, number, hit, test))
-        for (file, reference), hits in test.bad_hits.items()
-        for number, hit in enumerate(hits, start=1)
+        "[[bad_hit]]\n" + _rows(_describe_bad_hit(file, reference, number, hit, by_hit=by_hit))
+        for file in planned.plan.files
+        for reference in file.references
+        for number, hit in enumerate(test.bad_hits[file.file, reference], start=1)
         if hit is not None
     ]
     return "\n".join(parts)
 
 
 def _describe_bad_hit(
-    file: str, reference: Dof, number: int, hit: BadHit, test: VirtualTest
+    file: RecordedFile, reference: Port, number: int, hit: BadHit, *, by_hit: bool
 ) -> dict[str, Any]:
     """Return what is wrong with a hit, as answer.toml states it."""
-    outputs = test.records[file][0].outputs
     return {
-        "file": file,
+        "file": name_hits(file, reference, f"{number:03}") if by_hit else file.file,
         "reference": str(reference),
         "hit": number,
         "kind": hit.kind,
         "struck": str(hit.struck),
-        "channels": [str(outputs[k]) for k in hit.channels],
+        "channels": [str(file.outputs[k]) for k in hit.channels],
     }
 
 

@@ -197,7 +197,7 @@ def make_test(
         refuse_difference(copy.file, copy.difference)
     _say_page(outputs, output.path)
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
-        typer.echo(f"mbw identify {output.path}")
+        typer.echo(f"mbw {'live' if is_live else 'identify'} {output.path}")
     return summary
 
 
