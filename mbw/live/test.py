@@ -15,6 +15,7 @@ from identification.campaign_reader import name_sites
 from identification.hits import estimate_hit_frfs
 from identification.hits.judging import HitsToJudge, JudgedHit, PredictPlaces, judge_hits
 from identification.readers.campaign_toml import CampaignSettings, TestSettings
+from identification.readers.channel_labels import parse_references
 from identification.record_tests import hit_settings, read_records
 from identification.words import HitEstimate, InputError, Layout, Port, Records, WorkbenchError
 
@@ -101,9 +102,10 @@ class LiveTest:
         """Places and directions that campaign.toml names."""
         places = []
         for number, entry in enumerate(self.settings.test):
-            texts = tuple(self.layout.parse(text) for text in entry.references or [])
-            _, references = name_sites(self.layout, self.source, (), texts)
-            places += [(number, reference) for reference in references]
+            if entry.references:
+                stated = parse_references(self.source, entry.references)
+                _, references = name_sites(self.layout, self.source, (), stated)
+                places += [(number, reference) for reference in references]
         return places
 
     def read(self, path: Path) -> list[tuple[int, Records]]:

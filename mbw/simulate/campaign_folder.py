@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.readers.array_records import write_array_records
 from identification.readers.result_files import FORMAT
-from identification.words import Dof, Port, Tolerance
+from identification.words import Port, Tolerance
 from mbmodel import NonlinearJoint, RecordedFile, VirtualTest
 from mbmodel.virtual_test.bad_hits import BadHit
 from mbw.simulate.hammer_plan import PlannedTest

@@ -18,6 +18,7 @@ from tests.docs import (
     simulation_figures,
     truth_figures,
     tuning_figures,
+    live_figures,
     workbench_figures,
 )
 
@@ -32,4 +33,5 @@ FIGURES: Mapping[str, Callable[[], str]] = {
     **truth_figures.FIGURES,
     **simulation_figures.FIGURES,
     **workbench_figures.FIGURES,
+    **live_figures.FIGURES,
 }
