@@ -79,8 +79,6 @@ def find_provisionally(
     Args:
         session: accepted hits and nominal model.
         planned: places and directions that are still to be hit.
-        jobs: processes and threads.
-        settings: thresholds and sizes of the search.
 
     Raises:
         UsageError: the band holds too few lines.

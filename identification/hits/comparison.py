@@ -21,16 +21,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.hits.blocks import Blocks
+from identification.hits.outliers import MIN_EXCITATION
 from identification.hits.windows import exponential_windows, force_windows
 from identification.words import Complex, Dof, Mask, Output, Real
 
 _LENGTH_TAUS = 10  # length of the compared signals: the window has then fallen by exp(-10)
-_MIN_EXCITATION = 0.1  # of the largest force over lines: lines with less do not count
 _USABLE_RATE_SHARE = 0.4  # of the sampling rate: anti-aliasing filters act above
 _MAX_EQUAL_ERROR = 0.3  # of two hits at one place: scatter of the aim gives a tenth of it
 _MAX_ERROR_RATIO = 0.7  # of the best other place over the stated one, for a wrong place
 _MAX_MEASURED_ERROR = 0.15  # from the hits at another place, for a hit that was made there
-_MIN_CHANNEL_SHARE = 0.1  # of the largest expected motion: less may be transverse, or noise
+_MIN_MOVING_SHARE = 0.1  # of the largest expected motion: less may be transverse, or noise
 _MIN_AGREEMENT = 0.85  # median correlation over channels: with less, nothing is said of one channel
 _MIN_FAULT_CORRELATION = 0.6  # with the expected motion, below which a channel is turned
 _MIN_ERROR_RATIO = 3.0  # of two exchanged channels over the median channel
@@ -39,8 +39,8 @@ _MAX_DEAD_SHARE = 0.1  # of the expected motion
 _NOISE_CHANGE = 10.0  # of the rms before the hit over the channel's usual one, for a loose cable
 _MIN_USUAL_HITS = 3  # for that usual one
 _MIN_NOISE_SHARE = 0.005  # of the largest motion of the hit: less noise spoils no FRF
-_MIN_QUIET_SAMPLES = 8  # before a hit, for that rms
-_RINGING_WIDTHS = 4  # pulse widths before a hit that are left out
+_MIN_SAMPLES_BEFORE_HIT = 8  # before a hit, for that rms
+_FILTER_WIDTHS = 4  # pulse widths before a hit that are left out
 
 DEAD = "seems dead: look at its cable"
 TURNED, EXCHANGED = "reads with the opposite sign", "are exchanged"
@@ -94,7 +94,7 @@ class ComparedHit:
     def is_excited(self) -> Mask:
         """Lines with enough force; (n_freq,)."""
         size = np.abs(self.force)
-        return np.asarray(size >= _MIN_EXCITATION * size.max())
+        return np.asarray(size >= MIN_EXCITATION * size.max())
 
     def error(self, frf: Complex) -> float:
         """Return e of FRFs; (n_freq, n_out)."""
@@ -124,7 +124,7 @@ def find_other_place(
     hits: tuple[ComparedHit, ComparedHit],
     stated: Dof,
     model: Places,
-    others: Sequence[Complex],
+    companions: Sequence[Complex],
     measured: Places,
 ) -> Dof | None:
     """Return the place and direction that explains a hit better than the stated one, or None.
@@ -133,26 +133,26 @@ def find_other_place(
         hits: spectra of the hit with the window of the model, and with that of other hits.
         stated: where it was said to be.
         model: FRFs of the model for each place and direction that may have been hit; may be empty.
-        others: FRFs of other hits at the stated place.
+        companions: FRFs of other hits at the stated place.
         measured: FRFs of hits elsewhere.
     """
     hit, beside_others = hits
-    equal = [beside_others.error(frf) < _MAX_EQUAL_ERROR for frf in others]
+    equal = [beside_others.error(frf) < _MAX_EQUAL_ERROR for frf in companions]
     if len(equal) > 1 and sum(equal) > len(equal) / 2:
         return None
     errors = _errors_of_places(hit, model)
-    own = min([errors.get(stated, 1.0), *(beside_others.error(frf) for frf in others)])
+    stated_error = min([errors.get(stated, 1.0), *(beside_others.error(frf) for frf in companions)])
     errors.pop(stated, None)
     if stated in model and model[stated].any() and errors:
         best = min(errors, key=lambda dof: errors[dof])
-        if errors[best] < _MAX_ERROR_RATIO * own:
+        if errors[best] < _MAX_ERROR_RATIO * stated_error:
             return best
     elsewhere = _errors_of_places(beside_others, measured)
     elsewhere.pop(stated, None)
     nearest = min(elsewhere, key=lambda dof: elsewhere[dof], default=None)
     if nearest is None or elsewhere[nearest] > _MAX_MEASURED_ERROR:
         return None
-    return nearest if elsewhere[nearest] < _MAX_ERROR_RATIO**2 * own else None
+    return nearest if elsewhere[nearest] < _MAX_ERROR_RATIO**2 * stated_error else None
 
 
 def _errors_of_places(hit: ComparedHit, places: Places) -> dict[Dof, float]:
@@ -180,10 +180,10 @@ class ChannelComparison:
         self._cross: Real = (motion.T @ expected.conj()).real  # of motion k with expected l
         squares = self._sizes[:, None] ** 2 + self._wanted**2
         self._errors: Real = np.maximum(squares - 2 * self._cross, 0.0)
-        is_shown = self._wanted > _MIN_CHANNEL_SHARE * self._wanted.max(initial=0.0)
+        is_shown = self._wanted > _MIN_MOVING_SHARE * self._wanted.max(initial=0.0)
         self.channels = frozenset(np.flatnonzero(is_shown).tolist())
-        own = np.diag(self._correlations)[is_shown]
-        if not own.size or float(np.median(own)) < _MIN_AGREEMENT:
+        agreements = np.diag(self._correlations)[is_shown]
+        if not agreements.size or float(np.median(agreements)) < _MIN_AGREEMENT:
             self.channels = frozenset()
 
     @property
@@ -194,12 +194,12 @@ class ChannelComparison:
 
     def find_faults(self) -> set[Fault]:
         """Return turned, exchanged and dead channels."""
-        own, shown = np.diag(self._correlations), np.array(sorted(self.channels), np.intp)
+        agreements, shown = np.diag(self._correlations), np.array(sorted(self.channels), np.intp)
         if not shown.size:
             return set()
         is_dead = self._sizes < _MAX_DEAD_SHARE * self._wanted
         faults: set[Fault] = {(DEAD, (k,)) for k in shown[is_dead[shown]].tolist()}
-        turned = shown[(own[shown] < -_MIN_FAULT_CORRELATION) & ~is_dead[shown]]
+        turned = shown[(agreements[shown] < -_MIN_FAULT_CORRELATION) & ~is_dead[shown]]
         faults |= {(TURNED, (k,)) for k in turned.tolist()}
         stated = np.diag(self._errors)[shown]
         typical = float(np.median(stated / self._wanted[shown] ** 2))
@@ -244,8 +244,8 @@ def quiet_levels(blocks: Blocks) -> Real:
     """
     levels = np.full(blocks.motion.shape[:2], np.nan)
     for row, (blow, start) in enumerate(zip(blocks.blows, blocks.starts, strict=True)):
-        count = blow.onset - start - _RINGING_WIDTHS * blow.main.width
-        if count >= _MIN_QUIET_SAMPLES:
+        count = blow.onset - start - _FILTER_WIDTHS * blow.main.width
+        if count >= _MIN_SAMPLES_BEFORE_HIT:
             largest = max(float(np.abs(blocks.motion[row]).max()), np.finfo(float).tiny)
             levels[row] = blocks.motion[row, :, :count].std(axis=1) / largest
     return levels

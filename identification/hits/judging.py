@@ -141,7 +141,7 @@ def judge_hits(
             kept, rejected = reject_hits(blocks, spectra, checks)
             refused = (*left_out, *rejected)
         reasons = {rejection.hit: rejection.reason for rejection in refused}
-        judged.append(tuple(_judged(blow, reasons.get(blow.number), rate) for blow in hits))
+        judged.append(tuple(_describe_hit(blow, reasons.get(blow.number), rate) for blow in hits))
         dof = test.records.reference
         if kept.blows and isinstance(dof, Dof):
             measured.setdefault(dof, []).extend(each.select(kept))
@@ -152,7 +152,7 @@ def judge_hits(
     return Judgement(tuple(judged), tuple(dict.fromkeys(remarks)))
 
 
-def _judged(blow: Blow, reason: str | None, rate_hz: float) -> JudgedHit:
+def _describe_hit(blow: Blow, reason: str | None, rate_hz: float) -> JudgedHit:
     return JudgedHit(
         blow.main.record + 1, blow.number, blow.onset / rate_hz, blow.main.height, reason
     )
@@ -230,8 +230,8 @@ class _Series:
         alone = [find_other_place(hit, stated, self.model, (), {}) is None for hit in hits]
         reasons: Reasons = []
         for number, hit in enumerate(hits):
-            others = [each.frf for k, (_, each) in enumerate(hits) if alone[k] and k != number]
-            place = find_other_place(hit, stated, self.model, others, elsewhere)
+            companions = [each.frf for k, (_, each) in enumerate(hits) if alone[k] and k != number]
+            place = find_other_place(hit, stated, self.model, companions, elsewhere)
             reasons.append(
                 None if place is None else f"looks like a hit at {place}, not at {stated}"
             )

@@ -19,7 +19,7 @@ _CHUNK_LINES = 16  # lines of a chunk
 _MIN_OUTLIER_DISTANCE = 3.0  # times the median distance
 _MIN_OUTLIER_SHARE = 0.02  # of the response
 _MAX_MIRROR_CORRELATION = -0.5  # with the response that the median FRF predicts
-_MIN_EXCITATION = 0.1  # of the largest force over lines: lines with less do not count
+MIN_EXCITATION = 0.1  # of the largest force over lines: lines with less do not count
 _MAX_USABLE_SHARE = 0.8  # of half the sampling rate: anti-aliasing filters act above
 _TINY_ENERGY = 1e-300  # avoids a division by zero
 
@@ -107,7 +107,7 @@ def _expected_motion(force: Complex, motion: Complex) -> tuple[Complex, Complex,
 def excited_lines(force: Complex) -> Mask:
     """Return the lines above 0 Hz and below 0.8 of Nyquist that all hits excite; (n_freq,)."""
     size = np.abs(force).min(axis=0)
-    excited: Mask = size > _MIN_EXCITATION * size[1:].max()
+    excited: Mask = size > MIN_EXCITATION * size[1:].max()
     excited[0] = False
     excited[int(_MAX_USABLE_SHARE * len(size)) + 1 :] = False
     if not excited.any():

@@ -13,8 +13,8 @@ from mbw.live.test import LiveTest, Place, Sheet
 from tuning.files.states_campaign import write_campaign_with_tests
 
 # What the records that are written have in SI, or what has been done with them.
-_SETTLED = {"file", "unit", "columns", "averages", "time_sign", "references", "channels"}
-_BLOCKS = {"block_s", "pretrigger_s"}
+_SETTLED_KEYS = {"file", "unit", "columns", "averages", "time_sign", "references", "channels"}
+_BLOCK_KEYS = {"block_s", "pretrigger_s"}
 
 
 def write_accepted(
@@ -34,7 +34,7 @@ def write_accepted(
         records = cut_accepted(sheet.records[place], sheet.estimates[place])
         name = f"hits_{number:02}.npz"
         write_array_records(staging / name, [records])
-        stated = test.settings.test[place[0]].model_dump(exclude_unset=True, exclude=_SETTLED)
+        stated = test.settings.test[place[0]].model_dump(exclude_unset=True, exclude=_SETTLED_KEYS)
         blocks.append(_describe(stated, name, records))
     write_campaign_with_tests(test.source, blocks, staging, folder)
 
@@ -65,7 +65,7 @@ def _describe(stated: dict[str, Any], name: str, records: Records) -> dict[str, 
     """Return the ``[[test]]`` of a file of accepted hits, which no verb is to judge again."""
     return {
         "file": name,
-        **{key: value for key, value in stated.items() if key not in _BLOCKS},
+        **{key: value for key, value in stated.items() if key not in _BLOCK_KEYS},
         "references": [str(records.reference)],
         "channels": [str(dof) for dof in records.outputs],
         "quantity": records.quantity,

@@ -41,9 +41,11 @@ def advise(sheet: Sheet, findings: Sequence[Findings]) -> Advice:
         findings: about the hits, in the order of the test; the last may be older than the hits.
     """
     complete = sheet.complete
-    begun = [place for place in sheet.places if place not in complete and sheet.accepted(place)]
+    begun = [
+        place for place in sheet.places if place not in complete and sheet.list_accepted(place)
+    ]
     if begun:
-        count = len(sheet.accepted(begun[0]))
+        count = len(sheet.list_accepted(begun[0]))
         return Advice(
             begun[0], MIN_HITS - count, False, f"{count} of {MIN_HITS} hits there are accepted"
         )
@@ -78,10 +80,10 @@ def find_reason_to_stop(findings: Sequence[Findings]) -> str | None:
         return "the tuned model explains all hits, before and with the last place"
     if not (before.causes and last.causes):
         return None
-    first, *others = last.causes
+    first, *rivals = last.causes
     same = before.causes[0].site == first.site
-    rivals = [cause.gain for cause in others if cause.location != first.location]
-    if same and first.gain - max(rivals, default=0.0) >= MIN_LEAD_NATS:
+    elsewhere = [cause.gain for cause in rivals if cause.location != first.location]
+    if same and first.gain - max(elsewhere, default=0.0) >= MIN_LEAD_NATS:
         return f"{first.site} leads before and with the last place"
     return None
 

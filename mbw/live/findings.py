@@ -69,7 +69,11 @@ class Findings:
 
 
 def compute_findings(
-    folder: Path, places: Sequence[Place], hits: int, planned: Sequence[Dof]
+    folder: Path,
+    places: Sequence[Place],
+    hits: int,
+    planned: Sequence[Dof],
+    band: tuple[float, float] | None = None,
 ) -> Findings:
     """Tune the model of a campaign of accepted hits, score effects, and rank planned hits.
 
@@ -78,21 +82,22 @@ def compute_findings(
         places: places of its hits.
         hits: their number.
         planned: places and directions that are still to be hit.
+        band: lowest and highest frequency [Hz]; None for the own choice of a tuning.
     """
-    found = find_provisionally(open_session(folder), planned)
-    names = [parameter.name for parameter in found.model.parameters]
+    result = find_provisionally(open_session(folder, band), planned)
+    names = [parameter.name for parameter in result.model.parameters]
     return Findings(
         tuple(places),
         hits,
-        found.gap.error,
-        found.gap.excess,
-        found.is_gap_visible,
+        result.gap.error,
+        result.gap.excess,
+        result.is_gap_visible,
         tuple(
             FoundCause(cause.effect, cause.location, cause.dof or "", cause.gain)
-            for cause in found.causes
+            for cause in result.causes
         ),
-        tuple(row.place for row in found.next_hits),
-        dict(zip(names, found.theta.tolist(), strict=True)),
+        tuple(row.place for row in result.next_hits),
+        dict(zip(names, result.theta.tolist(), strict=True)),
     )
 
 
@@ -102,9 +107,11 @@ class FindingsWorker:
 
     Args:
         folder: where campaigns of accepted hits are written.
+        band: lowest and highest frequency [Hz]; None for the own choice of a tuning.
     """
 
     folder: Path
+    band: tuple[float, float] | None = None
     _pool: ProcessPoolExecutor | None = None
     _running: "Future[Findings] | None" = None
     _since: float = 0.0
@@ -113,7 +120,7 @@ class FindingsWorker:
     def ask(self, test: LiveTest, sheet: Sheet) -> None:
         """Compute findings about the places with enough hits, unless this is done or under way."""
         places = sheet.complete
-        keys = tuple(hit.key for place in places for hit in sheet.accepted(place))
+        keys = tuple(hit.key for place in places for hit in sheet.list_accepted(place))
         if not keys or self._running is not None or keys == self._asked:
             return
         if self._pool is None:
@@ -123,7 +130,9 @@ class FindingsWorker:
             write_accepted(test, sheet, places, staging, self.folder)
         planned = [place[1] for place in sheet.places if place not in places]
         dofs = [dof for dof in planned if isinstance(dof, Dof)]
-        self._running = self._pool.submit(compute_findings, self.folder, places, len(keys), dofs)
+        self._running = self._pool.submit(
+            compute_findings, self.folder, places, len(keys), dofs, self.band
+        )
 
     def collect(self) -> "Findings | str | None":
         """Return findings that are done, or the sentence with which they failed."""

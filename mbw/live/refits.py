@@ -33,7 +33,7 @@ class FullRefits:
     def ask(self, test: LiveTest, sheet: Sheet) -> None:
         """Diagnose the places with enough hits, unless this was asked for; jobs need no Windows."""
         places = sheet.complete
-        keys = tuple(hit.key for place in places for hit in sheet.accepted(place))
+        keys = tuple(hit.key for place in places for hit in sheet.list_accepted(place))
         if os.name == "nt" or keys == self._asked:
             return
         self._asked = keys

@@ -34,12 +34,14 @@ class LiveSession:
         predictor: FRFs of the model; None if campaign.toml names a layout alone.
         folder: where log and accepted hits are kept.
         say: told each sentence.
+        band: lowest and highest frequency of the findings [Hz]; None for their own choice.
     """
 
     test: LiveTest
     predictor: HitPredictor | None
     folder: Path
     say: Callable[[str], None] = lambda text: None
+    band: tuple[float, float] | None = None
     findings: list[Findings] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -47,7 +49,7 @@ class LiveSession:
         self.folder.mkdir(parents=True, exist_ok=True)
         self._changed = threading.Condition(threading.RLock())
         self._watch = FolderWatch(self.test.source.parent, self.test.patterns, self.test.read)
-        self._worker = FindingsWorker(self.folder / ACCEPTED)
+        self._worker = FindingsWorker(self.folder / ACCEPTED, self.band)
         self._refits = FullRefits(self.folder, self.say)
         self.sheet: Sheet = self.test.judge()
         self.advice: Advice = advise(self.sheet, [])
@@ -61,8 +63,18 @@ class LiveSession:
                 self.test.decisions[row["hit"]] = row["decision"]
 
     @classmethod
-    def open(cls, path: Path, say: Callable[[str], None]) -> "LiveSession":
+    def open(
+        cls,
+        path: Path,
+        say: Callable[[str], None],
+        band: tuple[float, float] | None = None,
+    ) -> "LiveSession":
         """Open the folder of a test that is about to begin or runs.
+
+        Args:
+            path: folder, or its campaign.toml.
+            say: told each sentence.
+            band: lowest and highest frequency of the findings [Hz]; None for their own choice.
 
         Raises:
             InputError: campaign.toml or the model cannot be used.
@@ -81,27 +93,27 @@ class LiveSession:
         stated = [entry.quantity for entry in settings.test if entry.quantity]
         quantity = stated[0] if stated else "accelerance"
         predictor = HitPredictor(machine, tuple(test.planned), quantity)
-        return cls(test, predictor, state_folder(source) / "live", say)
+        return cls(test, predictor, state_folder(source) / "live", say, band)
 
     def step(self) -> None:
         """Look at the folder and the findings once, and judge what is new."""
         changes = self._watch.poll()
-        found = self._worker.collect()
+        result = self._worker.collect()
         with self._changed:
             for path, records in changes.read:
-                self.test.put(path, records)
+                self.test.add(path, records)
             for path in changes.gone:
                 self.test.drop(path)
-            if isinstance(found, Findings):
-                self.findings.append(found)
+            if isinstance(result, Findings):
+                self.findings.append(result)
                 if self.predictor is not None:
-                    self.predictor.tune(found.theta)
-                self._tell_findings(found)
-            elif found is not None:
-                self.say(found)
+                    self.predictor.tune(result.theta)
+                self._tell_findings(result)
+            elif result is not None:
+                self.say(result)
             for sentence in changes.failures:
                 self.say(sentence)
-            if changes.read or changes.gone or found is not None:
+            if changes.read or changes.gone or result is not None:
                 self._judge()
             self._worker.ask(self.test, self.sheet)
             if self.advice.stop and self.findings:
@@ -178,7 +190,7 @@ class LiveSession:
     def _tell_hit(self, hit: HitRow, *, is_new: bool) -> None:
         """Say and log how a hit is judged."""
         self._write_log({"hit": hit.key, "reason": hit.reason, "accepted": hit.is_accepted})
-        count = len(self.sheet.accepted(hit.place))
+        count = len(self.sheet.list_accepted(hit.place))
         if hit.is_accepted:
             word = "accepted" if is_new or hit.decision is None else "taken back"
             text = f"{word}, {count} there"
@@ -186,9 +198,9 @@ class LiveSession:
             text = f"NOT ACCEPTED: {hit.reason or 'withdrawn'}"
         self.say(f"{hit.key}, {abs(hit.peak_n):.3g} N at {hit.place[1]}: {text}")
 
-    def _tell_findings(self, found: Findings) -> None:
+    def _tell_findings(self, result: Findings) -> None:
         """Say what the findings are, and how old the hits are that they are about."""
-        self.say(describe_findings(found, time.monotonic()))
+        self.say(describe_findings(result, time.monotonic()))
 
     def describe_advice(self) -> str:
         """Return what to do next in one sentence."""
@@ -207,18 +219,18 @@ class LiveSession:
             self.say(f"{self.folder / LOG} takes nothing more ({error.strerror}): make room for it")
 
 
-def describe_findings(found: Findings, now: float) -> str:
+def describe_findings(result: Findings, now: float) -> str:
     """Return provisional findings in one sentence.
 
     Args:
-        found: findings.
+        result: findings.
         now: time [s].
     """
-    age = f"{found.hits} hits, {max(now - found.since, 0.0):.0f} s old"
-    excess = "" if found.excess is None else f", excess {found.excess:.3g}"
-    if not found.is_gap_visible:
+    age = f"{result.hits} hits, {max(now - result.since, 0.0):.0f} s old"
+    excess = "" if result.excess is None else f", excess {result.excess:.3g}"
+    if not result.is_gap_visible:
         return f"provisional ({age}): the tuned model explains them{excess}"
-    causes = ", ".join(f"{cause.site} {cause.gain:.3g} nats" for cause in found.causes[:3])
+    causes = ", ".join(f"{cause.site} {cause.gain:.3g} nats" for cause in result.causes[:3])
     return f"provisional ({age}{excess}): {causes or 'no effect explains the gap'}"
 
 

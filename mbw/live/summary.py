@@ -104,7 +104,7 @@ class LiveSummary(ResultFile):
     def of(cls, session: LiveSession) -> "LiveSummary":
         """Return the state of a session."""
         sheet, advice, settings = session.sheet, session.advice, session.test.settings
-        found = session.findings[-1] if session.findings else None
+        last = session.findings[-1] if session.findings else None
         names = {place: describe_place(settings, place) for place in sheet.places}
         return cls(
             hits=[LiveHit.of_hit(hit, names[hit.place]) for hit in sheet.hits],
@@ -114,11 +114,11 @@ class LiveSummary(ResultFile):
             stop=advice.stop,
             reason=advice.reason,
             causes=None
-            if found is None
-            else [LiveCause(site=cause.site, gain=cause.gain) for cause in found.causes],
-            excess=None if found is None else found.excess,
-            found_hits=None if found is None else found.hits,
-            found_at=None if found is None else found.since,
+            if last is None
+            else [LiveCause(site=cause.site, gain=cause.gain) for cause in last.causes],
+            excess=None if last is None else last.excess,
+            found_hits=None if last is None else last.hits,
+            found_at=None if last is None else last.since,
             remarks=list(sheet.remarks),
         )
 
@@ -134,7 +134,7 @@ def _describe(sheet: Sheet, place: Place, name: str) -> LivePlace:
         interval = 1.96 * float(np.median(deviation / np.maximum(size, np.finfo(float).tiny)))
         if frf.coherence is not None:
             coherence = float(np.median(frf.coherence[lines]))
-    accepted = len(sheet.accepted(place))
+    accepted = len(sheet.list_accepted(place))
     return LivePlace(
         place=name,
         accepted=accepted,

@@ -66,14 +66,14 @@ class Sheet:
     records: Mapping[Place, Records] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
-    def accepted(self, place: Place) -> list[HitRow]:
+    def list_accepted(self, place: Place) -> list[HitRow]:
         """Return the hits at a place that count."""
         return [hit for hit in self.hits if hit.place == place and hit.is_accepted]
 
     @property
     def complete(self) -> list[Place]:
         """Places with enough hits."""
-        return [place for place in self.places if len(self.accepted(place)) >= MIN_HITS]
+        return [place for place in self.places if len(self.list_accepted(place)) >= MIN_HITS]
 
 
 @dataclass(eq=False)
@@ -127,7 +127,7 @@ class LiveTest:
             judge_hits([self._to_judge(number, each)])  # refuses a force without hits
         return records
 
-    def put(self, path: Path, records: list[tuple[int, Records]]) -> None:
+    def add(self, path: Path, records: list[tuple[int, Records]]) -> None:
         """Take the records of a file, new or anew."""
         self._files[path] = records
 

@@ -191,7 +191,7 @@ class _Simulated:
         self.hits[place] += 1
         number %= len(kinds)  # a stream that is used up begins again, and says so by its copies
         path = self.test.source.parent / f"{place[0]}_{self.hits[place]:03}.npz"
-        self.test.put(path, [(place[0], _one(records, number))])
+        self.test.add(path, [(place[0], _one(records, number))])
         sheet = self.test.judge(self.predictor, is_tuned=self.predictor.is_tuned)
         of_file = [hit for hit in sheet.hits if hit.key.partition("#")[0] == path.name]
         is_accepted = bool(of_file) and all(hit.is_accepted for hit in of_file)
@@ -209,7 +209,7 @@ class _Simulated:
         places = sheet.complete
         planned = [place[1] for place in sheet.places if place not in places]
         folder = self._write(sheet, places, "accepted")
-        count = sum(len(sheet.accepted(place)) for place in places)
+        count = sum(len(sheet.list_accepted(place)) for place in places)
         return compute_findings(folder, places, count, planned)
 
     def _write(self, sheet: Sheet, places: list[Place], name: str) -> Path:
@@ -228,7 +228,7 @@ class _Simulated:
             for number, kind in enumerate(kinds):
                 if kind is None:
                     path = self.test.source.parent / f"{entry}_{number:03}.npz"
-                    whole.put(path, [(entry, _one(records, number))])
+                    whole.add(path, [(entry, _one(records, number))])
             del reference
         all_hits = whole.judge()
         full = diagnose(open_session(self._write(all_hits, list(all_hits.estimates), "full")))

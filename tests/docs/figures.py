@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from tests.docs import (
     calibration_figures,
     headline_figures,
+    live_figures,
     measured_figures,
     model_figures,
     modes_figures,
@@ -18,7 +19,6 @@ from tests.docs import (
     simulation_figures,
     truth_figures,
     tuning_figures,
-    live_figures,
     workbench_figures,
 )
 

@@ -177,16 +177,18 @@ def test_a_decision_counts_against_the_judgement_and_outlives_the_session(played
         again.decide("nothing", True)
 
 
-def test_a_file_of_other_length_or_without_hits_is_told_and_spoils_nothing(
-    played, alone, tmp_path
-):
+def test_a_file_of_other_length_or_without_hits_is_told_and_spoils_nothing(played, alone, tmp_path):
     folder = tmp_path / "odd"
     folder.mkdir()
     for path in played.iterdir():
         (folder / path.name).write_bytes(path.read_bytes())
     first = sorted(folder.glob("*.npz"))[0]
     arrays = dict(np.load(first))
-    short = {**arrays, "force": arrays["force"][..., :200], "response": arrays["response"][..., :200]}
+    short = {
+        **arrays,
+        "force": arrays["force"][..., :200],
+        "response": arrays["response"][..., :200],
+    }
     np.savez(folder / first.name.replace("001", "900"), **short)
     quiet = {**arrays, "force": np.zeros_like(arrays["force"])}
     np.savez(folder / first.name.replace("001", "901"), **quiet)
