@@ -41,20 +41,15 @@ def advise(sheet: Sheet, findings: Sequence[Findings]) -> Advice:
         findings: about the hits, in the order of the test; the last may be older than the hits.
     """
     complete = sheet.complete
-    begun = [
-        place for place in sheet.places if place not in complete and sheet.list_accepted(place)
-    ]
-    if begun:
-        count = len(sheet.list_accepted(begun[0]))
-        return Advice(
-            begun[0], MIN_HITS - count, False, f"{count} of {MIN_HITS} hits there are accepted"
-        )
     waiting = [place for place in sheet.places if place not in complete]
+    for place in waiting:
+        if count := len(sheet.list_accepted(place)):
+            reason = f"{count} of {MIN_HITS} hits there are accepted"
+            return Advice(place, MIN_HITS - count, False, reason)
     if not waiting:
         return Advice(None, 0, True, "all planned places have enough hits")
-    reason = find_reason_to_stop(findings)
-    if reason is not None:
-        return Advice(None, 0, True, reason)
+    if (agreement := find_reason_to_stop(findings)) is not None:
+        return Advice(None, 0, True, agreement)
     ranked = {name: rank for rank, name in enumerate(findings[-1].next_hits if findings else ())}
     hit_points = {_point(place[1]) for place in complete}
     best = min(

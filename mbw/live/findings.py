@@ -82,7 +82,7 @@ def compute_findings(
         places: places of its hits.
         hits: their number.
         planned: places and directions that are still to be hit.
-        band: lowest and highest frequency [Hz]; None for the own choice of a tuning.
+        band: band of the lines that count [Hz]; None for those with coherence.
     """
     result = find_provisionally(open_session(folder, band), planned)
     names = [parameter.name for parameter in result.model.parameters]
@@ -107,7 +107,6 @@ class FindingsWorker:
 
     Args:
         folder: where campaigns of accepted hits are written.
-        band: lowest and highest frequency [Hz]; None for the own choice of a tuning.
     """
 
     folder: Path

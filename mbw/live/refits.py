@@ -22,7 +22,6 @@ class FullRefits:
 
     Args:
         folder: where campaigns and jobs are kept.
-        say: told each sentence.
     """
 
     folder: Path

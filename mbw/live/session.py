@@ -33,8 +33,8 @@ class LiveSession:
         test: files and decisions.
         predictor: FRFs of the model; None if campaign.toml names a layout alone.
         folder: where log and accepted hits are kept.
-        say: told each sentence.
-        band: lowest and highest frequency of the findings [Hz]; None for their own choice.
+        say: told each sentence for the screen.
+        band: band that the findings see [Hz]; None for all lines with coherence.
     """
 
     test: LiveTest
@@ -72,9 +72,7 @@ class LiveSession:
         """Open the folder of a test that is about to begin or runs.
 
         Args:
-            path: folder, or its campaign.toml.
-            say: told each sentence.
-            band: lowest and highest frequency of the findings [Hz]; None for their own choice.
+            band: band of the findings [Hz]; None for their own choice.
 
         Raises:
             InputError: campaign.toml or the model cannot be used.
