@@ -55,7 +55,7 @@ class LiveSession:
         self.advice: Advice = advise(self.sheet, [])
         self.version = 0
         self.last_change = time.monotonic()
-        self._judged: dict[str, tuple[bool, str | None]] = {}
+        self._judged: dict[str, bool] = {}
         for row in _read_log(self.folder / LOG):
             if row.get("decision", "") is None:
                 self.test.decisions.pop(row["hit"], None)
@@ -175,10 +175,10 @@ class LiveSession:
             return
         before, self.advice = self.advice, advise(self.sheet, self.findings)
         for hit in self.sheet.hits:
-            judged, is_new = (hit.is_accepted, hit.reason), hit.key not in self._judged
-            if is_new or self._judged[hit.key] != judged:
+            is_new = hit.key not in self._judged
+            if is_new or self._judged[hit.key] != hit.is_accepted:
                 self._tell_hit(hit, is_new=is_new)
-            self._judged[hit.key] = judged
+            self._judged[hit.key] = hit.is_accepted
         if self.advice != before:
             self.say(self.describe_advice())
         self.version += 1
