@@ -42,4 +42,9 @@ def live_stops() -> str:
     )
 
 
-FIGURES = {"live-hits": live_hits, "live-stops": live_stops}
+def live_cases() -> str:
+    """Number of simulated tests."""
+    return str(next(row["cases"] for row in bench_rows("live") if "cases" in row))
+
+
+FIGURES = {"live-hits": live_hits, "live-stops": live_stops, "live-cases": live_cases}
