@@ -36,10 +36,10 @@ from identification.hits.rejection import MIN_PEAK, reject_hits
 from identification.hits.settings import HitSettings
 from identification.words import Dof, Output, Real, Records
 
-# Time constants of comparisons over the median pulse width: the springs of a nominal model are
-# uncertain by factors and hardly act within half a pulse. Those of a tuned one are known, and so
-# short a window has few samples, in which two hits differ by when they began between two of them.
-_NOMINAL_TAU_WIDTHS, _USUAL_TAU_WIDTHS = 0.5, 2.0
+# Time constants of comparisons over the median pulse width. Springs hardly act within half a pulse:
+# those of a nominal model are uncertain by factors, and a tuned one may lack something. So short a
+# window has few samples, in which two hits differ by when they began between two of them.
+_MODEL_TAU_WIDTHS, _HITS_TAU_WIDTHS = 0.5, 2.0
 _MIN_PLANNED_PEAK_HITS = 3  # with fewer hits, they are weak against the planned peak
 
 PredictPlaces = Callable[[CompareWindow, tuple[Output, ...]], Places]
@@ -92,9 +92,7 @@ class Judgement:
     remarks: tuple[str, ...]
 
 
-def judge_hits(
-    tests: Sequence[HitsToJudge], predict: PredictPlaces | None = None, *, is_tuned: bool = False
-) -> Judgement:
+def judge_hits(tests: Sequence[HitsToJudge], predict: PredictPlaces | None = None) -> Judgement:
     """Judge all hits of a test.
 
     Args:
@@ -102,7 +100,6 @@ def judge_hits(
         predict: function that returns the FRFs of a model for each place and direction that may
             have been hit, along its positive axis, on lines and with the window of a comparison;
             None without a model.
-        is_tuned: whether the model is tuned to this machine.
 
     Raises:
         InputError: a record has no hits, or sampling rates or settings contradict one another.
@@ -113,8 +110,8 @@ def judge_hits(
     cut = [cut_blocks(each, hits, plan) for each, hits in zip(records, blows, strict=True)]
     rate = records[0].rate_hz
     width = float(np.median([blow.main.width for hits in blows for blow in hits])) / rate
-    of_hits = CompareWindow(width * _USUAL_TAU_WIDTHS, rate)
-    of_model = of_hits if is_tuned else CompareWindow(width * _NOMINAL_TAU_WIDTHS, rate)
+    of_hits = CompareWindow(width * _HITS_TAU_WIDTHS, rate)
+    of_model = CompareWindow(width * _MODEL_TAU_WIDTHS, rate)
     series = [_Series.of(blocks, (of_model, of_hits), predict) for blocks, _ in cut]
     common = _find_common_faults(series)
     quiet: dict[tuple[Output, ...], Real] = {}

@@ -25,7 +25,6 @@ class HitPredictor:
     machine: Machine
     places: tuple[Place, ...]
     quantity: Quantity = "accelerance"
-    is_tuned: bool = False
     _kept: dict[tuple[CompareWindow, tuple[Output, ...]], Places] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -42,7 +41,6 @@ class HitPredictor:
         names = [parameter.name for parameter in self._model.parameters]
         drawn = self._model.drawn.tolist()
         self._theta = np.array([theta.get(n, d) for n, d in zip(names, drawn, strict=True)])
-        self.is_tuned = True
         self._kept.clear()
 
     @property

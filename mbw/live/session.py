@@ -167,9 +167,7 @@ class LiveSession:
     def _judge(self) -> None:
         """Judge all hits, tell what is new of them, and what to do next."""
         try:
-            self.sheet = self.test.judge(
-                self.predictor, is_tuned=self.predictor is not None and self.predictor.is_tuned
-            )
+            self.sheet = self.test.judge(self.predictor)
         except WorkbenchError as error:  # of the hits together, such as two sampling rates
             self.say(str(error))
             return

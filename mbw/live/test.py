@@ -135,19 +135,18 @@ class LiveTest:
         """Take a file off that is no longer there."""
         self._files.pop(path, None)
 
-    def judge(self, predict: PredictPlaces | None = None, *, is_tuned: bool = False) -> Sheet:
+    def judge(self, predict: PredictPlaces | None = None) -> Sheet:
         """Judge all hits, and estimate the FRFs of the accepted ones.
 
         Args:
             predict: FRFs of the model (``judge_hits``).
-            is_tuned: whether the model is tuned.
         """
         series, remarks = self._join()
         places = tuple(dict.fromkeys([*self.planned, *series]))
         if not series:
             return Sheet(places)
         tests = [self._to_judge(place[0], records) for place, (records, _) in series.items()]
-        judgement = judge_hits(tests, predict, is_tuned=is_tuned)
+        judgement = judge_hits(tests, predict)
         rows: dict[Place, list[HitRow]] = {}
         for (place, (_, files)), hits in zip(series.items(), judgement.hits, strict=True):
             keys = _name_hits(files, hits)

@@ -194,7 +194,7 @@ class _Simulated:
         number %= len(kinds)  # a stream that is used up begins again, and says so by its copies
         path = self.test.source.parent / f"{place[0]}_{self.hits[place]:03}.npz"
         self.test.add(path, [(place[0], _one(records, number))])
-        sheet = self.test.judge(self.predictor, is_tuned=self.predictor.is_tuned)
+        sheet = self.test.judge(self.predictor)
         of_file = [hit for hit in sheet.hits if hit.key.partition("#")[0] == path.name]
         is_accepted = bool(of_file) and all(hit.is_accepted for hit in of_file)
         kind = kinds[number]
