@@ -47,4 +47,4 @@ def live_cases() -> str:
     return str(next(row["cases"] for row in bench_rows("live") if "cases" in row))
 
 
-FIGURES = {"live-hits": live_hits, "live-stops": live_stops, "live-cases": live_cases}
+FIGURES = {"live-hits-table": live_hits, "live-stops-table": live_stops, "live-cases": live_cases}
