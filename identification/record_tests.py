@@ -167,10 +167,9 @@ def read_records(
     A file of FRFs has none.
 
     Args:
-        path: path of campaign.toml.
+        path, name_sites: as for ``tests_from_records``.
         entry: the file's ``[[test]]``.
         corrections: ``[sensor]`` tables of campaign.toml.
-        name_sites: function that names the sites of responses and references of a file.
 
     Raises:
         InputError: the file cannot be read, or a key does not apply to it.

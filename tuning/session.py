@@ -229,9 +229,8 @@ def prepare_machine(
     """Return a machine with all that campaign.toml states of it, and remarks on its loops.
 
     Args:
-        source: path of campaign.toml.
-        settings: its content.
-        machine: as its MJCF describes it.
+        source, settings: as ``read_settings`` returns them.
+        machine: machine of the MJCF alone.
     """
     correct = partial(correct_layout, source, settings)
     machine = replace(machine, layout=correct(machine.layout), correct=correct)

@@ -34,9 +34,7 @@ class ProvisionalCause:
     """Effect and place that would explain a part of the gap.
 
     Args:
-        effect: name of the effect.
-        location: place in the verdict.
-        dof: direction; None if it has none.
+        effect, location, dof: as the verdict states them.
         gain: predicted gain [nats], by the number of independent values.
     """
 
@@ -45,14 +43,18 @@ class ProvisionalCause:
     dof: str | None
     gain: float
 
+    @property
+    def site(self) -> str:
+        """Effect and place, such as ``appendage@body:ty``."""
+        return f"{self.effect}@{self.location}"
+
 
 @dataclass(frozen=True, eq=False)
 class ProvisionalFindings:
     """What the accepted hits show so far.
 
     Args:
-        model: model with its Parts.
-        theta: fitted parameters [SI]; (n_parameter,).
+        model, theta: null model and its fitted parameters [SI].
         gap: gap of the null model.
         is_gap_visible: whether more than noise remains.
         causes: the most promising effects, the best first; none without a gap.

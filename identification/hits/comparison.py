@@ -54,8 +54,8 @@ class CompareWindow:
     """Lines and exponential window of a comparison, for all hits of a test.
 
     Args:
-        tau: time constant [s].
-        rate_hz: sampling rate [Hz].
+        tau: time constant of the window [s].
+        rate_hz: samples per second of all hits [Hz].
     """
 
     tau: float

@@ -65,10 +65,7 @@ class JudgedHit:
     """A hit and what speaks against it.
 
     Args:
-        record: number of the record that holds the hit, from 1.
-        number: number of the hit among all hits of the reference, from 1.
-        time_s: first rise of the force, from the start of the record [s].
-        peak_n: largest force, signed [N].
+        record, number, time_s, peak_n: as for ``Hit``.
         reason: reason to refuse it; None if it is accepted.
     """
 

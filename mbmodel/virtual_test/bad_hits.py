@@ -53,7 +53,6 @@ def draw_bad_hits(
         share: share of bad ones among all hits.
         reference: planned place and direction.
         planned: all places and directions of the test.
-        random: source of the draws.
     """
     hits: list[BadHit | None] = []
     while hits.count(None) < count:
@@ -85,7 +84,6 @@ def spoil_hits(hits: Hits, bad: Sequence[BadHit | None], random: np.random.Gener
     Args:
         hits: good hits; n_hit.
         bad: what is wrong with each; n_hit.
-        random: source of the draws.
     """
     kinds = np.array(["" if each is None else each.kind for each in bad])
     shares = np.array([each.share if each is not None and each.share else 1.0 for each in bad])
@@ -105,7 +103,6 @@ def spoil_channels(
     Args:
         motion: motion; (n_hit, n_out, n_sample).
         bad: what is wrong with each hit; n_hit.
-        random: source of the draws.
     """
     recorded, rows = motion.copy(), list(bad)
     for number, fault in enumerate(bad):

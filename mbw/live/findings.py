@@ -10,35 +10,13 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from diagnosis.next_test.provisional import find_provisionally
+from diagnosis.next_test.provisional import ProvisionalCause, find_provisionally
 from identification.words import Dof, WorkbenchError
 from mbw.live.accepted import write_accepted
 from mbw.live.test import LiveTest, Place, Sheet
 from tuning import open_session, write_atomically
 
 _NICE = 10  # hits are judged meanwhile
-
-
-@dataclass(frozen=True)
-class FoundCause:
-    """Effect and place that would explain a part of the gap.
-
-    Args:
-        effect: name of the effect.
-        location: place in the verdict.
-        dof: direction; empty if it has none.
-        gain: predicted gain [nats].
-    """
-
-    effect: str
-    location: str
-    dof: str
-    gain: float
-
-    @property
-    def site(self) -> str:
-        """Effect and place."""
-        return f"{self.effect}@{self.location}"
 
 
 @dataclass(frozen=True)
@@ -50,7 +28,7 @@ class Findings:
         hits: number of these hits.
         error: relative error of the tuned model; None if no channel is clear of its noise.
         excess: error over noise; None without noise.
-        is_gap_visible: whether more than noise remains.
+        is_gap_visible: whether the tuned model leaves more than noise.
         causes: the most promising effects, the best first.
         next_hits: labels of planned places, the most informative first.
         theta: values of the tuned model's parameters, by name [SI].
@@ -62,7 +40,7 @@ class Findings:
     error: float | None
     excess: float | None
     is_gap_visible: bool
-    causes: tuple[FoundCause, ...]
+    causes: tuple[ProvisionalCause, ...]
     next_hits: tuple[str, ...]
     theta: dict[str, float]
     since: float = 0.0
@@ -81,7 +59,7 @@ def compute_findings(
         folder: the campaign.
         places: places of its hits.
         hits: their number.
-        planned: places and directions that are still to be hit.
+        planned: as for ``find_provisionally``.
         band: band of the lines that count [Hz]; None for those with coherence.
     """
     result = find_provisionally(open_session(folder, band), planned)
@@ -92,10 +70,7 @@ def compute_findings(
         result.gap.error,
         result.gap.excess,
         result.is_gap_visible,
-        tuple(
-            FoundCause(cause.effect, cause.location, cause.dof or "", cause.gain)
-            for cause in result.causes
-        ),
+        result.causes,
         tuple(row.place for row in result.next_hits),
         dict(zip(names, result.theta.tolist(), strict=True)),
     )

@@ -147,8 +147,7 @@ class LiveSession:
         """Write a campaign of the accepted hits.
 
         Args:
-            staging: existing folder into which the files are written.
-            folder: where they are in the end.
+            staging, folder: as for ``mbw.live.accepted.write_accepted``.
 
         Raises:
             InputError: no hit is accepted yet.

@@ -12,7 +12,7 @@ class LiveHit(ResultRow):
 
     Args:
         hit: its file, and its number in it where it has several.
-        place: where it belongs.
+        place: label of where it belongs.
         peak: largest force, signed [N].
         accepted: whether it counts.
         reason: what speaks against it; null if nothing.
@@ -64,7 +64,7 @@ class LiveCause(ResultRow):
 
     Args:
         site: effect and place.
-        gain: predicted gain [nats].
+        gain: gain that the score test predicts [nats].
     """
 
     site: str
@@ -75,7 +75,7 @@ class LiveSummary(ResultFile):
     """State of a live test.
 
     Args:
-        hits: hits, by the order of their files.
+        hits: all hits, in the order of their files.
         places: places and directions.
         next: place to hit next; null for none.
         missing: hits that it needs.
@@ -85,7 +85,7 @@ class LiveSummary(ResultFile):
         excess: error over noise of the tuned model; null without findings.
         found_hits: number of the hits that the findings are about; null without findings.
         found_at: when the last of them came, in seconds of the computer's steady clock.
-        remarks: what is no matter of single hits.
+        remarks: sentences on the test as a whole.
     """
 
     hits: list[LiveHit]

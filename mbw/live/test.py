@@ -31,7 +31,7 @@ class HitRow:
     Args:
         key: name by which it is taken back or withdrawn: its file, and its number there.
         place: where it belongs.
-        peak_n: largest force, signed [N].
+        peak_n: largest force of the hit, signed [N].
         reason: why it was refused; None if nothing speaks against it.
         decision: what the user decided; None for nothing.
     """
@@ -81,8 +81,7 @@ class LiveTest:
     """Files and decisions of a test that runs.
 
     Args:
-        source: path of campaign.toml.
-        settings: its content.
+        source, settings: campaign.toml, as ``read_settings`` returns it.
         layout: bodies and points, corrected as campaign.toml states.
     """
 

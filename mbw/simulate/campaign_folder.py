@@ -40,7 +40,7 @@ def write_campaign(
         place: folder.
         planned: plan and stated tolerances.
         test: records and drawn errors.
-        seed: of all random numbers.
+        seed: that of ``strike``.
         laws: effect and law of each joint that was made nonlinear.
         by_hit: whether a file will hold one hit; ``write_hits`` then writes the records.
     """

@@ -10,10 +10,11 @@ from simulate_command import run as simulate
 from simulate_command import write_pair_model
 from typer.testing import CliRunner
 
+from diagnosis.next_test.provisional import ProvisionalCause
 from identification.words import Dof, InputError
 from mbw.command import app
 from mbw.live.advice import advise
-from mbw.live.findings import Findings, FindingsWorker, FoundCause
+from mbw.live.findings import Findings, FindingsWorker
 from mbw.live.refits import FullRefits
 from mbw.live.session import LiveSession
 from mbw.live.test import MIN_HITS, HitRow, Sheet
@@ -242,7 +243,7 @@ def sheet(*counts):
 
 
 def findings(places, *causes, visible=True, further=()):
-    found = tuple(FoundCause(effect, place, "", gain) for effect, place, gain in causes)
+    found = tuple(ProvisionalCause(effect, place, None, gain) for effect, place, gain in causes)
     return Findings(tuple(places), 3 * len(places), 0.1, 2.0, visible, found, tuple(further), {})
 
 

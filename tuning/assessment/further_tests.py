@@ -59,8 +59,7 @@ def rank_planned_hits(
     """Rank places and directions that are planned by the interval that would remain.
 
     Args:
-        session: what was measured.
-        confidence: confidence in the parameters so far.
+        session, confidence: as for ``rank_further_tests``.
         planned: places and directions.
     """
     return _rank(session, confidence, _planned_hits(session, confidence, planned))

@@ -161,10 +161,8 @@ def write_campaign_with_tests(
     """Write the campaign.toml of a campaign with other tests, whose files lie in the folder.
 
     Args:
-        source: campaign.toml.
+        source, place, folder: as for ``write_campaign_with_model``.
         tests: content of each ``[[test]]``.
-        place: existing folder into which the file is written.
-        folder: where it is in the end, from which paths count.
 
     Raises:
         InputError: campaign.toml cannot be read.
