@@ -79,7 +79,7 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     Raises:
         InputError: a file cannot be used; the message names the element and a remedy.
     """
-    raw, hit_remarks = tests_from_records(path, settings, partial(_name_sites, layout))
+    raw, hit_remarks = tests_from_records(path, settings, partial(name_sites, layout))
     tests: list[Test] = []
     files = dict.fromkeys(path.parent / entry.file for entry in settings.test)
     remarks = [*layout.remarks, *hit_remarks, *check_lengths(path, layout)]
@@ -275,7 +275,7 @@ def _read_table(file: Path, entry: TestSettings) -> FrfTable:
 
 def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
     """Return the table with the sites of the layout instead of node numbers."""
-    responses, references = _name_sites(layout, file, table.responses, table.references)
+    responses, references = name_sites(layout, file, table.responses, table.references)
     return replace(table, responses=responses, references=references)
 
 
@@ -289,7 +289,7 @@ def _refuse_point(file: Path, layout: Layout, signal: Signal) -> Signal:
     return signal
 
 
-def _name_sites(
+def name_sites(
     layout: Layout, file: Path, responses: tuple[Port, ...], references: tuple[Port, ...]
 ) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
     """Return responses and references at the sites of the layout instead of node numbers.

@@ -67,7 +67,7 @@ def tests_from_records(
     entries: list[TestSettings] = []
     records: list[Records] = []
     for entry in settings.test:
-        for reference in _read(path, entry, settings.sensor, name_sites):
+        for reference in read_records(path, entry, settings.sensor, name_sites):
             entries.append(entry)
             records.append(reference)
     if not records:
@@ -78,7 +78,7 @@ def tests_from_records(
         and not is_continuous(each, find_blows(each))
         for entry, each in zip(entries, records, strict=True)
     ]
-    of_entries = [_hit_settings(entry) for entry in entries]
+    of_entries = [hit_settings(entry) for entry in entries]
     estimates = iter(
         estimate_hit_frfs(list(compress(records, is_hit)), list(compress(of_entries, is_hit)))
         if any(is_hit)
@@ -159,10 +159,26 @@ def _condition(entry: TestSettings, records: Records) -> Condition:
     )
 
 
-def _read(
+def read_records(
     path: Path, entry: TestSettings, corrections: dict[str, SensorSettings], name_sites: SiteNamer
 ) -> Iterator[Records]:
-    """Yield the records of a file at their sites, without the channels that are ignored."""
+    """Yield the records of a file at their sites, without the channels that are ignored.
+
+    A file of FRFs has none.
+
+    Args:
+        path, name_sites: as for ``tests_from_records``.
+        entry: the file's ``[[test]]``.
+        corrections: ``[sensor]`` tables of campaign.toml.
+
+    Raises:
+        InputError: the file cannot be read, or a key does not apply to it.
+    """
+    if "*" in entry.file:
+        raise InputError(
+            f"{path}: {entry.file} stands for hits that come one by one: mbw live reads them, and "
+            "writes a campaign of the accepted ones for the other verbs"
+        )
     file = path.parent / entry.file
     forces, arrays = len(entry.references or "1"), None
     if entry.log is not None:
@@ -228,8 +244,8 @@ def _read_records(file: Path, entry: TestSettings, arrays: _Arrays | None) -> tu
     )
 
 
-def _hit_settings(entry: TestSettings) -> HitSettings:
-    """Return the settings of the hits from a ``[[test]]``."""
+def hit_settings(entry: TestSettings) -> HitSettings:
+    """Return the settings of the hits of a ``[[test]]``."""
     return HitSettings(
         block_s=entry.block_s,
         pretrigger_s=entry.pretrigger_s,

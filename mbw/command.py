@@ -53,6 +53,7 @@ VERBS = {
     "models": Verb("mbw.models.options", "List which models of a folder have a linear model."),
     "view": Verb("mbw.view.options", "Show a machine in MuJoCo's viewer, or in a picture."),
     "open": Verb("mbw.open.options", "Open the workbench: a live page of model and test."),
+    "live": Verb("mbw.live.options", "Judge the hits of a running test, and plan the next one."),
     "simulate": Verb(
         "mbw.simulate.options", "Make a virtual hammer test, or play a signal, in time."
     ),

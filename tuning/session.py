@@ -102,7 +102,7 @@ def change_machine(session: Session, machine: Machine) -> Session:
     Raises:
         InputError: the machine cannot be tuned.
     """
-    machine, _ = _prepare_machine(session.source, read_settings(session.source)[1], machine)
+    machine, _ = prepare_machine(session.source, read_settings(session.source)[1], machine)
     changed = _begin_session(session.source, machine, session.campaign)
     return replace(changed, campaign=session.campaign)
 
@@ -206,7 +206,7 @@ def open_campaign(
         raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
     if machine is None:
         machine = load_machine(source.parent / str(settings.model), key=settings.key)
-    machine, loop_remarks = _prepare_machine(source, settings, machine)
+    machine, loop_remarks = prepare_machine(source, settings, machine)
     campaign = tests or read_campaign(source, settings, machine.layout)
     refuse_unknown_ports(source, machine, campaign)
     chosen = select_band(campaign, band, source)
@@ -223,10 +223,15 @@ def open_campaign(
     return source, machine, divide_by_unknown_gains(machine, chosen, ranges)
 
 
-def _prepare_machine(
+def prepare_machine(
     source: Path, settings: CampaignSettings, machine: Machine
 ) -> tuple[Machine, list[str]]:
-    """Return a machine with all that campaign.toml states of it, and remarks on its loops."""
+    """Return a machine with all that campaign.toml states of it, and remarks on its loops.
+
+    Args:
+        source, settings: as ``read_settings`` returns them.
+        machine: machine of the MJCF alone.
+    """
     correct = partial(correct_layout, source, settings)
     machine = replace(machine, layout=correct(machine.layout), correct=correct)
     machine = with_drawn_laws(source, settings, machine)

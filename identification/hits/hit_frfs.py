@@ -122,11 +122,10 @@ def _select_hits(
 ) -> _UsableHits:
     """Cut the blocks of one reference, reject bad hits and window the force."""
     blocks, left_out = cut_blocks(records, blows, plan)
+    blocks = blocks.keep(np.array([b.number not in settings.left_out for b in blocks.blows], bool))
     blocks, faults = leave_out_dying_channels(blocks)
     if settings.reject and blocks.blows:
-        blocks, rejected = reject_hits(
-            blocks, lambda chosen: _spectra(chosen, settings.force_window_s)
-        )
+        blocks, rejected = reject_hits(blocks, lambda chosen: hit_spectra(chosen, settings))
         left_out += rejected
     if not blocks.blows:
         raise InputError(
@@ -161,9 +160,9 @@ def _describe_signals(blocks: Blocks, blows: Sequence[Blow], window_s: float) ->
     return [f"{clause}: {effect}" for clause, effect in effects if clause is not None]
 
 
-def _spectra(blocks: Blocks, force_window_s: float | None) -> tuple[Complex, Complex]:
+def hit_spectra(blocks: Blocks, settings: HitSettings) -> tuple[Complex, Complex]:
     """Return F (n_hit, n_freq) and X (n_hit, n_freq, n_out) without exponential window."""
-    window = force_windows(blocks, force_window_s)
+    window = force_windows(blocks, settings.force_window_s)
     force = scipy.fft.rfft(blocks.force * window)
     return force, np.moveaxis(scipy.fft.rfft(blocks.motion), 1, 2)
 

@@ -8,7 +8,8 @@ leaves the residual ``e_h`` with the energy ``E_h`` in response o and chunk c of
 The noise does not depend on the force, so E_h over its median over hits is about 1 in every chunk
 and response. The mean of this ratio is the squared distance D_h^2 of the hit. A hit is an outlier
 if D_h is three times the median distance and e_h is 2 % of X_h. Scatter of hammer point and
-direction does not reach the first limit; a deviation below the second does not matter.
+direction does not reach the first limit, which is wider for fewer than six hits, whose median is
+uncertain; a deviation below the second does not matter.
 """
 
 import numpy as np
@@ -17,9 +18,10 @@ from identification.words import Complex, Mask, Real
 
 _CHUNK_LINES = 16  # lines of a chunk
 _MIN_OUTLIER_DISTANCE = 3.0  # times the median distance
+_FEW_HITS = 6  # with fewer, that limit grows by 6 over their number: twice as wide for three
 _MIN_OUTLIER_SHARE = 0.02  # of the response
 _MAX_MIRROR_CORRELATION = -0.5  # with the response that the median FRF predicts
-_MIN_EXCITATION = 0.1  # of the largest force over lines: lines with less do not count
+MIN_EXCITATION = 0.1  # of the largest force over lines: lines with less do not count
 _MAX_USABLE_SHARE = 0.8  # of half the sampling rate: anti-aliasing filters act above
 _TINY_ENERGY = 1e-300  # avoids a division by zero
 
@@ -62,10 +64,11 @@ def find_outlying_hits(force: Complex, motion: Complex) -> Reasons:
     """
     distances, shares = outlier_distances(force, motion)
     typical = float(np.median(distances))
+    limit = _MIN_OUTLIER_DISTANCE * max(1.0, _FEW_HITS / len(distances))
     return [
         f"outlier: {distance / typical:.1f} times the others' distance from the median FRF, "
         f"{100 * share:.0f} % of its response"
-        if distance > _MIN_OUTLIER_DISTANCE * typical and share > _MIN_OUTLIER_SHARE
+        if distance > limit * typical and share > _MIN_OUTLIER_SHARE
         else None
         for distance, share in zip(distances, shares, strict=True)
     ]
@@ -107,7 +110,7 @@ def _expected_motion(force: Complex, motion: Complex) -> tuple[Complex, Complex,
 def excited_lines(force: Complex) -> Mask:
     """Return the lines above 0 Hz and below 0.8 of Nyquist that all hits excite; (n_freq,)."""
     size = np.abs(force).min(axis=0)
-    excited: Mask = size > _MIN_EXCITATION * size[1:].max()
+    excited: Mask = size > MIN_EXCITATION * size[1:].max()
     excited[0] = False
     excited[int(_MAX_USABLE_SHARE * len(size)) + 1 :] = False
     if not excited.any():

@@ -1,6 +1,6 @@
 """Rejection of hits that would spoil the average, each with its reason."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -10,10 +10,11 @@ from identification.hits.outliers import Reasons, find_mirrored_hits, find_outly
 from identification.words import Complex, HitRejection, Mask, Real
 
 _MIN_BOUNCE_HEIGHT = 0.05  # of the main pulse, for a double hit
-_MIN_PEAK = 0.25  # of the median peak: weaker hits are rejected
+MIN_PEAK = 0.25  # of the median peak: weaker hits are rejected
 # A channel is clipped if at least this number of samples equals its extreme value, and the next
 # steps of the converter hold fewer samples than this share of that number.
 _MIN_CLIPPED_SAMPLES, _CLIPPING_STEPS, _MAX_NEAR_SHARE = 3, 10, 1 / 3
+_MIN_CLIPPED_BOTH_WAYS = 4  # samples, at limits of equal size of a converter
 _TEXT_STEP = 1e-5  # relative step of a text file with six digits
 _FULL_SCALE_SHARE = 0.999  # of a known full scale, for an overload
 _MAX_COPY_DIFFERENCE = 1e-5  # relative: six digits of a text file
@@ -21,7 +22,9 @@ _TINY_BLOCK_ENERGY = 1e-300  # avoids a division by zero
 
 
 def reject_hits(
-    blocks: Blocks, spectra: Callable[[Blocks], tuple[Complex, Complex]]
+    blocks: Blocks,
+    spectra: Callable[[Blocks], tuple[Complex, Complex]],
+    further: Sequence[Callable[[Blocks], Reasons]] = (),
 ) -> tuple[Blocks, tuple[HitRejection, ...]]:
     """Leave out copied, clipped, double, overlapping, weak, dead, mirrored and outlying hits.
 
@@ -31,6 +34,7 @@ def reject_hits(
         blocks: blocks of one reference.
         spectra: function that returns the spectra of force (n_hit, n_freq) and motion
             (n_hit, n_freq, n_out) of blocks.
+        further: checks between those of single hits and those among hits.
 
     Returns:
         The kept blocks, and the rejected hits with their reasons.
@@ -42,6 +46,7 @@ def reject_hits(
         _find_doubles,
         _find_overlaps,
         _find_weak,
+        *further,
         _find_dead,
     )
     for check in checks:
@@ -92,7 +97,8 @@ def _clipped_samples(values: Real) -> Mask:
     unclipped crest of height A, in contrast, stays within k steps q of its top for a phase of
     2 sqrt(2 k q / A): the next ten values together are 2.3 times as frequent as the largest. The
     step is the smallest difference of two values, and at least that of a text file with six
-    digits. Clipping before a digital filter leaves no equal samples and is not detected.
+    digits. Limits of equal size on both sides count together. Clipping before a digital filter
+    leaves no equal samples and is not detected.
 
     Args:
         values: samples of one channel; (n_hit, n_sample).
@@ -100,10 +106,12 @@ def _clipped_samples(values: Real) -> Mask:
     Returns:
         Mask of clipped samples; (n_hit, n_sample).
     """
-    is_clipped = np.zeros(values.shape, bool)
+    is_clipped, least = np.zeros(values.shape, bool), _MIN_CLIPPED_SAMPLES
+    if values.max() == -values.min():
+        values, least = np.abs(values), _MIN_CLIPPED_BOTH_WAYS
     for extreme in (values.max(), values.min()):
         is_extreme = values == extreme
-        if is_extreme.sum() < _MIN_CLIPPED_SAMPLES:
+        if is_extreme.sum() < least:
             continue
         step = np.diff(np.unique(values)).min(initial=np.inf)
         reach = _CLIPPING_STEPS * max(float(step), _TEXT_STEP * abs(float(extreme)))
@@ -169,7 +177,7 @@ def _find_weak(blocks: Blocks) -> Reasons:
     peaks = np.abs([blow.main.height for blow in blocks.blows])
     median = float(np.median(peaks)) if peaks.size else 0.0
     return [
-        f"weak: {peak / median:.2g} times the median peak" if peak < _MIN_PEAK * median else None
+        f"weak: {peak / median:.2g} times the median peak" if peak < MIN_PEAK * median else None
         for peak in peaks
     ]
 

@@ -1,11 +1,14 @@
 """Time records from MATLAB and numpy files: variables force, response and rate_hz (or fs)."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy.io
 
 from identification.readers.channel_labels import parse_channels, parse_references
 from identification.readers.frf_units import labelled_unit, parse_frf_units
+from identification.readers.result_files import write_result_arrays
 from identification.words import MAX_INPUT_MAGNITUDE, InputError, Quantity, Real, Records
 
 # Names of variables.
@@ -109,6 +112,26 @@ def read_array_records(
         )
     except ValueError as error:
         raise InputError(f"{path}: {error}: save it again") from error
+
+
+def write_array_records(target: Path, records: Sequence[Records]) -> None:
+    """Write force and response of all references of a file, as ``read_array_records`` reads them.
+
+    Args:
+        target: .npz or .mat file.
+        records: one for each reference, all with as many records.
+    """
+    arrays = {
+        "force": np.stack([record.force for record in records]),
+        "response": np.stack([record.motion for record in records]),
+    }
+    if len(records) == 1:
+        arrays = {name: array[0] for name, array in arrays.items()}
+    arrays["rate_hz"] = np.array(records[0].rate_hz)
+    if target.suffix == ".mat":
+        scipy.io.savemat(target, arrays, do_compression=True)
+    else:
+        write_result_arrays(target, arrays)
 
 
 def _force_remarks(path: Path, arrays: dict[str, np.ndarray]) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Virtual hammer test of a machine in time: raw records of force and motion."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,10 +12,12 @@ from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
 from mbmodel.simulation.joint_reach import JointReach
 from mbmodel.simulation.time_model import PROBE_CHANNELS, Probe, TimeModel, build_time_model
 from mbmodel.simulation.time_step import Recorder, choose_time_step
+from mbmodel.virtual_test.bad_hits import BadHit, draw_bad_hits, spoil_channels, spoil_hits
 from mbmodel.virtual_test.hits import Hits, draw_hits
 from mbmodel.virtual_test.instruments import (
     NO_ERRORS,
     ForceChannelErrors,
+    HammerErrors,
     Instruments,
     draw_instruments,
     hit_wrench,
@@ -36,12 +38,14 @@ class VirtualTest:
         instruments: drawn errors of the instruments.
         step: integrator and step, with the estimated error.
         remarks: sentences on stops that the motion reaches, and on laws that it misses.
+        bad_hits: of each file and reference, what is wrong with each hit; None for a good one.
     """
 
     records: Mapping[str, tuple[Records, ...]]
     instruments: Instruments
     step: TimeStep
     remarks: tuple[str, ...] = ()
+    bad_hits: Mapping[tuple[str, Dof], tuple[BadHit | None, ...]] = field(default_factory=dict)
 
 
 def strike(
@@ -87,19 +91,20 @@ def strike(
     model = build_time_model(machine, probes, spin=spin)
     test = _Test(model, plan, instruments, sites, threads, JointReach(model))
     series = [
-        _Series(file, reference, draw_hits(plan, file, random), random)
+        _draw_series(plan, file, reference, np.random.default_rng(part))
         for file, stream in zip(plan.files, streams[2:], strict=True)
         for reference, part in zip(file.references, stream.spawn(len(file.references)), strict=True)
-        for random in (np.random.default_rng(part),)
     ]
     if not series:
         raise UsageError("the plan has no file: state at least one level")
     step = test.choose_step(max(series, key=lambda hits: hits.hits.peaks.max()))
     records: dict[str, tuple[Records, ...]] = {}
+    bad_hits = {}
     for hits in series:
-        record = test.record(hits, step, count_hits)
+        record, bad = test.record(hits, step, count_hits)
         records[hits.file.file] = (*records.get(hits.file.file, ()), record)
-    return VirtualTest(records, instruments, step, test.reach.remarks())
+        bad_hits[hits.file.file, hits.reference] = tuple(bad)
+    return VirtualTest(records, instruments, step, test.reach.remarks(), bad_hits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +116,27 @@ class _Series:
         reference: point and direction.
         hits: drawn hits.
         random: source of the noise.
+        bad: what is wrong with each hit; None for a good one.
     """
 
     file: RecordedFile
     reference: Dof
     hits: Hits
     random: np.random.Generator
+    bad: Sequence[BadHit | None]
+
+
+def _draw_series(
+    plan: HammerTestPlan, file: RecordedFile, reference: Dof, random: np.random.Generator
+) -> _Series:
+    """Draw the hits along one reference, with bad ones among them."""
+    if not plan.scatter.bad_share:
+        hits = draw_hits(plan, file, random)
+        return _Series(file, reference, hits, random, [None] * file.hits)
+    planned = [dof for each in plan.files for dof in each.references]
+    bad = draw_bad_hits(file.hits, plan.scatter.bad_share, reference, planned, random)
+    hits = draw_hits(plan, replace(file, hits=len(bad)), random)
+    return _Series(file, reference, spoil_hits(hits, bad, random), random, bad)
 
 
 def _sites(machine: Machine, plan: HammerTestPlan) -> list[str]:
@@ -166,21 +186,28 @@ class _Test:
             delays[row] = errors.delays[dof.axis]
         return Recorder(readout, self.plan.rate_hz, delays)
 
-    def gains(self, reference: Dof, hits: Hits) -> Real:
+    def gains(self, struck: Sequence[Dof], hits: Hits) -> Real:
         """Return the control vector per N of each hit; (n_hit, n_control, 1)."""
-        errors = self.instruments.hammers[reference.positive]
+        steady = HammerErrors(np.zeros(3), np.zeros(3))  # where no hit is planned
         wrenches = [
-            hit_wrench(self.model.machine.layout, reference.positive, errors, turn, place)
-            for turn, place in zip(hits.turns, hits.places, strict=True)
+            dof.sign
+            * hit_wrench(
+                self.model.machine.layout,
+                dof.positive,
+                self.instruments.hammers.get(dof.positive, steady),
+                turn,
+                place,
+            )
+            for dof, turn, place in zip(struck, hits.turns, hits.places, strict=True)
         ]
-        return reference.sign * wrench_gain(self.model, np.stack(wrenches, axis=1)).T[:, :, None]
+        return wrench_gain(self.model, np.stack(wrenches, axis=1)).T[:, :, None]
 
     def choose_step(self, series: _Series) -> TimeStep:
         """Return integrator and step for the hardest hit of a series."""
         hardest = series.hits.select([int(np.argmax(series.hits.peaks[:, 0]))])
         return choose_time_step(
             self.model,
-            self.gains(series.reference, hardest),
+            self.gains([series.reference], hardest),
             hardest.means,
             self.recorder(series.file.outputs),
             self.plan.pretrigger_s + self.plan.mean_pulse_s + _ESTIMATED_S,
@@ -188,19 +215,20 @@ class _Test:
 
     def record(
         self, series: _Series, step: TimeStep, count_hits: Callable[[int], object]
-    ) -> Records:
-        """Record all hits along one reference."""
+    ) -> tuple[Records, list[BadHit | None]]:
+        """Record all hits along one reference; return them with what is wrong with each."""
         file, reference, random = series.file, series.reference, series.random
         recorder, samples = self.recorder(file.outputs), self.plan.samples
         channel = self.instruments.force_channels[file.hammer or DEFAULT_HAMMER]
+        struck = [reference if bad is None else bad.struck for bad in series.bad]
         force, motion = [], []
-        for numbers in _batches(file.hits, max(self.threads, 1)):
+        for numbers in _batches(len(series.bad), max(self.threads, 1)):
             batch = series.hits.select(numbers)
             means = batch.means(step.step_s)
             count = round((self.plan.block_s + recorder.lead_s) / step.step_s)
             chunks = integrate(
                 self.model,
-                self.gains(reference, batch),
+                self.gains([struck[k] for k in numbers], batch),
                 means,
                 count,
                 step,
@@ -212,15 +240,13 @@ class _Test:
             count_hits(len(numbers))
         noise, rate = self.plan.noise, self.plan.rate_hz
         clean_force, clean_motion = np.concatenate(force), np.concatenate(motion)
-        return Records(
-            rate,
-            clean_force + _white(noise.force, rate, random, clean_force.shape),
-            clean_motion + _white(noise.motion, rate, random, clean_motion.shape),
-            file.outputs,
-            reference,
-            "accelerance",
-            test=file.file,
+        noisy_force = clean_force + _white(noise.force, rate, random, clean_force.shape)
+        noisy_motion = clean_motion + _white(noise.motion, rate, random, clean_motion.shape)
+        recorded, bad = spoil_channels(noisy_motion, series.bad, random)
+        records = Records(
+            rate, noisy_force, recorded, file.outputs, reference, "accelerance", test=file.file
         )
+        return records, bad
 
 
 def _record_force(

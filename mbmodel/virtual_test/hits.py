@@ -70,8 +70,8 @@ def draw_hits(plan: HammerTestPlan, file: RecordedFile, random: np.random.Genera
     width = plan.mean_pulse_s * (1 + scatter.width * random.uniform(-1, 1, count))
     onset = plan.pretrigger_s + random.uniform(0, 1, count) / plan.rate_hz
     is_double = random.uniform(0, 1, count) < scatter.double_share
-    second = np.where(is_double, first * random.uniform(*_BOUNCE_HEIGHT, count), 0.0)
-    later = onset + width * random.uniform(*_BOUNCE_DELAY_PULSES, count)
+    heights, delays = draw_bounces(count, random)
+    second, later = np.where(is_double, first * heights, 0.0), onset + width * delays
     return Hits(
         onsets=np.stack([onset, later], axis=1),
         peaks=np.stack([first, second], axis=1),
@@ -79,3 +79,8 @@ def draw_hits(plan: HammerTestPlan, file: RecordedFile, random: np.random.Genera
         turns=scatter.angle * random.standard_normal((count, 3)),
         places=scatter.place * random.standard_normal((count, 3)),
     )
+
+
+def draw_bounces(count: int, random: np.random.Generator) -> tuple[Real, Real]:
+    """Draw height over the first pulse and delay [pulse durations] of bounces; (count,) each."""
+    return random.uniform(*_BOUNCE_HEIGHT, count), random.uniform(*_BOUNCE_DELAY_PULSES, count)

@@ -22,6 +22,7 @@ class HitScatter:
         angle: standard deviation of the aim about each axis [rad].
         place: standard deviation of the place along each axis [m].
         double_share: share of the hits that bounce and hit a second time.
+        bad_share: share of further hits among all that are bad in any way (``bad_hits``).
     """
 
     peak: float = 0.15
@@ -29,14 +30,15 @@ class HitScatter:
     angle: float = 0.01
     place: float = 0.001
     double_share: float = 0.0
+    bad_share: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         for name, value in vars(self).items():
             if not 0 <= value <= 1:
                 raise UsageError(f"scatter of hits: {name} is {value:g}, expected 0 to 1")
-        if max(self.peak, self.width) >= 1:
-            raise UsageError("scatter of hits: peak and width must stay below 1")
+        if max(self.peak, self.width, self.bad_share) >= 1:
+            raise UsageError("scatter of hits: peak, width and bad hits must stay below 1")
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ def _scatter(options: TestOptions) -> HitScatter:
         "place": options.place_scatter,
     }
     given = {name: value for name, value in stated.items() if value is not None}
-    return HitScatter(**given, double_share=options.double_share)
+    return HitScatter(**given, double_share=options.double_share, bad_share=options.bad_share)
 
 
 def _noise(options: TestOptions) -> Noise:

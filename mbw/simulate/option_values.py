@@ -29,6 +29,8 @@ class TestOptions:
         block_s: length of a record [s].
         pulse_s: duration of the pulse [s].
         double_share: share of the hits that bounce.
+        bad_share: share of further hits that are bad in any way.
+        pause_s: pause between hits that are written one by one [s]; None for whole files.
         exact: whether nothing is noisy or off.
         outputs: channels.
         noise: density of the noise of accelerometers [m/s^2/sqrt(Hz)].
@@ -50,6 +52,8 @@ class TestOptions:
     block_s: float | None
     pulse_s: float | None
     double_share: float
+    bad_share: float
+    pause_s: float | None
     exact: bool
     outputs: Sequence[str]
     noise: float | None
@@ -154,6 +158,8 @@ def _test_values(test: TestOptions, nominal: Path | None) -> Mapping[str, object
         "--exact": test.exact,
         "--nominal": nominal,
         "--double-hits": test.double_share or None,
+        "--bad-hits": test.bad_share or None,
+        "--live": test.pause_s,
         **_scatter_values(test),
     }
 

@@ -82,6 +82,20 @@ def simulate(  # noqa: PLR0913  # one for each option
     double_hits: Annotated[
         float, typer.Option(min=0, max=1, help="Share of the hits that bounce.")
     ] = 0.0,
+    bad_hits: Annotated[
+        float,
+        typer.Option(
+            min=0, max=0.9, help="Share of further hits that are bad in any way; see answer.toml."
+        ),
+    ] = 0.0,
+    live: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            metavar="S",
+            help="Write each hit as a file of its own, with this pause between hits [s].",
+        ),
+    ] = None,
     exact: Annotated[
         bool, typer.Option("--exact", help="No noise, no errors of instruments, steady aim.")
     ] = False,
@@ -287,6 +301,8 @@ def simulate(  # noqa: PLR0913  # one for each option
             "block_s": block,
             "pulse_s": pulse,
             "double_share": double_hits,
+            "bad_share": bad_hits,
+            "pause_s": live,
             "exact": exact,
             "outputs": outputs or [],
             "noise": noise,

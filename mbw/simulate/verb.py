@@ -34,7 +34,14 @@ from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
 from mbw.simulate.animation import write_animation
-from mbw.simulate.campaign_folder import ANSWER, CAMPAIGN, MODEL, TRUE_MODEL, write_campaign
+from mbw.simulate.campaign_folder import (
+    ANSWER,
+    CAMPAIGN,
+    MODEL,
+    TRUE_MODEL,
+    write_campaign,
+    write_hits,
+)
 from mbw.simulate.hammer_plan import PlannedTest, plan_test
 from mbw.simulate.joint_laws import SimulatedMachine, open_machine
 from mbw.simulate.option_values import TestOptions, refuse_conflicts
@@ -140,6 +147,7 @@ def make_test(
     plan = planned.plan
     _refuse_missing_points(drawing, planned)
     names = [CAMPAIGN, MODEL, TRUE_MODEL, ANSWER, PAGE, *(file.file for file in plan.files)]
+    is_live = options.pause_s is not None
     total = sum(file.hits * len(file.references) for file in plan.files)
     with outputs.open("simulate", simulated.source, "simulated", names) as output:
         with SCREEN.progress() as progress:
@@ -154,7 +162,7 @@ def make_test(
                 count_hits=lambda count: progress.advance(task, count),
             )
         with output.write() as place:
-            write_campaign(place, planned, test, seed, simulated.laws)
+            write_campaign(place, planned, test, seed, simulated.laws, by_hit=is_live)
             copies = {MODEL: nominal or simulated.source}
             if simulated.laws or nominal is not None:
                 copies[TRUE_MODEL] = machine.source
@@ -169,6 +177,9 @@ def make_test(
                 )
                 (place / PAGE).write_text(text, encoding="utf-8")
             names = sorted(path.name for path in place.iterdir())
+        if options.pause_s is not None:
+            SCREEN.say(f"hits come into {output.path}, one by one: mbw live {output.path}")
+            write_hits(output.path, planned, test, options.pause_s)
     summary = _summary(
         simulated,
         test.step,
@@ -186,7 +197,7 @@ def make_test(
         refuse_difference(copy.file, copy.difference)
     _say_page(outputs, output.path)
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
-        typer.echo(f"mbw identify {output.path}")
+        typer.echo(f"mbw {'live' if is_live else 'identify'} {output.path}")
     return summary
 
 

@@ -76,12 +76,21 @@ def log_path(source: Path, name: str, first: SessionState) -> Path:
     """
     if not re.fullmatch(r"[\w][\w .-]{0,60}", name):
         raise InputError(f"--state {name!r} cannot name a file: use letters, digits, - and _")
+    content = hashlib.sha256(f"{first.campaign} {first.model}".encode()).hexdigest()[:8]
+    return state_folder(source) / f"{name}-{content}.jsonl"
+
+
+def state_folder(source: Path) -> Path:
+    """Return the user's folder for the states of a campaign or model.
+
+    Args:
+        source: campaign.toml, or file of the model.
+    """
     fallback = Path.home() / ("AppData/Local" if sys.platform == "win32" else ".local/state")
     home = Path(os.environ.get("XDG_STATE_HOME") or fallback)
     place = source.parent if source.suffix == ".toml" else source
     where = hashlib.sha256(os.fsencode(source.absolute())).hexdigest()[:8]
-    content = hashlib.sha256(f"{first.campaign} {first.model}".encode()).hexdigest()[:8]
-    return home / "mbw" / f"{place.stem}-{where}" / f"{name}-{content}.jsonl"
+    return home / "mbw" / f"{place.stem}-{where}"
 
 
 @contextmanager

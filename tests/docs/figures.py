@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from tests.docs import (
     calibration_figures,
     headline_figures,
+    live_figures,
     measured_figures,
     model_figures,
     modes_figures,
@@ -32,4 +33,5 @@ FIGURES: Mapping[str, Callable[[], str]] = {
     **truth_figures.FIGURES,
     **simulation_figures.FIGURES,
     **workbench_figures.FIGURES,
+    **live_figures.FIGURES,
 }

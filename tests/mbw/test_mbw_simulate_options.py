@@ -154,6 +154,7 @@ def test_noise_and_scatter_are_those_of_the_options(model, tmp_path):
         "angle": 0.03,
         "place": 0.0,
         "double_share": 0.0,
+        "bad_share": 0.0,
     }
     with np.load(tmp_path / "hits_200N.npz") as content:
         force, response = content["force"], content["response"]

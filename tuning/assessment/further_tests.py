@@ -50,13 +50,50 @@ def rank_further_tests(session: Session, confidence: ParameterConfidence) -> tup
     Args:
         confidence: confidence in the parameters so far.
     """
+    return _rank(session, confidence, _candidates(session, confidence))
+
+
+def rank_planned_hits(
+    session: Session, confidence: ParameterConfidence, planned: Sequence[Dof]
+) -> tuple[GainRow, ...]:
+    """Rank places and directions that are planned by the interval that would remain.
+
+    Args:
+        session, confidence: as for ``rank_further_tests``.
+        planned: places and directions.
+    """
+    return _rank(session, confidence, _planned_hits(session, confidence, planned))
+
+
+_Candidate = tuple[str, str, Model, Campaign]  # kind, point, model and predicted campaign
+
+
+def _planned_hits(
+    session: Session, confidence: ParameterConfidence, planned: Sequence[Dof]
+) -> Iterator[_Candidate]:
+    """Yield the tests of single places and directions."""
+    campaign, model = thin_lines(session.campaign, _LINE_STRIDE), session.model
+    noise = mean_channel_variance(campaign)
+    present = {reference.positive for reference in campaign.inputs}
+    for dof in planned:
+        parts = () if dof.positive in present else hammer_parts(model.machine, (dof,))
+        extended = _add_parts(model, parts)
+        theta = _extended_theta(extended, confidence)
+        predicted = predict_tests(extended, theta, campaign, noise, (dof,))
+        yield "hammer", str(dof), extended, predicted
+
+
+def _rank(
+    session: Session, confidence: ParameterConfidence, candidates: Iterator[_Candidate]
+) -> tuple[GainRow, ...]:
+    """Return the gains of further tests, the shortest interval of the worst parameter first."""
     free = np.flatnonzero(~confidence.parametrisation.is_tolerance)
     if not free.size:
         return ()
     before = confidence.deviation[free]
     worst = int(np.argmax(before))
     gains = []
-    for what, place, model, campaign in _candidates(session, confidence):
+    for what, place, model, campaign in candidates:
         covariance = _covariance_with(session, confidence, model, campaign)
         after = np.sqrt(np.diag(covariance)[free])
         gains.append(
@@ -91,9 +128,7 @@ def _covariance_with(
     return covariance
 
 
-def _candidates(
-    session: Session, confidence: ParameterConfidence
-) -> Iterator[tuple[str, str, Model, Campaign]]:
+def _candidates(session: Session, confidence: ParameterConfidence) -> Iterator[_Candidate]:
     """Yield the further tests: kind, point, model and predicted campaign.
 
     They are hits in three directions at each sensor that was not hit, and a further sensor beside

@@ -6,7 +6,7 @@ that campaign.toml states must agree, since a campaign states it once for both.
 
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -152,6 +152,24 @@ def write_campaign_with_model(
     for stated in _list_tests(source):
         file = _relative(source.parent / str(stated["file"]), folder)
         text += "\n[[test]]\n" + _table_text(_move_model({**stated, "file": file}, source, folder))
+    (place / CAMPAIGN).write_text(text, encoding="utf-8")
+
+
+def write_campaign_with_tests(
+    source: Path, tests: Sequence[Mapping[str, Any]], place: Path, folder: Path
+) -> None:
+    """Write the campaign.toml of a campaign with other tests, whose files lie in the folder.
+
+    Args:
+        source, place, folder: as for ``write_campaign_with_model``.
+        tests: content of each ``[[test]]``.
+
+    Raises:
+        InputError: campaign.toml cannot be read.
+    """
+    text = _table_text(_read_head(source, folder, {}))
+    for test in tests:
+        text += "\n[[test]]\n" + _table_text(_move_model(dict(test), source, folder))
     (place / CAMPAIGN).write_text(text, encoding="utf-8")
 
 

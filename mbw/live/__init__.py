@@ -1,0 +1,1 @@
+"""``mbw live``: beside a hammer test, each hit judged as it comes."""

@@ -1,0 +1,136 @@
+"""Provisional findings about the accepted hits, computed in another process at low priority."""
+
+import os
+import signal
+import time
+from collections.abc import Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from diagnosis.next_test.provisional import ProvisionalCause, find_provisionally
+from identification.words import Dof, WorkbenchError
+from mbw.live.accepted import write_accepted
+from mbw.live.test import LiveTest, Place, Sheet
+from tuning import open_session, write_atomically
+
+_NICE = 10  # hits are judged meanwhile
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Provisional findings.
+
+    Args:
+        places: places and directions whose hits they are about.
+        hits: number of these hits.
+        error: relative error of the tuned model; None if no channel is clear of its noise.
+        excess: error over noise; None without noise.
+        is_gap_visible: whether the tuned model leaves more than noise.
+        causes: the most promising effects, the best first.
+        next_hits: labels of planned places, the most informative first.
+        theta: values of the tuned model's parameters, by name [SI].
+        since: when the last of the hits came [s].
+    """
+
+    places: tuple[Place, ...]
+    hits: int
+    error: float | None
+    excess: float | None
+    is_gap_visible: bool
+    causes: tuple[ProvisionalCause, ...]
+    next_hits: tuple[str, ...]
+    theta: dict[str, float]
+    since: float = 0.0
+
+
+def compute_findings(
+    folder: Path,
+    places: Sequence[Place],
+    hits: int,
+    planned: Sequence[Dof],
+    band: tuple[float, float] | None = None,
+) -> Findings:
+    """Tune the model of a campaign of accepted hits, score effects, and rank planned hits.
+
+    Args:
+        folder: the campaign.
+        places: places of its hits.
+        hits: their number.
+        planned: as for ``find_provisionally``.
+        band: band of the lines that count [Hz]; None for those with coherence.
+    """
+    result = find_provisionally(open_session(folder, band), planned)
+    names = [parameter.name for parameter in result.model.parameters]
+    return Findings(
+        tuple(places),
+        hits,
+        result.gap.error,
+        result.gap.excess,
+        result.is_gap_visible,
+        result.causes,
+        tuple(row.place for row in result.next_hits),
+        dict(zip(names, result.theta.tolist(), strict=True)),
+    )
+
+
+@dataclass(eq=False)
+class FindingsWorker:
+    """Process that computes findings, one request at a time; the newest hits count.
+
+    Args:
+        folder: where campaigns of accepted hits are written.
+    """
+
+    folder: Path
+    band: tuple[float, float] | None = None
+    _pool: ProcessPoolExecutor | None = None
+    _running: "Future[Findings] | None" = None
+    _since: float = 0.0
+    _asked: tuple[Any, ...] = field(default=())
+
+    def ask(self, test: LiveTest, sheet: Sheet) -> None:
+        """Compute findings about the places with enough hits, unless this is done or under way."""
+        places = sheet.complete
+        keys = tuple(hit.key for place in places for hit in sheet.list_accepted(place))
+        if not keys or self._running is not None or keys == self._asked:
+            return
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(1, get_context("spawn"), initializer=_lower_priority)
+        self._asked, self._since = keys, time.monotonic()
+        with write_atomically(self.folder) as staging:
+            write_accepted(test, sheet, places, staging, self.folder)
+        planned = [place[1] for place in sheet.places if place not in places]
+        dofs = [dof for dof in planned if isinstance(dof, Dof)]
+        self._running = self._pool.submit(
+            compute_findings, self.folder, places, len(keys), dofs, self.band
+        )
+
+    def collect(self) -> "Findings | str | None":
+        """Return findings that are done, or the sentence with which they failed."""
+        if self._running is None or not self._running.done():
+            return None
+        running, self._running = self._running, None
+        try:
+            return replace(running.result(), since=self._since)
+        except WorkbenchError as error:
+            return f"no provisional findings: {error}"
+        except Exception as error:  # of the process: hits are judged nevertheless
+            self._pool = None
+            return f"no provisional findings: {type(error).__name__}: {error}"
+
+    def close(self) -> None:
+        """End the process."""
+        if self._pool is not None:
+            for process in list(getattr(self._pool, "_processes", {}).values()):
+                process.terminate()
+            self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _lower_priority() -> None:
+    """Leave the processor to the judgement of hits, and Ctrl-C to the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "nice"):
+        os.nice(_NICE)

@@ -1,0 +1,45 @@
+"""Options of ``mbw live``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Band, Json, Overwrite, Quiet, SingleJob, out_option
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def live(
+    folder: Annotated[
+        Path,
+        typer.Argument(help="Folder with campaign.toml, into which the records of the hits come."),
+    ],
+    *,
+    idle: Annotated[
+        float | None,
+        typer.Option(
+            min=0, metavar="S", help="End when nothing has come for so long [s]. Default: Ctrl-C."
+        ),
+    ] = None,
+    band: Band = None,
+    out: Annotated[Path | None, out_option("<folder>-accepted beside it")] = None,
+    json: Json = None,
+    jobs: SingleJob = 1,
+    quiet: Quiet = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Judge each hit of a running hammer test, and say where to hit next and when to stop."""
+    del jobs
+    run_verb(
+        "mbw.live.verb",
+        folder,
+        idle=idle,
+        band=band,
+        out=out,
+        json=json,
+        overwrite=overwrite,
+        quiet=quiet,
+    )

@@ -1,0 +1,255 @@
+"""A hammer test while it runs: files, hits, what the user decided, and how the hits are judged.
+
+The folder of the test is only read. All hits are judged together whenever one has come
+(``identification.hits.judging``); the sheet is a function of files, decisions and model.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from identification.campaign_reader import name_sites
+from identification.hits import estimate_hit_frfs
+from identification.hits.judging import HitsToJudge, JudgedHit, PredictPlaces, judge_hits
+from identification.readers.campaign_toml import CampaignSettings, TestSettings
+from identification.readers.channel_labels import parse_references
+from identification.record_tests import hit_settings, read_records
+from identification.words import HitEstimate, InputError, Layout, Port, Records, WorkbenchError
+
+MIN_HITS = 3  # at each place and direction: with fewer, no outlier is told from the others
+_MIN_LENGTH_SHARE = 0.5  # of the median record: shorter ones are cut off
+Place = tuple[int, Port]  # number of the [[test]], and reference
+
+
+@dataclass(frozen=True)
+class HitRow:
+    """A hit on the sheet.
+
+    Args:
+        key: name by which it is taken back or withdrawn: its file, and its number there.
+        place: where it belongs.
+        peak_n: largest force of the hit, signed [N].
+        reason: why it was refused; None if nothing speaks against it.
+        decision: what the user decided; None for nothing.
+    """
+
+    key: str
+    place: Place
+    peak_n: float
+    reason: str | None
+    decision: bool | None
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether it counts."""
+        return self.reason is None if self.decision is None else self.decision
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """All hits of the test so far.
+
+    Args:
+        places: places and directions, planned ones first.
+        hits: hits, by the order of their files.
+        estimates: FRFs of the accepted hits of each place.
+        records: records of each place, which hold all hits.
+        remarks: what is no matter of single hits.
+    """
+
+    places: tuple[Place, ...]
+    hits: tuple[HitRow, ...] = ()
+    estimates: Mapping[Place, HitEstimate] = field(default_factory=dict)
+    records: Mapping[Place, Records] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    def list_accepted(self, place: Place) -> list[HitRow]:
+        """Return the hits at a place that count."""
+        return [hit for hit in self.hits if hit.place == place and hit.is_accepted]
+
+    @property
+    def complete(self) -> list[Place]:
+        """Places with enough hits."""
+        return [place for place in self.places if len(self.list_accepted(place)) >= MIN_HITS]
+
+
+@dataclass(eq=False)
+class LiveTest:
+    """Files and decisions of a test that runs.
+
+    Args:
+        source, settings: campaign.toml, as ``read_settings`` returns it.
+        layout: bodies and points, corrected as campaign.toml states.
+    """
+
+    source: Path
+    settings: CampaignSettings
+    layout: Layout
+    decisions: dict[str, bool] = field(default_factory=dict)
+    _files: dict[Path, list[tuple[int, Records]]] = field(default_factory=dict)
+
+    @property
+    def patterns(self) -> list[str]:
+        """Names and patterns of the files of the test."""
+        return [entry.file for entry in self.settings.test]
+
+    @property
+    def planned(self) -> list[Place]:
+        """Places and directions that campaign.toml names."""
+        places = []
+        for number, entry in enumerate(self.settings.test):
+            if entry.references:
+                stated = parse_references(self.source, entry.references)
+                _, references = name_sites(self.layout, self.source, (), stated)
+                places += [(number, reference) for reference in references]
+        return places
+
+    def read(self, path: Path) -> list[tuple[int, Records]]:
+        """Return the records of a file, with the number of their [[test]].
+
+        Raises:
+            InputError: the file cannot be used.
+        """
+        records = []
+        for number, entry in enumerate(self.settings.test):
+            if path in set(self.source.parent.glob(entry.file)):
+                named = entry.model_copy(update={"file": str(path.relative_to(self.source.parent))})
+                naming = partial(name_sites, self.layout)
+                for each in read_records(self.source, named, self.settings.sensor, naming):
+                    records.append((number, each))
+        if not records:
+            raise InputError("it holds FRFs, no time records: export force and motion in time")
+        for number, each in records:
+            judge_hits([self._to_judge(number, each)])  # refuses a force without hits
+        return records
+
+    def add(self, path: Path, records: list[tuple[int, Records]]) -> None:
+        """Take the records of a file, new or anew."""
+        self._files[path] = records
+
+    def drop(self, path: Path) -> None:
+        """Take a file off that is no longer there."""
+        self._files.pop(path, None)
+
+    def judge(self, predict: PredictPlaces | None = None) -> Sheet:
+        """Judge all hits, and estimate the FRFs of the accepted ones.
+
+        Args:
+            predict: FRFs of the model (``judge_hits``).
+        """
+        series, remarks = self._join()
+        places = tuple(dict.fromkeys([*self.planned, *series]))
+        if not series:
+            return Sheet(places)
+        tests = [self._to_judge(place[0], records) for place, (records, _) in series.items()]
+        judgement = judge_hits(tests, predict)
+        rows: dict[Place, list[HitRow]] = {}
+        for (place, (_, files)), hits in zip(series.items(), judgement.hits, strict=True):
+            keys = _name_hits(files, hits)
+            rows[place] = [
+                HitRow(key, place, hit.peak_n, hit.reason, self.decisions.get(key))
+                for key, hit in zip(keys, hits, strict=True)
+            ]
+        chosen = [
+            (place, test, rows[place])
+            for place, test in zip(series, tests, strict=True)
+            if any(hit.is_accepted for hit in rows[place])
+        ]
+        estimates, failures = _estimate(chosen)
+        sheet_hits = [hit for of_place in rows.values() for hit in of_place]
+        order = {path.name: number for number, path in enumerate(self._files)}
+        sheet_hits.sort(key=lambda hit: order[hit.key.partition("#")[0]])
+        joined = {place: records for place, (records, _) in series.items()}
+        remarks = [*remarks, *judgement.remarks, *failures]
+        return Sheet(places, tuple(sheet_hits), estimates, joined, tuple(dict.fromkeys(remarks)))
+
+    def _to_judge(self, number: int, records: Records) -> HitsToJudge:
+        entry = self.settings.test[number]
+        return HitsToJudge(records, hit_settings(entry), entry.level)
+
+    def _join(self) -> tuple[dict[Place, tuple[Records, list[Path]]], list[str]]:
+        """Return the records of each place with the file of each record, and remarks.
+
+        Longer records are cut to the shortest one; a record far shorter than usual does not count.
+        """
+        groups: dict[Place, list[tuple[Path, Records]]] = {}
+        for path, contents in self._files.items():
+            for number, records in contents:
+                groups.setdefault((number, records.reference), []).append((path, records))
+        series, remarks = {}, []
+        for place, members in groups.items():
+            lengths = [records.force.shape[1] for _, records in members]
+            usual, first = float(np.median(lengths)), members[0][1]
+            kept = []
+            for path, records in members:
+                reason = _differs(records, first, usual)
+                if reason:
+                    remarks.append(f"{path.name} is not counted: {reason}")
+                else:
+                    kept.append((path, records))
+            if not kept:
+                continue
+            size = min(records.force.shape[1] for _, records in kept)
+            files = [path for path, records in kept for _ in range(len(records.force))]
+            joined = replace(
+                kept[0][1],
+                force=np.concatenate([records.force[:, :size] for _, records in kept]),
+                motion=np.concatenate([records.motion[:, :, :size] for _, records in kept]),
+                test=self.settings.test[place[0]].file,
+            )
+            series[place] = joined, files
+        return series, remarks
+
+
+def _differs(records: Records, first: Records, usual: float) -> str | None:
+    """Return why a record cannot stand beside others of its place, or None."""
+    if records.outputs != first.outputs or records.rate_hz != first.rate_hz:
+        return "its channels or sampling rate are not those of the first hit there"
+    if records.force.shape[1] < _MIN_LENGTH_SHARE * usual:
+        return f"it has {records.force.shape[1]} samples, others {usual:.0f}"
+    return None
+
+
+def _name_hits(files: list[Path], hits: tuple[JudgedHit, ...]) -> list[str]:
+    """Return the key of each hit: its file, and its number in it where it has several."""
+    names = [files[hit.record - 1].name for hit in hits]
+    return [
+        name if names.count(name) == 1 else f"{name}#{names[: k + 1].count(name)}"
+        for k, name in enumerate(names)
+    ]
+
+
+def _estimate(
+    chosen: list[tuple[Place, HitsToJudge, list[HitRow]]],
+) -> tuple[dict[Place, HitEstimate], list[str]]:
+    """Return the FRFs of the accepted hits, and sentences on what they cannot be estimated of."""
+    settings = [
+        replace(
+            test.settings,
+            reject=False,
+            left_out=frozenset(n for n, hit in enumerate(rows, start=1) if not hit.is_accepted),
+        )
+        for _, test, rows in chosen
+    ]
+    if not chosen:
+        return {}, []
+    try:
+        estimates = estimate_hit_frfs([test.records for _, test, _ in chosen], settings)
+    except WorkbenchError as error:
+        return {}, [str(error)]
+    return {place: hits for (place, *_), hits in zip(chosen, estimates, strict=True)}, []
+
+
+def entry_of(settings: CampaignSettings, place: Place) -> TestSettings:
+    """Return the [[test]] of a place."""
+    return settings.test[place[0]]
+
+
+def describe_place(settings: CampaignSettings, place: Place) -> str:
+    """Return a place and direction, with the level where tests differ in it."""
+    levels = {entry.level for entry in settings.test}
+    level = entry_of(settings, place).level
+    return f"{place[1]} at {level:g} N" if len(levels) > 1 and level else str(place[1])
