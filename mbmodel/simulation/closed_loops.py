@@ -25,7 +25,15 @@ import scipy.signal
 from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
-from identification.words import Integers, Loop, PortSum, Real, UsageError, sampling_period
+from identification.words import (
+    ConvergenceError,
+    Integers,
+    Loop,
+    PortSum,
+    Real,
+    UsageError,
+    sampling_period,
+)
 from mbmodel.machine import Machine
 from mbmodel.simulation.drives import CONTROL_SPEC, Drive, LoopSignal, find_drives, find_reading
 from mbmodel.simulation.integration import InputMeans, rotation_vectors
@@ -47,6 +55,8 @@ _INSTANT_SENSORS = {  # of a probe at an instant, by the number of time derivati
 _SIGNAL_PREFIX = "mbw signal"  # of the names of sites and sensors that are added
 _MIN_STEPS, _MAX_ALIGNED_STEPS = 4, 40  # per sample of the signals
 _PERIOD_ROUNDING = 1e-6  # of a period, in sampling rates and delays
+_MAX_CONTROL = 1e10  # beyond it MuJoCo sets all controls to zero
+_STILL_SHARE = 1e-9  # of the range of a reference, between instants: it rests
 _SETTLED_SHARE_OF_MOVE = 0.02  # of the distance of the last move, as for a step of the reference
 
 
@@ -93,7 +103,8 @@ class LoopRecord:
         Returns:
             None if the reference never moves, or the error does not settle.
         """
-        moving = np.flatnonzero(np.diff(self.reference))
+        least = _STILL_SHARE * float(np.ptp(self.reference))  # below it a spline rounds
+        moving = np.flatnonzero(np.abs(np.diff(self.reference)) > least)
         if not len(moving):
             return None
         last = int(moving[-1]) + 1
@@ -375,6 +386,11 @@ class ClosedLoopSteps:
             if is_recorded:
                 self._log.append((references[row], read, limited))
             applied = control[0, row] + self._drives.gain @ limited
+            if not np.abs(limited).max(initial=0.0) < _MAX_CONTROL:
+                raise ConvergenceError(
+                    f"{self._sensors.model.machine.source}: the controls grow without bound within "
+                    f"{self._index * self._step_s:.3g} s: make the loops stable, or state a limit"
+                )
             mujoco.mj_setState(compiled, data, applied, CONTROL_SPEC)
             mujoco.mj_step(compiled, data)
             sensors[0, row] = data.sensordata

@@ -60,10 +60,20 @@ def move_signal(
         start_s: begin of the move [s]; None for 5 % of the time.
 
     Raises:
-        UsageError: limits that are not above zero, or a move that ends behind the last instant.
+        UsageError: limits that are not above zero, a derivative that the move does not have, or a
+            move that begins before the first instant or ends behind the last one.
     """
     if not limits or not all(np.isfinite(limit) and limit > 0 for limit in limits):
         raise UsageError(f"limits {list(limits)}: give numbers above 0, the velocity first")
+    if derivative not in range(len(limits)):
+        raise UsageError(
+            f"derivative {derivative}: a move of {len(limits)} limits has those of order 0 to "
+            f"{len(limits) - 1}"
+        )
+    if not np.isfinite(distance):
+        raise UsageError(f"distance {distance}: give a finite number")
+    if start_s is not None and not start_s >= time_s[0]:
+        raise UsageError(f"the move begins at {start_s} s, before the signal: raise start_s")
     if distance == 0:
         return np.zeros(len(time_s))
     times = _averaging_times(abs(distance), limits)

@@ -76,7 +76,7 @@ def parse_grid(poses: Sequence[str], spin: Sequence[str]) -> list[GridPoint]:
         InputError: a file cannot be read.
     """
     axes = [
-        _read_poses(Path(text)) if Path(text).is_file() else _parse_range("--poses", text)
+        _read_poses(Path(text)) if "=" not in text else _parse_range("--poses", text)
         for text in poses
     ]
     ranged = [text for text in spin if ":" in text.rpartition("=")[2]]
@@ -117,6 +117,8 @@ def _read_poses(path: Path) -> list[dict[str, float]]:
     """Return the rows of a CSV of poses."""
     header, *rows = [row for row in read_csv_rows(path, "give a .csv table of poses") if any(row)]
     joints = [cell.strip() for cell in header]
+    if not rows or any(len(row) != len(joints) for row in rows):
+        raise UsageError(f"{path}: below its header, give rows of {len(joints)} numbers [m, rad]")
     try:
         return [dict(zip(joints, map(float, row), strict=True)) for row in rows]
     except ValueError as error:

@@ -5,6 +5,7 @@ from pydantic import Field
 
 from identification.readers.result_files import ResultFile, ResultRow
 from mbmodel.simulation.closed_loops import LoopRecord
+from mbw.page.numbers import format_percent
 from tuning.plant.error_budget.simulated_budget import SimulatedErrors
 
 
@@ -138,7 +139,8 @@ def loop_sentences(record: LoopRecord, window: float | None) -> list[str]:
     kind = "" if loop.input_unit == "control" else f" {loop.input_unit}"
     text += f"; the control is at most {row.control:.4g}{kind}"
     if row.limit is not None and row.limited:
-        text += f" and at its limit of {row.limit:g} for {100 * row.limited:.2g} % of the time"
+        share = format_percent(row.limited, 2)
+        text += f" and at its limit of {row.limit:g} for {share} of the time"
     return [f"{text}."]
 
 

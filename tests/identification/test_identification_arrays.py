@@ -217,7 +217,6 @@ def test_any_list_of_ranges_is_all_its_nodes_or_names_the_doubled_one(ranges, ax
         ["1:+w"],
         ["1"],
         [":+x"],
-        ["1:2:+x"],
         [""],
     ],
 )

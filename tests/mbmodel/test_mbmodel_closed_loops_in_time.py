@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from identification.readers.controller import controller_from_roots
-from identification.words import Loop, PortSum, UsageError
+from identification.words import ConvergenceError, Loop, PortSum, UsageError
 from mbmodel import (
     PolynomialSpring,
     load_machine,
@@ -240,6 +240,22 @@ def test_the_settling_time_counts_from_the_end_of_the_last_move(machine):
     assert record.settling_time_s(0.5) == pytest.approx(0.1 * np.log(2), abs=1.1e-3)
     assert record.settling_time_s(1e-9) is None
     assert LoopRecord(loop, time_s, 0 * time_s, error, error).settling_time_s() is None
+    rounded = reference * (1 + 2e-16 * (np.arange(len(time_s)) % 2))  # as a spline does
+    again = LoopRecord(loop, time_s, rounded, reference - error, 0 * time_s)
+    assert again.settling_time_s() == pytest.approx(record.settling_time_s(), abs=1e-12)
+
+
+@pytest.mark.parametrize("arguments", [(3,), (-1,), (0, -1.0)])
+def test_a_move_that_is_none_is_refused(arguments):
+    with pytest.raises(UsageError, match=r"derivative|before the signal"):
+        move_signal(np.arange(0, 1, 1e-3), 0.01, [0.1, 1, 50], *arguments)
+
+
+def test_controls_without_bound_are_refused(machine):
+    time_s = np.arange(0, 0.5, 1e-4)
+    loop = loop_of(machine, controller_from_roots([], [5.0], 1e6, PERIOD_S))
+    with pytest.raises(ConvergenceError, match="without bound"):
+        simulate(machine, AXIS, (), time_s, 1e-3 * time_s[:, None], loops=[loop])
 
 
 def test_what_cannot_be_closed_in_time_is_refused(machine):

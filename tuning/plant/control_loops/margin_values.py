@@ -54,10 +54,12 @@ class LoopMargins:
 
     def __repr__(self) -> str:
         """Return the margins in one line."""
+        crossover = self.crossover
+        at = f"crossover {crossover.value:.4g} Hz" if crossover.is_finite else "no crossover"
         return (
             f"gain {self.gain.value:.3g}, phase {self.phase.value:.3g} deg, delay "
             f"{self.delay.value:.3g} s, modulus {self.modulus.value:.3g} (|S| at most "
-            f"{1 / self.modulus.value:.3g}), crossover {self.crossover.value:.4g} Hz"
+            f"{1 / self.modulus.value:.3g}), {at}"
         )
 
 

@@ -67,7 +67,7 @@ def bound_magnitudes(freq_hz: Real, magnitudes: Real, order: int) -> MinimumPhas
     Raises:
         UsageError: an order that cannot be used.
     """
-    if not 0 <= order <= MAX_FILTER_ORDER:
+    if order not in range(MAX_FILTER_ORDER + 1):
         raise UsageError(f"a weight of order {order}: give 0 to {MAX_FILTER_ORDER}")
     middle = 2 * np.pi * float(np.sqrt(freq_hz[0] * freq_hz[-1]))
     cosines = np.cos(2 * np.arctan(2 * np.pi * freq_hz / middle))
