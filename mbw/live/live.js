@@ -45,7 +45,7 @@ function judgement({accepted, reason, decision}) {
 }
 
 function show() {
-  const {hits, places} = state, accepted = hits.filter(hit => hit.accepted), last = hits[hits.length - 1], size = hit => Math.abs(hit.peak).toPrecision(3) + " N";
+  const {hits, places} = state, accepted = hits.filter(hit => hit.accepted), last = hits[hits.length - 1], size = hit => Math.abs(hit.peak).toPrecision(3);
   byId("title").textContent = state.name;
   byId("subtitle").textContent = "hammer test"; byId("subtitle").title = state.folder;
   const figures = [["accepted hits", `${accepted.length}`, `of ${hits.length}`], ["points with enough hits", `${places.filter(place => !place.needed).length}`, `of ${places.length}`]];
@@ -56,8 +56,8 @@ function show() {
   byId("why").textContent = state.reason;
   document.title = `${state.stop ? "STOP" : state.next} - ${state.name}`;
   byId("last").replaceChildren(...(last ? [
-    create("b", {className: "mark" + (last.accepted ? "" : " refused"), textContent: last.accepted ? "✓" : "✗", ariaHidden: "true"}),
-    create("div", {}, create("strong", {textContent: judgement(last)}), create("p", {className: "soft", textContent: `last hit: ${last.hit}, ${size(last)} at ${last.place}`})),
+    create("b", {className: "badge" + (last.accepted ? "" : " refused"), textContent: last.accepted ? "✓" : "✗", ariaHidden: "true"}),
+    create("div", {}, create("strong", {textContent: judgement(last)}), create("p", {className: "soft", textContent: `last hit: ${last.hit}, ${size(last)} N at ${last.place}`})),
   ] : [create("p", {className: "soft", textContent: "no hit yet"})]));
   refill(byId("place-rows"), places.map((place, k) => {
     const button = create("button", {type: "button", textContent: place.place, ariaLabel: "show " + place.place, ariaPressed: String(k === shownPlace())});
@@ -67,14 +67,14 @@ function show() {
   refill(byId("hit-rows"), hits.toReversed().map(hit => {
     const word = hit.accepted ? "Withdraw" : "Take back", button = create("button", {type: "button", textContent: word, ariaLabel: `${word} ${hit.hit}`});
     button.onclick = () => decide(hit);
-    return create("tr", {className: hit.accepted ? "" : "refused"}, create("th", {scope: "row", textContent: hit.hit}), cell(hit.place), cell(Math.abs(hit.peak).toPrecision(3)), cell((hit.accepted ? "✓ " : "✗ ") + judgement(hit), "words"), create("td", {}, button));
+    return create("tr", {className: hit.accepted ? "" : "refused"}, create("th", {scope: "row", textContent: hit.hit}), cell(hit.place), cell(size(hit)), cell((hit.accepted ? "✓ " : "✗ ") + judgement(hit), "reason"), create("td", {}, button));
   }));
   for (const [id, word, key, hit] of [["back", "Take back", "b", hits.findLast(hit => !hit.accepted)], ["withdraw", "Withdraw", "w", accepted[accepted.length - 1]]]) {
     byId(id).disabled = !hit;
     byId(id).textContent = (hit ? `${word} ${hit.hit}` : word) + ` (${key})`;
     byId(id).onclick = () => decide(hit);
   }
-  byId("cause-rows").replaceChildren(...(state.causes ?? []).map(({site, gain}) => create("tr", {}, create("th", {scope: "row", className: "words", textContent: site}), cell(gain.toPrecision(3)))));
+  byId("cause-rows").replaceChildren(...(state.causes ?? []).map(({site, gain}) => create("tr", {}, create("th", {scope: "row", textContent: site}), cell(gain.toPrecision(3)))));
   byId("cause-table").hidden = !state.causes?.length;
   byId("no-causes").textContent = state.causes === null ? "They follow when a point has enough hits." : state.causes.length ? "" : "The tuned model needs none so far.";
   showAge();
