@@ -41,7 +41,7 @@ function refill(body, rows) {
 
 function judgement({accepted, reason, decision}) {
   if (accepted) return reason ? "taken back: " + reason : "accepted";
-  return decision === false ? "withdrawn" + (reason ? ": " + reason : "") : reason;
+  return decision === false ? "withdrawn" + (reason ? ": " + reason : "") : "not accepted: " + reason;
 }
 
 function show() {

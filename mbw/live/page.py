@@ -11,7 +11,7 @@ from mbmodel.ports.port_units import input_unit, output_unit
 from mbw.live.session import LiveSession
 from mbw.live.summary import LiveSummary
 from mbw.workbench.frames import encode_frame
-from mbw.workbench.server import Answer, list_assets
+from mbw.workbench.server import PageAnswer, list_assets
 
 
 class LiveView(LiveSummary):
@@ -57,7 +57,7 @@ class LivePage:
 
     Args:
         session: the test.
-        announce: told each new address; the first one is not announced.
+        announce: says the address that a further browser needs.
     """
 
     session: LiveSession
@@ -69,23 +69,25 @@ class LivePage:
         *(f"workbench/{name}.js" for name in ("curves", "exchange", "sliders")),
     )
 
-    def read(self, path: str, query: Mapping[str, str]) -> Answer | None:
+    def read(self, path: str, query: Mapping[str, str]) -> PageAnswer | None:
         """Return the state of the test, or the FRF of a place; None for another address."""
         if path == "/live":
             view = self.session.read(LiveView.of)
-            return Answer(view.model_dump_json().encode(), "application/json")
+            return PageAnswer(view.model_dump_json().encode(), "application/json")
         if path == "/frf":
             place, channel = query.get("place", ""), query.get("channel", "")
-            return Answer(self.session.read(lambda session: _encode_frf(session, place, channel)))
+            return PageAnswer(
+                self.session.read(lambda session: _encode_frf(session, place, channel))
+            )
         return None
 
-    def perform(self, task: str, content: bytes) -> Answer | None:
+    def perform(self, task: str, content: bytes) -> PageAnswer | None:
         """Take a hit back or withdraw it; None for another task."""
         if task != "decide":
             return None
         request = DecideRequest.model_validate_json(content)
         self.session.decide(request.hit, request.accepted)
-        return Answer.of({})
+        return PageAnswer.of({})
 
     def wait(self, versions: tuple[int, ...], timeout_s: float) -> tuple[int, ...]:
         """Wait for another version of the state."""

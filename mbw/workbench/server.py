@@ -46,7 +46,7 @@ _IDLE_S = 120.0  # after which a connection without a request is closed
 
 
 @dataclass(frozen=True)
-class Answer:
+class PageAnswer:
     """Answer to a request.
 
     Args:
@@ -60,7 +60,7 @@ class Answer:
     header: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, content: Mapping[str, Any]) -> "Answer":
+    def of(cls, content: Mapping[str, Any]) -> "PageAnswer":
         """Return content as JSON."""
         return cls(json.dumps(content, allow_nan=False).encode(), "application/json")
 
@@ -76,10 +76,10 @@ class ServedPage(Protocol):
     def assets(self) -> Mapping[str, tuple[str, str]]:
         """Files of the page: name and media type by path."""
 
-    def read(self, path: str, query: Mapping[str, str]) -> Answer | None:
+    def read(self, path: str, query: Mapping[str, str]) -> PageAnswer | None:
         """Return data; None if there is no such address."""
 
-    def perform(self, task: str, content: bytes) -> Answer | None:
+    def perform(self, task: str, content: bytes) -> PageAnswer | None:
         """Perform a task with the body of its request; None if there is no such task."""
 
     def wait(self, versions: tuple[int, ...], timeout_s: float) -> tuple[int, ...]:
@@ -162,7 +162,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_events()
         elif address.path in page.assets:
             name, kind = page.assets[address.path]
-            self._send(200, Answer(read_asset(name).encode(), f"{kind}; charset=utf-8"))
+            self._send(200, PageAnswer(read_asset(name).encode(), f"{kind}; charset=utf-8"))
         else:
             query = {name: values[0] for name, values in parse_qs(address.query).items()}
             self._answer(lambda: page.read(address.path, query), "address")
@@ -175,7 +175,7 @@ class _Handler(BaseHTTPRequestHandler):
         task = self.path.removeprefix("/")
         self._answer(lambda: self.server.page.perform(task, content), "task")
 
-    def _answer(self, compute: Callable[[], Answer | None], what: str) -> None:
+    def _answer(self, compute: Callable[[], PageAnswer | None], what: str) -> None:
         """Send what a function returns, or the sentence with which it fails."""
         try:
             answer = compute()
@@ -237,13 +237,13 @@ class _Handler(BaseHTTPRequestHandler):
             "Location": "/",
             "Set-Cookie": f"{cookie}; HttpOnly; SameSite=Strict; Path=/",
         }
-        self._send(303, Answer(b"", "text/plain", header))
+        self._send(303, PageAnswer(b"", "text/plain", header))
 
     def _refuse(self, status: int, sentence: str) -> None:
         """Refuse a request with a sentence."""
-        self._send(status, Answer.of({"error": sentence}))
+        self._send(status, PageAnswer.of({"error": sentence}))
 
-    def _send(self, status: int, answer: Answer) -> None:
+    def _send(self, status: int, answer: PageAnswer) -> None:
         self.send_response(status)
         head = {"Content-Type": answer.kind, "Content-Length": str(len(answer.body))}
         for name, value in {**_HEADERS, **head, **answer.header}.items():

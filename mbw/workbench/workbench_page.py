@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from mbw.workbench.desk import Desk
 from mbw.workbench.jobs import JobQueue
 from mbw.workbench.requests import ActRequest, JobRequest, PreviewRequest
-from mbw.workbench.server import Answer, list_assets
+from mbw.workbench.server import PageAnswer, list_assets
 from mbw.workbench.session_data import scene_data, session_data
 from mbw.workbench.state import History
 
@@ -35,33 +35,33 @@ class Workbench:
     announce: Callable[[str], None] = field(default=lambda address: None)
     assets: ClassVar[Mapping[str, tuple[str, str]]] = list_assets("workbench/index.html", *_SCRIPTS)
 
-    def read(self, path: str, query: Mapping[str, str]) -> Answer | None:
+    def read(self, path: str, query: Mapping[str, str]) -> PageAnswer | None:
         """Return data of the page; None if there is no such address."""
         del query
         if path == "/frame":
             return _describe_frame(*self.desk.frame())
         if number := re.fullmatch(r"/result/(\d{1,6})", path):
             return self._read_result(int(number[1]))
-        return Answer.of(_DATA[path](self)) if path in _DATA else None
+        return PageAnswer.of(_DATA[path](self)) if path in _DATA else None
 
-    def perform(self, task: str, content: bytes) -> Answer | None:
+    def perform(self, task: str, content: bytes) -> PageAnswer | None:
         """Do an action, show a preview of one, or run a task; None if there is no such task."""
         if task == "act":
             act = ActRequest.model_validate_json(content)
             return _describe_frame(*self.desk.act(act.revision, act.action))
         if task == "preview":
             preview = PreviewRequest.model_validate_json(content)
-            return Answer(self.desk.preview(preview.values, preview.edit))
+            return PageAnswer(self.desk.preview(preview.values, preview.edit))
         if task == "jobs":
             request = JobRequest.model_validate_json(content)
-            return Answer.of({"sentences": request.run(self.jobs, self.desk)})
-        return Answer.of({"sentences": self.tasks[task]()}) if task in self.tasks else None
+            return PageAnswer.of({"sentences": request.run(self.jobs, self.desk)})
+        return PageAnswer.of({"sentences": self.tasks[task]()}) if task in self.tasks else None
 
     def wait(self, versions: tuple[int, ...], timeout_s: float) -> tuple[int, ...]:
         """Wait for another revision, or further results of jobs."""
         return self.desk.wait(versions, timeout_s)
 
-    def _read_result(self, number: int) -> Answer | None:
+    def _read_result(self, number: int) -> PageAnswer | None:
         """Return the page of a job's result, whose scripts get no access to this server.
 
         It has a policy of its own, which allows its scripts by their hashes.
@@ -73,7 +73,7 @@ class Workbench:
             "Content-Security-Policy": "sandbox allow-scripts; frame-ancestors 'none'",
             "Cross-Origin-Opener-Policy": "unsafe-none",
         }
-        return Answer(page.read_bytes(), "text/html; charset=utf-8", alone)
+        return PageAnswer(page.read_bytes(), "text/html; charset=utf-8", alone)
 
 
 _DATA: dict[str, Callable[[Workbench], dict[str, Any]]] = {
@@ -84,11 +84,11 @@ _DATA: dict[str, Callable[[Workbench], dict[str, Any]]] = {
 }
 
 
-def _describe_frame(history: History, frame: bytes) -> Answer:
+def _describe_frame(history: History, frame: bytes) -> PageAnswer:
     """Return a frame with its revision and whether there is something to undo and redo."""
     header = {
         "Revision": str(history.revision),
         "Undo-Steps": str(len(history.past)),
         "Redo-Steps": str(len(history.future)),
     }
-    return Answer(frame, header=header)
+    return PageAnswer(frame, header=header)
