@@ -37,9 +37,10 @@ docs: $(VENV)/.installed-docs
 figures: $(VENV)/.installed-test
 	$(BIN)/python -m tests.docs
 
-# Remakes the picture of the workbench in the docs, by Chromium; it tunes the demo for it.
+# Remakes the pictures of the live pages in the docs, by Chromium; it tunes the demo for them.
 pictures: $(VENV)/.installed-test
 	$(BIN)/python -m tests.docs.workbench_picture
+	$(BIN)/python -m tests.docs.live_picture
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m tests.bench $(ONLY)

@@ -12,7 +12,7 @@ app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 
 @app.command()
-def live(
+def live(  # noqa: PLR0913  # one for each option
     folder: Annotated[
         Path,
         typer.Argument(help="Folder with campaign.toml, into which the records of the hits come."),
@@ -24,6 +24,12 @@ def live(
             min=0, metavar="S", help="End when nothing has come for so long [s]. Default: Ctrl-C."
         ),
     ] = None,
+    terminal: Annotated[
+        bool, typer.Option("--terminal", help="Keep to the terminal: serve no page.")
+    ] = False,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
+    ] = True,
     band: Band = None,
     out: Annotated[Path | None, out_option("<folder>-accepted beside it")] = None,
     json: Json = None,
@@ -37,6 +43,8 @@ def live(
         "mbw.live.verb",
         folder,
         idle=idle,
+        terminal=terminal,
+        browser=browser,
         band=band,
         out=out,
         json=json,

@@ -3,10 +3,11 @@
 import json
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from identification.readers.campaign_toml import read_settings
 from identification.readers.result_files import FORMAT
@@ -23,6 +24,8 @@ from mbw.workbench.state_log import state_folder
 from tuning.session import prepare_machine
 
 ACCEPTED, LOG = "accepted", "live.jsonl"
+_N_SENTENCES = 200  # that are kept for the page
+_View = TypeVar("_View")
 
 
 @dataclass(eq=False)
@@ -50,10 +53,11 @@ class LiveSession:
         self._changed = threading.Condition(threading.RLock())
         self._watch = FolderWatch(self.test.source.parent, self.test.patterns, self.test.read)
         self._worker = FindingsWorker(self.folder / ACCEPTED, self.band)
-        self._refits = FullRefits(self.folder, self.say)
+        self._refits = FullRefits(self.folder, self._tell)
         self.sheet: Sheet = self.test.judge()
         self.advice: Advice = advise(self.sheet, [])
         self.version = 0
+        self.sentences: deque[str] = deque(maxlen=_N_SENTENCES)
         self.last_change = time.monotonic()
         self._judged: dict[str, bool] = {}
         for row in _read_log(self.folder / LOG):
@@ -108,9 +112,9 @@ class LiveSession:
                     self.predictor.tune(result.theta)
                 self._tell_findings(result)
             elif result is not None:
-                self.say(result)
+                self._tell(result)
             for sentence in changes.failures:
-                self.say(sentence)
+                self._tell(sentence)
             if changes.read or changes.gone or result is not None:
                 self._judge()
             self._worker.ask(self.test, self.sheet)
@@ -143,6 +147,11 @@ class LiveSession:
             self._changed.wait_for(lambda: self.version != version, timeout_s)
             return self.version
 
+    def read(self, view: Callable[["LiveSession"], _View]) -> _View:
+        """Return what a function reads, all from one state."""
+        with self._changed:
+            return view(self)
+
     def write_accepted(self, staging: Path, folder: Path) -> None:
         """Write a campaign of the accepted hits.
 
@@ -168,7 +177,7 @@ class LiveSession:
         try:
             self.sheet = self.test.judge(self.predictor)
         except WorkbenchError as error:  # of the hits together, such as two sampling rates
-            self.say(str(error))
+            self._tell(str(error))
             return
         before, self.advice = self.advice, advise(self.sheet, self.findings)
         for hit in self.sheet.hits:
@@ -177,10 +186,21 @@ class LiveSession:
                 self._tell_hit(hit, is_new=is_new)
             self._judged[hit.key] = hit.is_accepted
         if self.advice != before:
-            self.say(self.describe_advice())
-        self.version += 1
+            self._tell(self.describe_advice())
         self.last_change = time.monotonic()
+        self._renew()
+
+    def _renew(self) -> None:
+        """Tell those that wait that something has changed."""
+        self.version += 1
         self._changed.notify_all()
+
+    def _tell(self, sentence: str) -> None:
+        """Say a sentence, and keep it for the page."""
+        with self._changed:
+            self.sentences.append(sentence)
+            self._renew()
+        self.say(sentence)
 
     def _tell_hit(self, hit: HitRow, *, is_new: bool) -> None:
         """Say and log how a hit is judged."""
@@ -191,11 +211,11 @@ class LiveSession:
             text = f"{word}, {count} there"
         else:
             text = f"NOT ACCEPTED: {hit.reason or 'withdrawn'}"
-        self.say(f"{hit.key}, {abs(hit.peak_n):.3g} N at {hit.place[1]}: {text}")
+        self._tell(f"{hit.key}, {abs(hit.peak_n):.3g} N at {hit.place[1]}: {text}")
 
     def _tell_findings(self, result: Findings) -> None:
         """Say what the findings are, and how old the hits are that they are about."""
-        self.say(describe_findings(result, time.monotonic()))
+        self._tell(describe_findings(result, time.monotonic()))
 
     def describe_advice(self) -> str:
         """Return what to do next in one sentence."""
@@ -211,7 +231,9 @@ class LiveSession:
             with (self.folder / LOG).open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
         except OSError as error:
-            self.say(f"{self.folder / LOG} takes nothing more ({error.strerror}): make room for it")
+            self._tell(
+                f"{self.folder / LOG} takes nothing more ({error.strerror}): make room for it"
+            )
 
 
 def describe_findings(result: Findings, now: float) -> str:

@@ -3,15 +3,19 @@
 import sys
 import threading
 import time
+import webbrowser
+from contextlib import ExitStack
 from pathlib import Path
 
 from identification.words import WorkbenchError
 from mbw.band import check_band
 from mbw.files import check_json_target, write_json
+from mbw.live.page import LivePage
 from mbw.live.session import LiveSession
 from mbw.live.summary import LiveSummary
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
+from mbw.workbench.server import serve_beside
 
 _LOOK_INTERVAL_S = 0.2
 _KEY_HELP = "b: take the last refused hit back; w: withdraw the last accepted hit; Ctrl-C: end"
@@ -21,6 +25,8 @@ def run_options(
     folder: Path,
     *,
     idle: float | None,
+    terminal: bool,
+    browser: bool,
     band: tuple[float, float] | None,
     out: Path | None,
     json: Path | None,
@@ -41,14 +47,19 @@ def run_options(
     if sys.stdin is not None and sys.stdin.isatty():
         SCREEN.say(f"{_KEY_HELP} (each with Enter)")
         threading.Thread(target=_listen, args=(session,), daemon=True).start()
-    try:
-        while idle is None or time.monotonic() - session.last_change < idle:
-            session.step()
-            time.sleep(_LOOK_INTERVAL_S)
-    except KeyboardInterrupt:
-        SCREEN.say("the test is ended")
-    finally:
-        session.close()
+    with ExitStack() as stack:
+        stack.callback(session.close)
+        if not terminal:
+            server = stack.enter_context(serve_beside(LivePage(session, _announce)))
+            SCREEN.say(f"page of the test: {server.address}")
+            if browser:
+                webbrowser.open(server.address)
+        try:
+            while idle is None or time.monotonic() - session.last_change < idle:
+                session.step()
+                time.sleep(_LOOK_INTERVAL_S)
+        except KeyboardInterrupt:
+            SCREEN.say("the test is ended")
     if session.sheet.estimates:
         outputs = ResultOptions(out, overwrite=overwrite)
         with outputs.open("live", session.test.source, "accepted", ["campaign.toml"]) as output:
@@ -57,6 +68,11 @@ def run_options(
             SCREEN.say(f"accepted hits are in {output.path}: mbw diagnose {output.path}")
     if json is not None:
         write_json(LiveSummary.of(session).model_dump_json(indent=1), json)
+
+
+def _announce(address: str) -> None:
+    """Say the address that the next browser needs."""
+    SCREEN.say(f"address for a further browser: {address}")
 
 
 def _listen(session: LiveSession) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.result_files import ResultFile
-from identification.words import InputError
 from identification.words.file_access import temporary_folder
 from mbw.band import check_band
 from mbw.files import check_json_target, write_json
@@ -17,10 +16,11 @@ from mbw.workbench.desk import Desk
 from mbw.workbench.jobs import JobQueue
 from mbw.workbench.opening import open_subject
 from mbw.workbench.saving import save_state
-from mbw.workbench.server import HOST, PageServer, Workbench
+from mbw.workbench.server import start_server
 from mbw.workbench.state import SessionState
 from mbw.workbench.state_log import log_path, open_log
 from mbw.workbench.subject import WorkbenchSubject
+from mbw.workbench.workbench_page import Workbench
 
 _USUAL_STATE = "work"  # whose name the folder of a saved model leaves out
 
@@ -81,7 +81,7 @@ def run_options(  # noqa: PLR0913  # one for each option
             SCREEN.say(f"address for a further browser: {address}")
 
         jobs = JobQueue(log.path.with_suffix(".jobs"), desk.adopt)
-        with _start_server(Workbench(desk, jobs, tasks, announce), port) as server:
+        with start_server(Workbench(desk, jobs, tasks, announce), port) as server:
             jobs.begin()
             SCREEN.say(f"workbench of {subject.name}: {server.address}")
             SCREEN.say(f"actions are kept in {log.path}; Ctrl-C ends the workbench")
@@ -95,21 +95,6 @@ def run_options(  # noqa: PLR0913  # one for each option
                 jobs.close()
         if json is not None:
             write_json(_summary(desk.subject, desk.state, state, log.path), json)
-
-
-def _start_server(workbench: Workbench, port: int) -> PageServer:
-    """Return the server, bound to its port.
-
-    Raises:
-        InputError: the port cannot be used.
-    """
-    try:
-        return PageServer(workbench, port)
-    except OSError as error:
-        raise InputError(
-            f"port {port} on {HOST} cannot be used ({error.strerror}): name another with --port, "
-            "or leave the option out"
-        ) from error
 
 
 def _export(subject: WorkbenchSubject, out: Path | None, *, overwrite: bool) -> str:

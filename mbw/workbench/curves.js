@@ -10,7 +10,8 @@ const QUANTILE_95 = 1.96, LEFT = 58, RIGHT = 16;
 export function createPlot(canvas, freq, names, onCursor) {
   const context = canvas.getContext("2d"), base = document.createElement("canvas");
   let frame = null, polar = {}, range = null, zoom = null, logarithmic = false, cursor = Math.floor(freq.length / 2), drag = null, viewed = "";
-  const colour = {}, all = [freq[0], freq[freq.length - 1]];
+  const colour = {};
+  let all = [freq[0], freq[freq.length - 1]];
 
   function readColours() {
     const style = getComputedStyle(document.documentElement);
@@ -147,12 +148,12 @@ export function createPlot(canvas, freq, names, onCursor) {
       context.fillStyle = chosen ? colour.current : colour.soft;
       context.beginPath(); context.moveTo(x - 4, magnitude[0] - 1); context.lineTo(x + 4, magnitude[0] - 1); context.lineTo(x, magnitude[0] + (chosen ? 9 : 6)); context.fill();
     });
-    curve(context, "current");
+    if (polar.current) curve(context, "current");
     const x = Math.round(toX(freq[cursor])) + 0.5;
     context.setLineDash([2, 3]); context.strokeStyle = colour.ink; context.lineWidth = 1;
     if (x >= LEFT && x <= width() - RIGHT) { context.beginPath(); context.moveTo(x, magnitude[0]); context.lineTo(x, (coherence ?? phase)[1]); context.stroke(); }
     if (drag) { context.fillStyle = colour.current; context.globalAlpha = 0.15; context.fillRect(Math.min(drag.from, drag.to), 0, Math.abs(drag.to - drag.from), height()); context.globalAlpha = 1; }
-    onCursor(freq[cursor], Object.fromEntries(Object.entries(polar).map(([name, {size, angle}]) => [name, {size: 10 ** size[cursor], angle: angle[cursor]}])), frame.arrays.coherence?.[cursor]);
+    onCursor(freq[cursor], Object.fromEntries(Object.entries(polar).map(([name, {size, angle}]) => [name, {size: 10 ** size[cursor], angle: angle[cursor]}])), frame.arrays.coherence?.[cursor], cursor);
   }
 
   function redraw() {
@@ -201,8 +202,14 @@ export function createPlot(canvas, freq, names, onCursor) {
   return {
     show(next, isPreview) {
       frame = next;
-      const view = next.view.reference + "\n" + next.view.channel, isNew = view !== viewed;
+      const view = [next.view.reference, next.view.channel, next.version].join("\n"), isNew = view !== viewed;
       viewed = view;
+      if (next.arrays.freq) {  // lines of its own
+        freq = next.arrays.freq;
+        const ends = [freq[0], freq[freq.length - 1]];
+        if (String(ends) !== String(all)) { all = ends; zoom = null; cursor = Math.floor(freq.length / 2); }
+        cursor = Math.min(cursor, freq.length - 1);
+      }
       if (isNew) polar = {};
       for (const name of names) if (next.arrays[name] && (isNew || name === "current")) polar[name] = toPolar(next.arrays[name]);
       if (!isPreview) fitRange(isNew);

@@ -168,7 +168,7 @@ class Desk:
         """Revision of the state, and number of results that jobs have brought."""
         return self._history.revision, self._results
 
-    def wait(self, versions: tuple[int, int], timeout_s: float) -> tuple[int, int]:
+    def wait(self, versions: tuple[int, ...], timeout_s: float) -> tuple[int, int]:
         """Wait until revision or results are other ones; return both, also after the timeout."""
         with self._changed:
             self._changed.wait_for(lambda: self._versions != versions, timeout_s)

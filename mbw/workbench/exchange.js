@@ -80,13 +80,18 @@ async function renew() {
   else say((await answer.json()).error, true);
 }
 
-const post = (path, content) => fetch(path, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(content)});
+export const post = (path, content) => fetch(path, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(content)});
 
-async function take(answer, isPreview) {
+export async function decode(answer) {
   const buffer = await answer.arrayBuffer(), size = new DataView(buffer).getUint32(0, true);
   const frame = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
   const numbers = new Float32Array(buffer, 4 + size);
   for (const [name, [first, count]] of Object.entries(frame.arrays)) frame.arrays[name] = numbers.subarray(first, first + count);
+  return frame;
+}
+
+async function take(answer, isPreview) {
+  const frame = await decode(answer);
   if (!isPreview) {
     revision = Number(answer.headers.get("Revision"));
     frame.undo = Number(answer.headers.get("Undo-Steps"));

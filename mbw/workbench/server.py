@@ -1,4 +1,4 @@
-"""Server of the workbench's page: one machine, one user, nothing from or to a network.
+"""Server of a live page: one machine, one user, nothing from or to a network.
 
 It listens on 127.0.0.1 alone. The address that is printed holds a random token, which counts once:
 the request with it gets a strict cookie and is sent on to an address without it, and the next
@@ -6,47 +6,31 @@ browser needs a new token. Every request must name this server as its host, a re
 something also as its origin. No path of a request is looked up on the disk: the files of the page
 are a fixed table.
 
-The standard library serves it. Curves go as bytes over one kept connection, and events tell other
+The standard library serves it. Curves go as bytes over one kept connection, and events tell all
 windows of a new state; this needs no package, no build step and no policy beyond ``'self'``.
 """
 
 import json
-import re
 import secrets
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
+from pathlib import Path
+from threading import Thread
+from typing import Any, Protocol
 from urllib.parse import parse_qs, urlsplit
 
 from pydantic import ValidationError
 
-from identification.words import WorkbenchError
+from identification.words import InputError, WorkbenchError
 from mbw.page.html import read_asset
-from mbw.workbench.desk import Desk, StaleRevisionError
-from mbw.workbench.jobs import JobQueue
-from mbw.workbench.requests import (
-    ActRequest,
-    JobRequest,
-    PreviewRequest,
-    describe_wrong_request,
-)
-from mbw.workbench.session_data import scene_data, session_data
-from mbw.workbench.state import History
+from mbw.workbench.desk import StaleRevisionError
+from mbw.workbench.requests import describe_wrong_request
 
 HOST = "127.0.0.1"
-_ASSETS = {
-    "/": ("workbench/index.html", "text/html"),
-    "/colours.css": ("page/colours.css", "text/css"),
-    "/workbench.css": ("workbench/style.css", "text/css"),
-    "/icon.svg": ("workbench/icon.svg", "image/svg+xml"),
-    **{
-        f"/{name}.js": (f"workbench/{name}.js", "text/javascript")
-        for name in ("main", "curves", "scene", "sliders", "edits", "jobs", "exchange")
-    },
-}
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'; object-src 'none'",
@@ -61,38 +45,52 @@ _PING_S = 10.0  # between signs of life of a connection for events
 _IDLE_S = 120.0  # after which a connection without a request is closed
 
 
-@dataclass(frozen=True, eq=False)
-class Workbench:
-    """State, frames and tasks that the server offers to the page.
+@dataclass(frozen=True)
+class PageAnswer:
+    """Answer to a request.
 
     Args:
-        desk: state and frames.
-        jobs: verbs of the command line that run on what the page shows.
-        tasks: what the page's buttons ask for, by name: each returns sentences.
-        announce: told each new address; the first one is not announced.
-        cookie: secret of the browsers that came with a token.
+        body: its bytes.
+        kind: media type.
+        header: fields beside those of all answers.
     """
 
-    desk: Desk
-    jobs: JobQueue
-    tasks: dict[str, Callable[[], list[str]]]
-    announce: Callable[[str], None] = field(default=lambda address: None)
-    cookie: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    body: bytes
+    kind: str = "application/octet-stream"
+    header: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, content: Mapping[str, Any]) -> "PageAnswer":
+        """Return content as JSON."""
+        return cls(json.dumps(content, allow_nan=False).encode(), "application/json")
 
 
-_DATA: dict[str, Callable[[Workbench], dict[str, Any]]] = {
-    "/session": lambda shown: session_data(shown.desk.subject, shown.desk.plant),
-    "/scene": lambda shown: scene_data(shown.desk.subject, shown.desk.plant.subject),
-    "/study": lambda shown: shown.desk.study(),
-    "/jobs": lambda shown: {"jobs": shown.jobs.list_jobs()},
-}
+class ServedPage(Protocol):
+    """What differs between live pages; a WorkbenchError of its methods is told to the user."""
+
+    @property
+    def announce(self) -> Callable[[str], None]:
+        """Told each new address; the first one is not announced."""
+
+    @property
+    def assets(self) -> Mapping[str, tuple[str, str]]:
+        """Files of the page: name and media type by path."""
+
+    def read(self, path: str, query: Mapping[str, str]) -> PageAnswer | None:
+        """Return data; None if there is no such address."""
+
+    def perform(self, task: str, content: bytes) -> PageAnswer | None:
+        """Perform a task with the body of its request; None if there is no such task."""
+
+    def wait(self, versions: tuple[int, ...], timeout_s: float) -> tuple[int, ...]:
+        """Wait until the versions of what is shown differ; return them, also after the timeout."""
 
 
 class PageServer(ThreadingHTTPServer):
-    """HTTP server of one workbench.
+    """HTTP server of one page.
 
     Args:
-        workbench: what it serves.
+        page: what it serves.
         port: port on 127.0.0.1; 0 for a free one.
 
     Raises:
@@ -102,8 +100,9 @@ class PageServer(ThreadingHTTPServer):
     daemon_threads = True
     allow_reuse_address = True
 
-    def __init__(self, workbench: Workbench, port: int = 0) -> None:
-        self.workbench, self._token = workbench, secrets.token_urlsafe(24)
+    def __init__(self, page: ServedPage, port: int = 0) -> None:
+        self.page, self._token = page, secrets.token_urlsafe(24)
+        self.cookie = secrets.token_urlsafe(24)  # of the browsers that came with a token
         super().__init__((HOST, port), _Handler)
 
     def handle_error(self, request: object, client_address: object) -> None:
@@ -126,7 +125,7 @@ class PageServer(ThreadingHTTPServer):
         if not _equal(token, self._token):
             return False
         self._token = secrets.token_urlsafe(24)
-        self.workbench.announce(self.address)
+        self.page.announce(self.address)
         return True
 
     @property
@@ -150,7 +149,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             address = urlsplit(self.path)
         except ValueError:
-            self._refuse(400, "the address cannot be read: open the workbench's first page")
+            self._refuse(400, "the address cannot be read: open the first page")
             return
         token = parse_qs(address.query).get("token", [""])[0]
         if address.path == "/" and token and self.server.use_token(token):
@@ -158,43 +157,28 @@ class _Handler(BaseHTTPRequestHandler):
             return
         if not self._is_admitted():
             return
-        desk = self.server.workbench.desk
-        if address.path in _ASSETS:
-            name, kind = _ASSETS[address.path]
-            self._send(200, read_asset(name).encode(), f"{kind}; charset=utf-8")
-        elif address.path in _DATA:
-            self._send_data(lambda: _DATA[address.path](self.server.workbench))
-        elif address.path == "/frame":
-            self._send_frame(*desk.frame())
-        elif number := re.fullmatch(r"/result/(\d{1,6})", address.path):
-            self._send_result(int(number[1]))
-        elif address.path == "/events":
-            self._send_events(desk)
+        page = self.server.page
+        if address.path == "/events":
+            self._send_events()
+        elif address.path in page.assets:
+            name, kind = page.assets[address.path]
+            self._send(200, PageAnswer(read_asset(name).encode(), f"{kind}; charset=utf-8"))
         else:
-            self._refuse(404, "the workbench has no such address: open its first page")
+            query = {name: values[0] for name, values in parse_qs(address.query).items()}
+            self._answer(lambda: page.read(address.path, query), "address")
 
     def do_POST(self) -> None:
-        """Do an action, show a preview of one, or run a task."""
+        """Perform a task of the page."""
         content = self._content()
         if content is None or not self._is_for_us(changes=True) or not self._is_admitted():
             return
-        workbench, task = self.server.workbench, self.path.removeprefix("/")
+        task = self.path.removeprefix("/")
+        self._answer(lambda: self.server.page.perform(task, content), "task")
+
+    def _answer(self, compute: Callable[[], PageAnswer | None], what: str) -> None:
+        """Send what a function returns, or the sentence with which it fails."""
         try:
-            if task == "act":
-                asked = ActRequest.model_validate_json(content)
-                self._send_frame(*workbench.desk.act(asked.revision, asked.action))
-            elif task == "preview":
-                wanted = PreviewRequest.model_validate_json(content)
-                frame = workbench.desk.preview(wanted.values, wanted.edit)
-                self._send(200, frame, "application/octet-stream")
-            elif task == "jobs":
-                request = JobRequest.model_validate_json(content)
-                sentences = request.run(workbench.jobs, workbench.desk)
-                self._send_json(200, {"sentences": sentences})
-            elif task in workbench.tasks:
-                self._send_json(200, {"sentences": workbench.tasks[task]()})
-            else:
-                self._refuse(404, "the workbench has no such task: open its first page")
+            answer = compute()
         except ValidationError as error:
             self._refuse(*describe_wrong_request(error))
         except StaleRevisionError as error:
@@ -203,6 +187,11 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(422, str(error))
         except OSError as error:
             self._refuse(507, f"the disk takes nothing more ({error.strerror}): make room for it")
+        else:
+            if answer is None:
+                self._refuse(404, f"there is no such {what}: open the first page")
+            else:
+                self._send(200, answer)
 
     def _content(self) -> bytes | None:
         """Return the body of a request; refuse one that is too long or has no length."""
@@ -227,7 +216,7 @@ class _Handler(BaseHTTPRequestHandler):
             and site in ("none", "same-origin")
         ):
             return True
-        self._refuse(403, "this request does not come from the workbench's page")
+        self._refuse(403, "this request does not come from this server's page")
         return False
 
     def _is_admitted(self) -> bool:
@@ -236,83 +225,45 @@ class _Handler(BaseHTTPRequestHandler):
             cookie = SimpleCookie(self.headers.get("Cookie", "")).get(self.server.cookie_name)
         except CookieError:
             cookie = None
-        if cookie is not None and _equal(cookie.value, self.server.workbench.cookie):
+        if cookie is not None and _equal(cookie.value, self.server.cookie):
             return True
-        self._refuse(403, "open the address that mbw open printed: it holds the key to this page")
+        self._refuse(403, "open the address that the command printed: it holds the page's key")
         return False
 
     def _admit(self) -> None:
         """Give the cookie for the token, and send the browser on to an address without it."""
-        cookie = f"{self.server.cookie_name}={self.server.workbench.cookie}"
-        further = {
+        cookie = f"{self.server.cookie_name}={self.server.cookie}"
+        header = {
             "Location": "/",
             "Set-Cookie": f"{cookie}; HttpOnly; SameSite=Strict; Path=/",
         }
-        self._send(303, b"", "text/plain", further)
-
-    def _send_frame(self, history: History, frame: bytes) -> None:
-        """Send a frame with its revision and whether there is something to undo and redo."""
-        further = {
-            "Revision": str(history.revision),
-            "Undo-Steps": str(len(history.past)),
-            "Redo-Steps": str(len(history.future)),
-        }
-        self._send(200, frame, "application/octet-stream", further)
-
-    def _send_json(self, status: int, content: dict[str, Any]) -> None:
-        self._send(status, json.dumps(content, allow_nan=False).encode(), "application/json")
-
-    def _send_result(self, number: int) -> None:
-        """Send the page of a job's result, whose scripts get no access to this server.
-
-        It has a policy of its own, which allows its scripts by their hashes.
-        """
-        page = self.server.workbench.jobs.page(number)
-        if page is None:
-            self._refuse(404, "this job has no page")
-            return
-        alone = {
-            "Content-Security-Policy": "sandbox allow-scripts; frame-ancestors 'none'",
-            "Cross-Origin-Opener-Policy": "unsafe-none",
-        }
-        self._send(200, page.read_bytes(), "text/html; charset=utf-8", alone)
-
-    def _send_data(self, compute: Callable[[], dict[str, Any]]) -> None:
-        """Send what a function returns, or the sentence with which it fails."""
-        try:
-            content = compute()
-        except WorkbenchError as error:
-            self._refuse(422, str(error))
-        else:
-            self._send_json(200, content)
+        self._send(303, PageAnswer(b"", "text/plain", header))
 
     def _refuse(self, status: int, sentence: str) -> None:
         """Refuse a request with a sentence."""
-        self._send_json(status, {"error": sentence})
+        self._send(status, PageAnswer.of({"error": sentence}))
 
-    def _send(
-        self, status: int, body: bytes, kind: str, further: dict[str, str] | None = None
-    ) -> None:
+    def _send(self, status: int, answer: PageAnswer) -> None:
         self.send_response(status)
-        head = {**_HEADERS, "Content-Type": kind, "Content-Length": str(len(body))}
-        for name, value in {**head, **(further or {})}.items():
+        head = {"Content-Type": answer.kind, "Content-Length": str(len(answer.body))}
+        for name, value in {**_HEADERS, **head, **answer.header}.items():
             self.send_header(name, value)
         self.end_headers()
-        self.wfile.write(body)
+        self.wfile.write(answer.body)
 
-    def _send_events(self, desk: Desk) -> None:
-        """Tell a browser each new revision, and how many results jobs have brought."""
+    def _send_events(self) -> None:
+        """Tell a browser each new version of what the page shows."""
         self.close_connection = True
         self.send_response(200)
         for name, value in {**_HEADERS, "Content-Type": "text/event-stream"}.items():
             self.send_header(name, value)
         self.end_headers()
-        versions = -1, -1
+        versions: tuple[int, ...] = ()
         try:
             while True:
-                newest = desk.wait(versions, _PING_S)
-                text = "data: {} {}\n\n".format(*newest) if newest != versions else ": \n\n"
-                self.wfile.write(text.encode())
+                newest = self.server.page.wait(versions, _PING_S)
+                line = f"data: {' '.join(map(str, newest))}" if newest != versions else ": "
+                self.wfile.write(f"{line}\n\n".encode())
                 self.wfile.flush()
                 versions = newest
         except OSError:  # the browser left
@@ -325,3 +276,41 @@ class _Handler(BaseHTTPRequestHandler):
 def _equal(first: str, second: str) -> bool:
     """Compare secrets in a time that does not depend on where they differ."""
     return secrets.compare_digest(first.encode(), second.encode())
+
+
+def start_server(page: ServedPage, port: int = 0) -> PageServer:
+    """Return the server of a page, bound to its port.
+
+    Raises:
+        InputError: the port cannot be used.
+    """
+    try:
+        return PageServer(page, port)
+    except OSError as error:
+        raise InputError(
+            f"port {port} on {HOST} cannot be used ({error.strerror}): name another with --port, "
+            "or leave the option out"
+        ) from error
+
+
+def list_assets(index: str, *names: str) -> dict[str, tuple[str, str]]:
+    """Return the files of a page: its HTML, its scripts and styles, and what all pages share."""
+    kinds = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
+    shared = ("page/colours.css", "workbench/style.css", "workbench/icon.svg")
+    files = {
+        f"/{Path(name).name}": (name, kinds[name.rpartition(".")[2]]) for name in (*shared, *names)
+    }
+    return {"/": (index, "text/html"), **files}
+
+
+@contextmanager
+def serve_beside(page: ServedPage) -> Iterator[PageServer]:
+    """Serve a page from a thread, beside what the caller does."""
+    with start_server(page) as server:
+        thread = Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()

@@ -154,5 +154,5 @@ def run() -> list[dict[str, object]]:
                     "largest_ms": round(float(times.max()), 1),
                 }
             )
-        rows.append(use_for_an_hour(server.workbench.desk))
+        rows.append(use_for_an_hour(server.page.desk))
     return rows

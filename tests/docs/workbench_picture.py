@@ -75,7 +75,7 @@ def main(arguments: list[str]) -> int:
             assert run.exit_code in (0, 4), run.output
         subject = open_subject(campaign.with_name("station-tuned"), None, None)
         with serve(subject) as server, open_tab(SOFTWARE_GL) as tab:
-            desk = server.workbench.desk
+            desk = server.page.desk
             x = subject.tuned_x()
             desk.act(0, Move(values={each: x[each] + step for each, step in MOVED.items()}))
             desk.act(1, Look(mode=7))

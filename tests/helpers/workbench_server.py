@@ -2,7 +2,6 @@
 
 import http.client
 import json
-import threading
 from contextlib import contextmanager
 
 import numpy as np
@@ -10,8 +9,9 @@ import numpy as np
 from identification.words.file_access import temporary_folder
 from mbw.workbench.desk import Desk
 from mbw.workbench.jobs import JobQueue
-from mbw.workbench.server import PageServer, Workbench
+from mbw.workbench.server import serve_beside
 from mbw.workbench.state_log import log_path, open_log
+from mbw.workbench.workbench_page import Workbench
 
 
 @contextmanager
@@ -23,12 +23,8 @@ def serve(subject, name="work", budget=None, **tasks):
         desk = Desk(subject, log, place, budget)
         bound = {key: lambda task=task: task(desk) for key, task in tasks.items()}
         jobs = JobQueue(path.with_suffix(".jobs"), desk.adopt).begin()
-        with PageServer(Workbench(desk, jobs, bound)) as server:
-            thread = threading.Thread(target=server.serve_forever, daemon=True)
-            thread.start()
+        with serve_beside(Workbench(desk, jobs, bound)) as server:
             yield server
-            server.shutdown()
-            thread.join(10)
         jobs.close()
 
 

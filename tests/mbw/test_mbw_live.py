@@ -6,8 +6,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from simulate_command import run as simulate
-from simulate_command import write_pair_model
+from live_test import PLACES, Clock, look, play
 from typer.testing import CliRunner
 
 from diagnosis.next_test.provisional import ProvisionalCause
@@ -21,27 +20,10 @@ from mbw.live.test import MIN_HITS, HitRow, Sheet
 from mbw.live.watcher import REST_S, FolderWatch
 from tuning import open_session
 
-PLACES = tuple((k, Dof.parse(text)) for k, text in enumerate(("acc1:+tx", "acc3:+tx")))
-
-
-class Clock:
-    """A clock that a test moves."""
-
-    def __init__(self):
-        self.now = 100.0
-
-    def __call__(self):
-        return self.now
-
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory):
-    """A virtual test with bad hits, whose files lie in a folder one by one."""
-    folder = tmp_path_factory.mktemp("played")
-    options = ["--hits", 3, "--bad-hits", 0.5, "--seed", 2, "--live", 0, "--rate", 512]
-    options += ["--block", 1, "--hammer", "acc1:+tx", "--hammer", "acc3:+tx", "--no-pictures"]
-    simulate(write_pair_model(folder), *options, "--out", folder / "test", "--quiet")
-    return folder / "test"
+    return play(tmp_path_factory.mktemp("played"))
 
 
 @pytest.fixture
@@ -54,14 +36,6 @@ def alone(monkeypatch, tmp_path):
 
 def contents(folder):
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
-
-
-def look(session, clock):
-    """Two looks at the folder, between which its files have rested."""
-    session._watch.clock = clock
-    session.step()
-    clock.now += REST_S + 0.1
-    session.step()
 
 
 def read_number(path):
@@ -205,7 +179,17 @@ def test_a_file_of_other_length_or_without_hits_is_told_and_spoils_nothing(playe
 
 def test_the_command_writes_the_accepted_hits_as_a_campaign(played, alone, tmp_path):
     out, summary = tmp_path / "accepted", tmp_path / "live.json"
-    arguments = ["live", str(played), "--idle", "3", "--out", str(out), "--json", str(summary)]
+    arguments = [
+        "live",
+        str(played),
+        "--idle",
+        "3",
+        "--terminal",
+        "--out",
+        str(out),
+        "--json",
+        str(summary),
+    ]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     assert "NEXT: hit acc1:+tx, 3 more" in result.output

@@ -56,7 +56,7 @@ def started(queue, number):
 def test_a_tuning_of_what_the_page_shows_becomes_its_curve(subject, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     with serve(subject) as server:
-        browser, desk = Browser(server), server.workbench.desk
+        browser, desk = Browser(server), server.page.desk
         move = {"revision": 0, "action": {"do": "move", "values": MOVED}}
         moved, _ = frame_parts(browser.ask("POST", "/act", move)[2])
         assert browser.ask("POST", "/jobs", {"do": "add", "verb": "tune"})[0] == 200

@@ -142,7 +142,7 @@ def test_a_click_on_a_sensor_chooses_the_output(page):
 
 
 def test_another_window_s_action_is_shown_here(page, server):
-    desk = server.workbench.desk
+    desk = server.page.desk
     name = desk.subject.parametrisation.names[0]
     desk.act(desk.history.revision, Move(values={name: 0.9}))
     page.wait(f"Math.abs({SLIDER}.value - 0.9) < 0.01")
