@@ -6,6 +6,7 @@ from tests.bench import real
 from tests.bench.kept import of
 from tests.docs.formats import fixed, table
 from tests.docs.results import RESULTS, Rate, bench_rows
+from truth.grade.rates import wilson
 
 LEAST_PROBABILITY = 0.1  # of a cause that the table of measured machines shows
 
@@ -127,6 +128,20 @@ def compare_table() -> str:
     return table(header, rows, text=1)
 
 
+def without_hammer_table() -> str:
+    """Rates of diagnoses by motors and encoders, and by a hammer, of the same machines."""
+    rows = []
+    for row in bench_rows("without_hammer"):
+        found = Rate(row["found %"], (row["from"], row["to"]), row["n"])
+        share, count = row["wrong cause %"], row["n"]
+        low, high = wilson(round(count * share / 100), count)
+        wrong = Rate(share, (100 * low, 100 * high), count)
+        seconds = f"{row['core s']:.0f}"
+        rows.append((row["test"].capitalize(), count, str(found), str(wrong), seconds))
+    header = ("Test", "n", "Fault first", "A wrong cause", "Core seconds")
+    return table(header, rows, text=1)
+
+
 def reciprocity_table() -> str:
     """Ratios and differences by reciprocity on computed changes of the tower."""
     header = (
@@ -149,6 +164,7 @@ FIGURES = {
     "reciprocity-table": reciprocity_table,
     "real-table": real_table,
     "compare-table": compare_table,
+    "without-hammer-table": without_hammer_table,
     "measured-levels-table": levels_table,
     "measured-table": measured_table,
     "measured-tower-table": tower_table,
