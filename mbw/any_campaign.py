@@ -1,4 +1,4 @@
-"""What a path means: the model of a campaign or of a fit, and the tests of a campaign."""
+"""Meaning of a path: the model of a campaign or of a fit, and the tests of a campaign."""
 
 from pathlib import Path
 

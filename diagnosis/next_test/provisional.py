@@ -51,7 +51,7 @@ class ProvisionalCause:
 
 @dataclass(frozen=True, eq=False)
 class ProvisionalFindings:
-    """What the accepted hits show so far.
+    """Findings of the accepted hits so far.
 
     Args:
         model, theta: null model and its fitted parameters [SI].

@@ -34,7 +34,7 @@ LEFT_OUT = {
 
 @dataclass(frozen=True)
 class Reading:
-    """What a user wants of a file beyond what it states.
+    """Wishes of a user beyond what a file states.
 
     Args:
         without: kinds of constraints that are left out: ``contact``, ``friction``, ``limits``.

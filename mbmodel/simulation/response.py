@@ -11,7 +11,6 @@ from mbmodel.export.linear_response import even_step
 from mbmodel.machine import Machine
 from mbmodel.simulation.closed_loops import (
     ClosedLoopSteps,
-    InstantSensors,
     LoopRecord,
     SignalSplines,
     drive_loops,
@@ -20,6 +19,7 @@ from mbmodel.simulation.closed_loops import (
     steps_per_sample,
 )
 from mbmodel.simulation.drives import Drive, Reading, find_drives
+from mbmodel.simulation.instant_sensors import InstantSensors
 from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
 from mbmodel.simulation.joint_reach import JointReach
 from mbmodel.simulation.readings import find_readings

@@ -24,7 +24,7 @@ _MIN_MOTION_SHARE = 0.1  # of the largest channel: faults of others would not sh
 
 @dataclass(frozen=True)
 class BadHit:
-    """What is wrong with a hit.
+    """Fault of a hit.
 
     Args:
         kind: one of ``KINDS``.

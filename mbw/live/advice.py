@@ -13,7 +13,7 @@ MIN_PLACES = 2  # with fewer, nothing shows whether findings hold elsewhere
 
 @dataclass(frozen=True)
 class Advice:
-    """What to do next.
+    """Advice on the next hit.
 
     Args:
         place: where to hit; None for nowhere.

@@ -1,4 +1,4 @@
-"""What the server answers for the page of a live test: its state, FRFs, and decisions on hits."""
+"""Answers of the server for the page of a live test: its state, FRFs, and decisions on hits."""
 
 import time
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""What ``mbw live`` knows of a test, as JSON."""
+"""State of a live test, as JSON."""
 
 import numpy as np
 

@@ -38,7 +38,7 @@ class _Seen:
 
 @dataclass(frozen=True, eq=False)
 class Changes(Generic[Content]):
-    """What a look at the folder has shown.
+    """Result of a look at the folder.
 
     Args:
         read: files that were read, new or anew, by the time of their change.

@@ -66,7 +66,7 @@ class PageAnswer:
 
 
 class ServedPage(Protocol):
-    """What differs between live pages; a WorkbenchError of its methods is told to the user."""
+    """Differences between live pages; a WorkbenchError of its methods is told to the user."""
 
     @property
     def announce(self) -> Callable[[str], None]:

@@ -1,4 +1,4 @@
-"""What the server answers for the workbench: frames, actions, previews, jobs and tasks."""
+"""Answers of the server for the workbench: frames, actions, previews, jobs and tasks."""
 
 import re
 from collections.abc import Callable, Mapping
