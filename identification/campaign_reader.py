@@ -309,9 +309,10 @@ def name_sites(
         named = dof.point if dof.point in names else None
         site = find(int(dof.point)) if dof.point.isdecimal() else named
         if site is None:
+            name = f"acc{dof.point}" if dof.point.isdecimal() else dof.point
             raise InputError(
                 f"{file}: node {dof.point} has no site on a moving body of the model or layout: "
-                f"add a site named acc{dof.point}, or leave the node out of the file"
+                f"add a site named {name}, or leave the node out of the file"
             )
         return Dof(site, dof.direction)
 

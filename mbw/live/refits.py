@@ -66,5 +66,6 @@ class FullRefits:
             f"{cause.effect}@{cause.location} {cause.probability:.2f}" for cause in verdict.causes
         )
         further = f"; next: {verdict.next_experiment}" if verdict.next_experiment else ""
-        self.say(f"full diagnosis: {verdict.verdict}{f', {causes}' if causes else ''}{further}")
+        word = "nothing is missing" if verdict.verdict == "none" else verdict.verdict
+        self.say(f"full diagnosis: {word}{f', {causes}' if causes else ''}{further}")
         self.say(f"its page is {out / 'report.html'}")
