@@ -79,13 +79,18 @@ def read_source_files(path: Path) -> tuple[SourceFile, ...]:
 def is_model(path: Path) -> bool:
     """Return whether a file looks like an MJCF or URDF of its own: it has bodies or includes them.
 
+    One that is cut off counts, since its reader says so.
+
     Args:
         path: of an XML or URDF file.
     """
     content = path.read_bytes()
     is_mjcf = re.search(rb"<mujoco[\s>]", content) and re.search(rb"<(body|include)[\s>]", content)
     is_urdf = re.search(rb"<robot[\s>]", content) and re.search(rb"<link[\s>]", content)
-    return bool(is_mjcf or is_urdf)
+    is_cut = re.search(rb"<(mujoco|robot)[\s>]", content) and not re.search(
+        rb"</(mujoco|robot)\s*>", content
+    )
+    return bool(is_mjcf or is_urdf or is_cut) or path.suffix.lower() == ".urdf"
 
 
 def _read_model(path: Path, parents: tuple[Path, ...]) -> list[SourceFile]:
