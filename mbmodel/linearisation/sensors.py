@@ -195,8 +195,8 @@ def _rows_of(pose: RestPose, sensor: int, slopes: _Slopes) -> tuple[SensorRows |
         return SensorRows(0, *pose.empty(dim)), ""
     start = int(model.sensor_adr[sensor])
     differences = slopes.at(slice(start, start + dim))
-    known = (rows.body @ pose.jacobian + rows.joint) @ pose.basis
-    error = differences.motion[rows.order] - known
+    closed_form = (rows.body @ pose.jacobian + rows.joint) @ pose.basis
+    error = differences.motion[rows.order] - closed_form
     scale = max(np.abs(rows.body).max(initial=0.0), np.abs(rows.joint).max(initial=0.0))
     if np.abs(error).max() > _MAX_ROW_ERROR * max(scale, 1e-300):
         return None, "its reading at rest is at its cutoff, where it does not follow: widen cutoff"

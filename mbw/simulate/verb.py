@@ -238,9 +238,9 @@ def find_definition(machine: Machine, loops_source: Path, options: PlayOptions) 
         UsageError: a name that fits no loop.
         InputError: a file that cannot be used.
     """
-    known = known_loops(loops_source, machine)
-    closed = choose_loops(known, options.closed)
-    if sentence := loops_sentence(known, closed):
+    tested = known_loops(loops_source, machine)
+    closed = choose_loops(tested, options.closed)
+    if sentence := loops_sentence(tested, closed):
         SCREEN.say(sentence)
     definition = loops_alone(closed, DEFAULT_BUDGET_BAND_HZ)
     if options.budget is not None:

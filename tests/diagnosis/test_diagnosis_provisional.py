@@ -24,12 +24,12 @@ def session(tmp_path):
 
 def test_a_tuned_model_of_the_true_machine_has_no_gap_and_ranks_planned_hits(session):
     planned = [Dof.parse("acc1:+tx"), Dof.parse("acc2:+tz")]
-    found = find_provisionally(session, planned)
-    assert not found.is_gap_visible
-    assert found.causes == ()
-    assert found.gap.excess == pytest.approx(1.0, abs=0.2)
-    assert {row.place for row in found.next_hits} == set(map(str, planned))
-    assert all(row.after <= row.before for row in found.next_hits)
-    names = [parameter.name for parameter in found.model.parameters]
-    fitted = dict(zip(names, found.theta, strict=True))
+    findings = find_provisionally(session, planned)
+    assert not findings.is_gap_visible
+    assert findings.causes == ()
+    assert findings.gap.excess == pytest.approx(1.0, abs=0.2)
+    assert {row.place for row in findings.next_hits} == set(map(str, planned))
+    assert all(row.after <= row.before for row in findings.next_hits)
+    names = [parameter.name for parameter in findings.model.parameters]
+    fitted = dict(zip(names, findings.theta, strict=True))
     assert np.isfinite(list(fitted.values())).all()

@@ -126,9 +126,9 @@ def test_a_planar_chain_has_mass_and_stiffness_of_its_closed_form(from_text, nam
         + i * diff(lambda q, k=k: motion(q)[1][k], rest) ** 2
         for k, (m, i) in enumerate(zip(masses, inertias, strict=True))
     ]
-    found = matrices(machine)
-    assert found.mass[0, 0] == pytest.approx(float(sum(moments)), rel=1e-9)
-    assert found.stiffness[0, 0] == pytest.approx(float(diff(potential, rest, 2)), rel=1e-9)
+    reduced = matrices(machine)
+    assert reduced.mass[0, 0] == pytest.approx(float(sum(moments)), rel=1e-9)
+    assert reduced.stiffness[0, 0] == pytest.approx(float(diff(potential, rest, 2)), rel=1e-9)
 
 
 def platform_energy(stiffness, gravity):
@@ -182,10 +182,10 @@ def test_a_platform_on_massless_legs_has_the_stiffness_of_its_legs(from_text):
         place -= np.linalg.solve(_hessian(energy, place), gradient)
     expected = _hessian(energy, place)
     assert abs(place[2]) > 1e-3
-    found = matrices(machine)
+    reduced = matrices(machine)
     assert machine.coordinates[2] == "platform_tz"
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    np.testing.assert_allclose(found.stiffness / scale, expected / scale, atol=1e-9)
+    np.testing.assert_allclose(reduced.stiffness / scale, expected / scale, atol=1e-9)
     unloaded = _hessian(platform_energy(mpf(stiffness), "0"), np.zeros(6))
     assert np.abs((expected - unloaded) / scale).max() > 1e-2, "the load matters"
 
@@ -232,7 +232,7 @@ def test_soft_constraints_move_as_mujoco_computes(tmp_path):
     path = _write(tmp_path, linkage().replace("<connect ", '<connect solref="0.05 0.7" '))
     with read_as(Reading(soft_equalities=True)):
         machine = load_machine(path)
-    found = matrices(machine)
+    reduced = matrices(machine)
     model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.tolerance, model.opt.iterations = 0.0, 200
     data = mujoco.MjData(model)
@@ -246,10 +246,10 @@ def test_soft_constraints_move_as_mujoco_computes(tmp_path):
 
     steps = 1e-6 * np.eye(3)
     for matrix_, slopes in (
-        (found.stiffness, [acceleration(s, 0) - acceleration(-s, 0) for s in steps]),
-        (found.damping, [acceleration(0, s) - acceleration(0, -s) for s in steps]),
+        (reduced.stiffness, [acceleration(s, 0) - acceleration(-s, 0) for s in steps]),
+        (reduced.damping, [acceleration(0, s) - acceleration(0, -s) for s in steps]),
     ):
-        expected = -np.linalg.solve(found.mass, matrix_)
+        expected = -np.linalg.solve(reduced.mass, matrix_)
         np.testing.assert_allclose(
             np.array(slopes).T / 2e-6, expected, atol=4e-6 * np.abs(expected).max()
         )
