@@ -40,7 +40,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 # Core seconds of each file, as a whole run with ``CORE_SECONDS=1`` found them.
 TABLE = Path(__file__).parent / "core_seconds.csv"
 # Core seconds of all cheaper files, between which the files of a part lie.
-PARTS = {"quick": (-1.0, 300.0), "usual": (-1.0, 1300.0), "long": (1300.0, float("inf"))}
+PARTS = {"quick": (-1.0, 300.0), "usual": (-1.0, 1200.0), "long": (1200.0, float("inf"))}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -51,9 +51,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: -seconds.get(item.path, 0.0))
     if part := os.environ.get("PART"):
         least, most = PARTS[part]
-        files = sorted({item.path for item in items}, key=lambda path: seconds.get(path, 0.0))
-        ends = accumulate(seconds.get(path, 0.0) for path in files)
-        chosen = {path for path, end in zip(files, ends, strict=True) if least < end <= most}
+        # By name where the seconds are equal, or each worker would draw the border elsewhere.
+        files = sorted({(seconds.get(item.path, 0.0), item.path) for item in items})
+        ends = accumulate(value for value, _ in files)
+        chosen = {path for (_, path), end in zip(files, ends, strict=True) if least < end <= most}
         items[:] = [item for item in items if item.path in chosen]
 
 
