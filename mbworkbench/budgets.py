@@ -181,7 +181,7 @@ def margins(
         raise UsageError(f"modulus {modulus:g}: give a margin between 0 and 1, such as 0.5")
     if not isinstance(model, MachineModel):
         model = read_model(plant_file(as_path(model)))
-    definition = read_definition(as_path(budget), model.machine, controllers)
+    definition = read_definition(as_path(budget), model.machine, controllers, loops_suffice=True)
     if not definition.loops:
         raise InputError(f"{budget} has no loop, and so no margins: add [loop.NAME]")
     fitted, posterior = model_with_posterior(model.machine, model.machine.source)
@@ -270,7 +270,7 @@ def simulate_budget(
     if not isinstance(model, MachineModel):
         source = plant_file(as_path(model))
         model = MachineModel(load_machine(source, without_friction=True))
-    definition = read_definition(as_path(budget), model.machine, controllers)
+    definition = read_definition(as_path(budget), model.machine, controllers, loops_suffice=True)
     played = {
         parse_drive(model.machine, f"{REFERENCE}:{name}", definition.loops): np.asarray(values)
         for name, values in (references or {}).items()

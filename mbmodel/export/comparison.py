@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from identification.words import Complex, Input, Output, UsageError
+from identification.words import Complex, Input, Output, UsageError, system_poles
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.state_space import export_state_space
 from mbmodel.frf.linearised import Evaluator
@@ -14,7 +14,6 @@ from mbmodel.ports.request import FrfRequest
 
 # Of the largest peak of all FRFs: an FRF below it is zero but for rounding, and its own peak is no
 # measure of an error.
-_RIGID_POLE_SHARE = 1e-7  # of the largest pole, below which one is that of a rigid mode
 _MIN_PEAK_SHARE = 1e-10
 
 
@@ -84,18 +83,9 @@ def compare_state_space(model: Model, request: FrfRequest) -> StateSpaceComparis
         float(np.sqrt(((difference**2).sum(axis=0) / power).mean())),
         (request.outputs[output], request.inputs[column], float(lines[line])),
         np.stack([expected[:, output, column], values[:, output, column]]),
-        _growth(np.linalg.eigvals(scaled.A)),
+        float(system_poles(system.A).real.max(initial=-np.inf)),
         export.laws,
     )
-
-
-def _growth(poles: Complex) -> float:
-    """Return the largest real part of the poles; of a rigid mode it is rounding, and counts as 0.
-
-    A double pole at zero comes out as the root of the rounding.
-    """
-    is_rigid = np.abs(poles) < _RIGID_POLE_SHARE * np.abs(poles).max(initial=0.0)
-    return float(np.where(is_rigid, 0.0, poles.real).max(initial=-np.inf))
 
 
 def _peaks(values: Complex) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:

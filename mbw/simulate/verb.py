@@ -244,7 +244,9 @@ def find_definition(machine: Machine, loops_source: Path, options: PlayOptions) 
         SCREEN.say(sentence)
     definition = loops_alone(closed, DEFAULT_BUDGET_BAND_HZ)
     if options.budget is not None:
-        definition = read_definition(options.budget, with_loops(machine, closed))
+        definition = read_definition(
+            options.budget, with_loops(machine, closed), loops_suffice=True
+        )
     sampling_period(definition.loops)  # refuses loops of different periods
     remark = instability_remark(machine, definition)
     for sentence in (*definition.remarks, *([remark] if remark else [])):

@@ -22,12 +22,6 @@ from tuning.plant.error_budget.read_definition import read_definition
 
 # The force acts on the base and the head is read: the base's mode limits the gain.
 LOOP = """
-[error.y]
-output = "acc2:+tx"
-[noise.n]
-loop = "a"
-density = 1.0
-unit = "nm/sqrt(Hz)"
 band = [1, 100]
 [loop.a]
 input = "acc1:+tx"
@@ -105,7 +99,7 @@ def test_the_limiting_mode_is_named_with_its_part_and_a_notch(place):
 
 def test_changes_of_the_machine_are_those_of_differences(place):
     machine = load_machine(place / "two.xml")
-    definition = read_definition(place / f"{STABLE:g}.toml", machine)
+    definition = read_definition(place / f"{STABLE:g}.toml", machine, loops_suffice=True)
     (loop,) = design_loops(as_drawn(machine), definition)
     model = as_drawn(machine)
     whole = Model(machine, (*model.parts, *body_parts(machine), *joint_parts(machine)))
@@ -169,7 +163,8 @@ def test_the_largest_crossover_has_a_band_over_the_posterior(tmp_path):
     assert loop.samples_hz.min() < loop.crossover_hz < loop.samples_hz.max()
     theta = spring_posterior(model).sample(60, 1)[7]
     assert loop.sample_gains.shape == (60, len(loop.freq_hz))
-    exact = LoopPlant.of(model, read_definition(tmp_path / "loop.toml", model.machine))
+    definition = read_definition(tmp_path / "loop.toml", model.machine, loops_suffice=True)
+    exact = LoopPlant.of(model, definition)
     np.testing.assert_allclose(
         loop.sample_gains[7], exact.gain_at(theta)(loop.freq_hz)[:, 0, 0], rtol=1e-9
     )
@@ -179,6 +174,31 @@ def test_a_loop_that_its_delay_limits_names_no_mode(place):
     (place / "delay.toml").write_text(BUDGET.format(gain=3e5, delay=LOOP_DELAY, lines=""))
     result = mb.margins(place / "two.xml", place / "delay.toml")
     assert "no mode of the machine limits it" in repr(result)
+
+
+CAR = """
+<mujoco model="car"><option gravity="0 0 0"/><worldbody><body name="car">
+  <inertial pos="0 0 0" mass="10" diaginertia="1 1 1"/>
+  <joint name="x" type="slide" axis="1 0 0"/></body></worldbody>
+  <actuator><motor name="force" joint="x"/></actuator></mujoco>
+"""
+INTEGRATOR = """
+[loop.a]
+input = "force"
+output = "joint:x"
+controller = {{ zeros = [], poles = [0.0, -2e5], gain = {gain} }}
+"""
+
+
+@pytest.mark.parametrize("gain", [1e-3, 1.0, 1e6])
+def test_no_gain_of_an_integrator_on_a_free_axis_is_stable(tmp_path, gain):
+    # m s^3 (s + 2e5) + gain = 0 has two roots on the right however small the gain.
+    (tmp_path / "car.xml").write_text(CAR)
+    (tmp_path / "integrator.toml").write_text(INTEGRATOR.format(gain=gain))
+    (loop,) = mb.margins(tmp_path / "car.xml", tmp_path / "integrator.toml").loops
+    expected = np.roots([10.0, 2e6, 0.0, 0.0, gain])
+    assert loop.pole.real == pytest.approx(expected.real.max(), rel=1e-4)
+    assert not loop.is_limited
 
 
 def test_forbidden_gains_of_a_point_are_a_circle():
@@ -192,13 +212,7 @@ def test_forbidden_gains_of_a_point_are_a_circle():
 
 
 def test_margins_without_a_loop_are_refused(place):
-    (place / "none.toml").write_text(
-        LOOP.format(gain=1.0).partition("[noise")[0]
-        + (
-            '[disturbance.d]\ninput = "acc1:+tx"\ndensity = 1.0\n'
-            'unit = "N/sqrt(Hz)"\nband = [1, 9]\n'
-        )
-    )
+    (place / "none.toml").write_text("band = [1, 9]\n")
     with pytest.raises(InputError, match="has no loop, and so no margins"):
         mb.margins(place / "two.xml", place / "none.toml")
     with pytest.raises(UsageError, match="between 0 and 1"):

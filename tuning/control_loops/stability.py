@@ -8,24 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.words import Complex, InputError, Loop, Real
+from identification.words import Complex, InputError, Loop, Real, system_poles
 from mbmodel import Machine, Model, as_drawn, closed_loop_dynamics, with_loops
 
-# A pole grows if its real part exceeds this part of its size; rounding leaves that of free bodies,
-# whose poles are nearly zero beside the fastest one.
-_MIN_RELATIVE_GROWTH, _MIN_RELATIVE_SIZE = 1e-6, 1e-7
+# A pole grows if its real part exceeds this part of its size: rounding leaves less.
+_MIN_RELATIVE_GROWTH = 1e-6
 
 
 def growing_pole(poles: Complex) -> complex | None:
     """Return the pole that grows fastest; None if none grows.
 
     Args:
-        poles: of a machine with or without loops [rad/s]; (n,).
+        poles: of a machine with or without loops, those at rest 0 exactly [rad/s]; (n,).
     """
-    size = np.abs(poles)
-    is_growing = (poles.real > _MIN_RELATIVE_GROWTH * size) & (
-        size > _MIN_RELATIVE_SIZE * size.max(initial=0.0)
-    )
+    is_growing = poles.real > _MIN_RELATIVE_GROWTH * np.abs(poles)
     if not is_growing.any():
         return None
     return complex(max(poles[is_growing], key=lambda pole: pole.real))
@@ -38,7 +34,7 @@ def growing_pole_of_model(model: Model, theta: Real) -> complex | None:
         model: machine and Parts; laws of Parts that are no polynomials in s are left out.
         theta: parameters in SI; (n_parameter,).
     """
-    return growing_pole(np.asarray(np.linalg.eigvals(closed_loop_dynamics(model.assemble(theta)))))
+    return growing_pole(system_poles(closed_loop_dynamics(model.assemble(theta))))
 
 
 def unstable_variants(model: Model, theta: Real) -> dict[str, complex]:

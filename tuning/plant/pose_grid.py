@@ -163,7 +163,7 @@ def pose_grid(
         models.append(model)
         if request.budget is None:
             continue
-        definition = read_definition(request.budget, machine)
+        definition = read_definition(request.budget, machine, loops_suffice=True)
         if not definition.loops:
             raise InputError(f"{request.budget} has no loop, and so no margins: add [loop.NAME]")
         loops = tuple(loop.name for loop in definition.loops)

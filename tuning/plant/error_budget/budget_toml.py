@@ -81,7 +81,7 @@ class BudgetFile(TomlTable):
     """Content of budget.toml."""
 
     band: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
-    error: dict[str, ErrorTable] = Field(min_length=1)
+    error: dict[str, ErrorTable] = Field(default_factory=dict)
     disturbance: dict[str, DisturbanceTable] = Field(default_factory=dict)
     noise: dict[str, NoiseTable] = Field(default_factory=dict)
     loop: dict[str, LoopTable] = Field(default_factory=dict)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from identification.words import Complex, Quantity, Real, poles_in_s
+from identification.words import Complex, Quantity, Real, system_poles
 from mbmodel import FrfRequest, Model, SystemMatrices, export_state_space
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_algebra import PortMap
@@ -126,8 +126,7 @@ class LoopStates:
 
     def poles(self) -> Complex:
         """Return the poles, of sampled loops log(z) / T [rad/s]; (n,)."""
-        poles = np.asarray(np.linalg.eigvals(self.dynamics), complex)
-        return poles_in_s(poles, self.period_s) if self.period_s else poles
+        return system_poles(self.dynamics, self.period_s)
 
     def modal_terms(self) -> tuple[Complex, Complex, Complex]:
         """Return poles (n,), c_r (n_error, n) and b_r (n, 3 n_in + n_loop), in continuous time."""

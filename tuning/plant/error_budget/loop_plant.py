@@ -14,7 +14,6 @@ from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_algebra import PortMap, loop_gains, map_ports
 
 _RANGE = 10.0  # of lines below the slowest and above the fastest pole, and of the band
-_MIN_RELATIVE_POLE = 1e-7  # of the fastest pole: slower ones are poles at 0 Hz
 
 
 def loops_alone(loops: tuple[Loop, ...], band: tuple[float, float]) -> BudgetDefinition:
@@ -98,7 +97,7 @@ def _lines(band: tuple[float, float], poles: Complex, period_s: float) -> Real:
     Those of sampled loops end at half of the sampling rate.
     """
     sizes = np.abs(poles) / (2 * np.pi)
-    sizes = sizes[sizes > _MIN_RELATIVE_POLE * sizes.max(initial=0.0)]
+    sizes = sizes[sizes > 0]
     low = min(band[0], float(sizes.min(initial=band[0]))) / _RANGE
     if period_s:
         highest = 0.5 / period_s

@@ -29,7 +29,11 @@ FORCE_UNITS: dict[Kind | None, str] = {"force": "N", "torque": "N m"}
 
 
 def read_definition(
-    path: Path, machine: Machine, controllers: Mapping[str, Any] | None = None
+    path: Path,
+    machine: Machine,
+    controllers: Mapping[str, Any] | None = None,
+    *,
+    loops_suffice: bool = False,
 ) -> BudgetDefinition:
     """Read the definition of an error budget.
 
@@ -38,6 +42,7 @@ def read_definition(
         machine: with the labels of inputs and outputs. Loops that are closed around it count
             beside those of the file.
         controllers: python-control objects that replace those of the file, by the loop's name.
+        loops_suffice: whether the file may name loops alone, as margins and simulations need.
 
     Raises:
         InputError: a file, key, label or number that cannot be used.
@@ -63,7 +68,9 @@ def read_definition(
     loops = (*machine.loops, *read_loops(path, machine, file.loop, controllers))
     sampling_period(loops)  # refuses loops of different periods
     sources = _sources(path, machine, file, loops)
-    if not sources:
+    if not errors and not loops_suffice:
+        raise InputError(f"{path} names no error: add [error.NAME] with its output")
+    if not sources and not loops_suffice:
         raise InputError(f"{path} names no source: add [disturbance.NAME] or [noise.NAME]")
     band = _band(path, file, sources)
     return BudgetDefinition(
@@ -186,7 +193,7 @@ def _coherence(
             raise InputError(f"{path}: a correlation of {row.between[0]!r} with itself: remove it")
         value = np.sqrt(row.coherence) * np.exp(1j * np.radians(row.phase_deg))
         matrix[first, second], matrix[second, first] = value, value.conjugate()
-    if np.linalg.eigvalsh(matrix).min() < _MIN_COHERENCE_EIGENVALUE:
+    if np.linalg.eigvalsh(matrix).min(initial=0.0) < _MIN_COHERENCE_EIGENVALUE:
         raise InputError(
             f"{path}: no signals have these coherences together: two that are nearly the same "
             "signal are equally coherent with a third; lower one"
