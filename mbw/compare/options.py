@@ -6,7 +6,17 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Band, Jobs, Json, Overwrite, Pictures, Quiet, out_option
+from mbw.options import (
+    Band,
+    Jobs,
+    Json,
+    Overwrite,
+    Pictures,
+    Quiet,
+    SoftEqualities,
+    Without,
+    out_option,
+)
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -42,6 +52,8 @@ def compare(  # noqa: PLR0913  # one for each option
         bool, typer.Option("--resume", help="Continue an interrupted diagnosis of the same call.")
     ] = False,
     pictures: Pictures = True,
+    without: Without = None,
+    soft_equalities: SoftEqualities = False,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:

@@ -43,7 +43,7 @@ class Changes(Generic[Content]):
     Args:
         read: files that were read, new or anew, by the time of their change.
         gone: files that are no longer there.
-        failures: sentences on files that rest and cannot be read.
+        failures: sentences on files that rest and cannot be read, or that no pattern names.
     """
 
     read: tuple[tuple[Path, Content], ...] = ()
@@ -68,12 +68,13 @@ class FolderWatch(Generic[Content]):
     clock: Callable[[], float] = time.monotonic
     _seen: dict[Path, _Seen] = field(default_factory=dict)
     _said: set[str] = field(default_factory=set)
+    _beside: set[str] | None = None
 
     def poll(self) -> Changes[Content]:
         """Look at the folder, and read what is new and rests."""
         now = self.clock()
         try:
-            stamps = dict(self._list())
+            stamps, unnamed = dict(self._list()), self._unnamed()
         except OSError:  # a network folder that is away for a moment
             return Changes()
         gone = tuple(path for path in self._seen if path not in stamps)
@@ -81,7 +82,8 @@ class FolderWatch(Generic[Content]):
         for path in gone:
             del self._seen[path]
         contents: list[tuple[Path, Content]] = []
-        failures = []
+        named = ", ".join(self.patterns)
+        failures = [f"{name} is not counted: the test names {named}" for name in unnamed]
         for path, stamp in sorted(stamps.items(), key=lambda item: (item[1][1], item[0])):
             seen = self._seen.get(path)
             if seen is None or seen.stamp != stamp:
@@ -101,6 +103,16 @@ class FolderWatch(Generic[Content]):
                     self._said.add(sentence)
                     failures.append(sentence)
         return Changes(tuple(contents), was_read, tuple(failures))
+
+    def _unnamed(self) -> list[str]:
+        """Return the files that appeared since the last look and that no pattern names."""
+        names = {path.name for path in self.folder.iterdir() if path.is_file()}
+        before, self._beside = self._beside, names
+        return sorted(
+            name
+            for name in names - (names if before is None else before)
+            if not name.startswith((".", "~")) and not any(map(Path(name).match, self.patterns))
+        )
 
     def _list(self) -> Iterable[tuple[Path, tuple[int, int]]]:
         """Yield the files that match, with size and time of change."""

@@ -245,3 +245,16 @@ def test_tests_of_two_quantities_are_compared_as_one_and_not_diagnosed(tmp_path)
     # The lines of one resonance outweigh all others: few values, so a wide scatter about 1.
     assert all(row["over_noise"] == pytest.approx(1.0, abs=0.4) for row in result["frfs"])
     assert not any(row["frequency_shift"]["changed"] for row in result["modes"])
+
+
+def test_friction_is_left_out_of_both_visits(tmp_path):
+    visits = write_visits(tmp_path, factor=1.003, names=("march", "june"))
+    for visit in visits:
+        model = visit / "model.xml"
+        model.write_text(model.read_text().replace("<joint ", '<joint frictionloss="3" ', 1))
+    refused = mbw("compare", *visits, "--no-diagnosis")
+    assert refused.exit_code == 3
+    assert "frictionloss" in refused.stderr
+    done = mbw("compare", *visits, "--no-diagnosis", "--without", "friction", "--json", "-")
+    assert done.exit_code == 0
+    assert done.stderr.count("left out as requested: frictionloss") == len(visits)

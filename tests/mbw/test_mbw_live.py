@@ -80,6 +80,17 @@ def test_a_file_that_stays_cut_off_is_told_once_and_read_when_it_is_whole(tmp_pa
     assert len(watch.poll().read) == 1
 
 
+def test_a_file_that_no_pattern_names_is_said_once(tmp_path):
+    clock = Clock()
+    (tmp_path / "campaign.toml").write_text("", encoding="utf-8")  # there before the test
+    watch = FolderWatch(tmp_path, ["hit*.txt"], read_number, clock)
+    watch.poll()
+    for name in ("hit1.txt", "impact1.txt", "~impact1.txt"):
+        (tmp_path / name).write_text("end", encoding="utf-8")
+    said = [sentence for _ in range(9) for sentence in watch.poll().failures]
+    assert said == ["impact1.txt is not counted: the test names hit*.txt"]
+
+
 def test_files_come_late_in_the_order_of_their_time_and_may_go(tmp_path):
     clock = Clock()
     watch = FolderWatch(tmp_path / "late", ["*.txt"], read_number, clock)
