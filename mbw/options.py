@@ -75,7 +75,7 @@ Without = Annotated[
     str | None,
     typer.Option(
         metavar="KINDS",
-        help="Leave out of models: contact, friction, limits; one or several, with commas.",
+        help="Leave out of models, with commas: contact, friction, limits, gravity.",
     ),
 ]
 SoftEqualities = Annotated[

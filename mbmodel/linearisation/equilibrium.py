@@ -103,7 +103,8 @@ def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) ->
         joint = joint_name(model, model.dof_jntid[place])
         raise ConvergenceError(
             f"{path}: no static equilibrium found, because the force at joint {joint!r} stays "
-            "unbalanced: give it stiffness, turn gravity off, or draw the machine nearer to rest"
+            "unbalanced: give it stiffness, turn gravity off (--without gravity), or draw the "
+            "machine nearer to rest"
         )
     displacement = np.zeros(model.nv)
     mujoco.mj_differentiatePos(model, displacement, 1.0, start.qpos, data.qpos)

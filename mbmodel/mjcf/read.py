@@ -29,6 +29,7 @@ LEFT_OUT = {
     "contact": mujoco.mjtDisableBit.mjDSBL_CONTACT,
     "friction": mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS,
     "limits": mujoco.mjtDisableBit.mjDSBL_LIMIT,
+    "gravity": mujoco.mjtDisableBit.mjDSBL_GRAVITY,
 }
 
 
@@ -37,7 +38,7 @@ class Reading:
     """Wishes of a user beyond what a file states.
 
     Args:
-        without: kinds of constraints that are left out: ``contact``, ``friction``, ``limits``.
+        without: what is left out: ``contact``, ``friction``, ``limits``, ``gravity``.
         soft_equalities: whether equality constraints give way as MuJoCo's do; else they are rigid.
 
     Raises:
@@ -136,14 +137,17 @@ def compile_with_remarks(
 
 def _leave_out(model: mujoco.MjModel, reading: Reading) -> tuple[str, ...]:
     """Switch off what is left out, and return a remark if a model has any of it."""
-    counts = {
-        "contact": int(((model.geom_contype | model.geom_conaffinity) > 0).sum()) + model.npair,
-        "friction": int((model.dof_frictionloss > 0).sum() + (model.tendon_frictionloss > 0).sum()),
-        "limits": int(model.jnt_limited.sum() + model.tendon_limited.sum()),
+    touching = int(((model.geom_contype | model.geom_conaffinity) > 0).sum()) + model.npair
+    rubbing = int((model.dof_frictionloss > 0).sum() + (model.tendon_frictionloss > 0).sum())
+    limited = int(model.jnt_limited.sum() + model.tendon_limited.sum())
+    words = {
+        "contact": f"geoms that touch ({touching})" if touching else "",
+        "friction": f"frictionloss ({rubbing})" if rubbing else "",
+        "limits": f"limits ({limited})" if limited else "",
+        "gravity": "gravity" if is_enabled(model, LEFT_OUT["gravity"]) else "",
     }
     model.opt.disableflags |= reading.disabled
-    words = {"contact": "geoms that touch", "friction": "frictionloss", "limits": "limits"}
-    named = [f"{words[name]} ({counts[name]})" for name in reading.without if counts[name]]
+    named = [words[name] for name in reading.without if words[name]]
     return (f"left out as requested: {', '.join(named)}",) if named else ()
 
 

@@ -69,8 +69,19 @@ def test_what_is_left_out_of_all_models_is_said(folder):
     assert "Left out as requested: limits (1)" in said.stderr
     unknown = RUNNER.invoke(app, ["predict", path, "--without", "weight"])
     assert unknown.exit_code == 2
-    assert "contact, friction, limits" in unknown.stderr
+    assert "contact, friction, limits, gravity" in unknown.stderr
 
 
 def test_a_folder_without_models_is_refused(tmp_path):
     assert RUNNER.invoke(app, ["models", str(tmp_path)]).exit_code == 3
+
+
+def test_a_machine_that_falls_is_taken_without_gravity(tmp_path):
+    body = '<body name="b"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body>'
+    (tmp_path / "free.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    falls = RUNNER.invoke(app, ["models", str(tmp_path), "--json", "-"])
+    assert "--without gravity" in json.loads(falls.stdout)["models"][0]["reason"]
+    floats = RUNNER.invoke(app, ["models", str(tmp_path), "--without", "gravity", "--json", "-"])
+    row = json.loads(floats.stdout)["models"][0]
+    assert row["coordinates"] == 6
+    assert row["error"] < 1e-6
