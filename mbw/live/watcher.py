@@ -74,7 +74,7 @@ class FolderWatch(Generic[Content]):
         """Look at the folder, and read what is new and rests."""
         now = self.clock()
         try:
-            stamps, unnamed = dict(self._list()), self._unnamed()
+            stamps, beside = dict(self._list()), self._files_beside()
         except OSError:  # a network folder that is away for a moment
             return Changes()
         gone = tuple(path for path in self._seen if path not in stamps)
@@ -83,7 +83,7 @@ class FolderWatch(Generic[Content]):
             del self._seen[path]
         contents: list[tuple[Path, Content]] = []
         named = ", ".join(self.patterns)
-        failures = [f"{name} is not counted: the test names {named}" for name in unnamed]
+        failures = [f"{name} is not counted: the test names {named}" for name in beside]
         for path, stamp in sorted(stamps.items(), key=lambda item: (item[1][1], item[0])):
             seen = self._seen.get(path)
             if seen is None or seen.stamp != stamp:
@@ -104,7 +104,7 @@ class FolderWatch(Generic[Content]):
                     failures.append(sentence)
         return Changes(tuple(contents), was_read, tuple(failures))
 
-    def _unnamed(self) -> list[str]:
+    def _files_beside(self) -> list[str]:
         """Return the files that appeared since the last look and that no pattern names."""
         names = {path.name for path in self.folder.iterdir() if path.is_file()}
         before, self._beside = self._beside, names
