@@ -23,16 +23,16 @@ def machine_layout(
     end in one number, that is the site ``acc<number>``. In a model with such names, a site that a
     tendon or an actuator uses carries none unless it is named so.
 
-    A label such as ``table:+tx`` means a site or a body. A site that is no sensor is left out if a
-    body has its name.
+    A label such as ``table:+tx`` means a site or a body. A site that has the name of a body is left
+    out, and carries no sensor.
 
     Args:
         stages: MJCF body number of each stage.
         centres: centre of mass of each stage [m]; (n_body, 3).
 
     Raises:
-        InputError: two sensors or two hammer points of one node, or a sensor or hammer point named
-            like a body.
+        InputError: two sensors or two hammer points of one node, or a body that is named like an
+            accelerometer or hammer point, as a site is.
     """
     lead = stage_numbers(model)
     bodies = tuple(body_name(model, stage) for stage in stages)
@@ -41,21 +41,22 @@ def machine_layout(
     ]
     names = [str(model.site(s).name) for s in moving]
     anchors = {names[k] for k, s in enumerate(moving) if s in _used_sites(model)}
-    without_sensor = _sites_without_sensor(names, anchors)
-    _refuse_shared_nodes(path, [name for name in names if name not in without_sensor])
     hidden = [name for name in names if name in bodies]
     for name in hidden:
-        if node_number(name) is not None and name not in without_sensor:
+        if is_hammer_point(name) or _NAMED_ACCELEROMETER.match(name):
             raise InputError(
                 f"{path}: body {name!r} and site {name!r} share a name, and a label such as "
                 f"{name}:+tx could mean either: rename one of them"
             )
+    points = [name for name in names if name not in hidden]
+    without_sensor = _sites_without_sensor(points, anchors)
+    _refuse_shared_nodes(path, [name for name in points if name not in without_sensor])
     sites = [s for s, name in zip(moving, names, strict=True) if name not in hidden]
     try:
         layout = Layout(
             bodies=bodies,
             centres=centres,
-            points=tuple(name for name in names if name not in hidden),
+            points=tuple(points),
             body_of=np.array([stages.index(lead[model.site_bodyid[s]]) for s in sites], np.intp),
             positions=data.site_xpos[sites].reshape(-1, 3),
             axes=data.site_xmat[sites].reshape(-1, 3, 3),
@@ -65,7 +66,7 @@ def machine_layout(
         raise InputError(f"{path}: {error}: rename one of them") from error
     return layout, tuple(
         f"site {name!r} has the name of a body: labels such as {name}:+tx mean the body's centre "
-        "of mass"
+        "of mass" + (", and it carries no sensor" if node_number(name) is not None else "")
         for name in hidden
     )
 

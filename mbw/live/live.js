@@ -110,9 +110,13 @@ async function showResponse() {
 function writeReadout(frequency, values, coherence, line) {
   const {deviation} = frame.arrays;
   if (!deviation) { byId("readout").replaceChildren(create("tbody", {}, create("tr", {}, cell("no accepted hit at this point yet")))); return; }
-  const {size, angle} = values.measured, rows = [["|H| / (" + frame.unit + ")", fourDigits(size)], ["95 %", "± " + fourDigits(QUANTILE_95 * deviation[line] / Math.SQRT2)], ["phase", angle.toFixed(1) + "°"]];
-  if (coherence !== undefined) rows.push(["coherence", coherence.toFixed(3)]);
-  byId("readout").replaceChildren(create("tbody", {}, ...[["f / Hz", frequency.toFixed(2)], ...rows].map(([name, value]) => create("tr", {}, create("th", {scope: "row", textContent: name}), cell(value)))));
+  const row = (key, name, ...texts) => create("tr", {}, create("th", {scope: "row"}, create("i", {className: "key " + key}), name), ...texts.map(cell), ...(texts.length < 2 ? [cell("")] : []));
+  const curve = (key, name) => row(key, name, fourDigits(values[key].size), values[key].angle.toFixed(1) + "°");
+  const title = text => create("th", {scope: "col", textContent: text}), head = create("tr", {}, ...[frequency.toFixed(2) + " Hz", "|H| / (" + frame.unit + ")", "phase"].map(title));
+  const rows = [curve("measured", "measured"), row("", "95 %", "± " + fourDigits(QUANTILE_95 * deviation[line] / Math.SQRT2))];
+  if (values.current) rows.push(curve("current", "model"));
+  if (coherence !== undefined) rows.push(row("", "coherence", coherence.toFixed(3)));
+  byId("readout").replaceChildren(create("thead", {}, head), create("tbody", {}, ...rows));
 }
 
 // ---- controls ---------------------------------------------------------------------------------
@@ -125,7 +129,7 @@ async function decide(hit) {
 }
 
 const choose = () => { if (state) { show(); showResponse(); } };
-const plot = createPlot(byId("plot"), [0, 1], ["measured"], writeReadout);
+const plot = createPlot(byId("plot"), [0, 1], ["measured", "current"], writeReadout);
 byId("place").onchange = choose;
 byId("channel").onchange = event => { channel = event.target.value; choose(); };
 byId("logarithmic").onchange = event => plot.setLogarithmic(event.target.checked);

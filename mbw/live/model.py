@@ -1,12 +1,12 @@
 """FRFs of the model at all places that may have been hit, nominal or tuned by the findings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from identification.hits.comparison import CompareWindow, Places
-from identification.words import Dof, Output, Quantity, Real, is_hammer_point
+from identification.words import Complex, Dof, Input, Output, Quantity, Real, is_hammer_point
 from mbmodel import Evaluator, FrfRequest, Model, as_drawn
 from mbmodel.machine import Machine
 from mbw.live.test import Place
@@ -54,9 +54,19 @@ class HitPredictor:
         """Return the FRFs of each place and direction along its positive axis."""
         key = window, outputs
         if key not in self._kept:
-            request = FrfRequest(
-                window.freq_hz, outputs, self._inputs, self.quantity, window_tau=window.tau
-            )
-            values = Evaluator(self._model, request).at(self._theta).values
+            values = self.frfs(window.freq_hz, outputs, self._inputs, window.tau)
             self._kept = {key: {dof: values[:, :, k] for k, dof in enumerate(self._inputs)}}
         return self._kept[key]
+
+    def frfs(
+        self, freq_hz: Real, outputs: Sequence[Output], inputs: Sequence[Input], tau: float
+    ) -> Complex:
+        """Return FRFs as an exponential window leaves them; (n_freq, n_out, n_in).
+
+        Args:
+            freq_hz: lines [Hz]; (n_freq,).
+            outputs, inputs: n_out and n_in of the machine.
+            tau: time constant of the window [s]; 0 for none.
+        """
+        request = FrfRequest(freq_hz, tuple(outputs), tuple(inputs), self.quantity, window_tau=tau)
+        return np.asarray(Evaluator(self._model, request).at(self._theta).values)

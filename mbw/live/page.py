@@ -110,15 +110,18 @@ def _encode_frf(session: LiveSession, number: str, channel: str) -> bytes:
     labels = [str(output) for output in estimate.frf.outputs]
     name = next((label for label in (channel, str(hits.reference)) if label in labels), labels[0])
     row = labels.index(name)
-    if session.predictor is not None:
-        machine, frf = session.predictor.machine, estimate.frf
-        unit = output_unit(machine, frf.outputs[row], frf.quantity)
-        header["unit"] = f"{unit}/{input_unit(machine, hits.reference)}"
+    frf = estimate.frf
     arrays = {
-        "freq": estimate.frf.freq_hz[lines],
-        "measured": estimate.frf.values[lines, row, 0],
+        "freq": frf.freq_hz[lines],
+        "measured": frf.values[lines, row, 0],
         "deviation": estimate.variance[lines, row, 0] ** 0.5,
     }
+    if session.predictor is not None:
+        machine, ports = session.predictor.machine, ((frf.outputs[row],), frf.inputs)
+        unit = output_unit(machine, frf.outputs[row], frf.quantity)
+        header["unit"] = f"{unit}/{input_unit(machine, hits.reference)}"
+        model = session.predictor.frfs(frf.freq_hz[lines], *ports, estimate.window_tau)
+        arrays["current"] = model[:, 0, 0]
     if estimate.coherence is not None:
         arrays["coherence"] = estimate.coherence[lines, row, 0]
     view = {"reference": number, "channel": name}

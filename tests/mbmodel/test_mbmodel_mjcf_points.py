@@ -77,11 +77,17 @@ def test_one_name_on_body_joint_site_geom_and_motor(from_text):
     assert [parameter.name for parameter in model.parameters] == ["a.stiffness", "a.damping"]
 
 
-@pytest.mark.parametrize("kind", ["hit1", "low1"])
+@pytest.mark.parametrize("kind", ["hit1", "acc1"])
 def test_a_sensor_or_hammer_point_named_like_a_body_is_refused_with_both(from_text, kind):
     text = GOOD.replace('name="a"', f'name="{kind}"').replace("acc1", kind)
     with pytest.raises(InputError, match=f"body '{kind}' and site '{kind}' share a name"):
         from_text(text)
+
+
+def test_a_numbered_site_named_like_a_body_carries_no_sensor(from_text):
+    machine = from_text(GOOD.replace('name="a"', 'name="low1"').replace("acc1", "low1"))
+    assert machine.remarks[0].endswith("mean the body's centre of mass, and it carries no sensor")
+    assert machine.layout.points == ()
 
 
 def test_meshes_that_are_discarded_for_display_change_nothing(from_text):

@@ -17,6 +17,7 @@ from live_test import PLACES, Clock, look, play
 from workbench_server import Browser, frame_parts
 
 from diagnosis.next_test.provisional import ProvisionalCause
+from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine
 from mbw.live.findings import Findings, FindingsWorker
 from mbw.live.page import LivePage
 from mbw.live.refits import FullRefits
@@ -72,6 +73,7 @@ def test_the_state_holds_hits_places_advice_and_findings_with_their_age(served, 
 def test_the_frf_of_a_place_and_channel_is_the_estimate_of_its_accepted_hits(served, session):
     estimate = session.sheet.estimates[PLACES[1]].estimate
     labels = [str(output) for output in estimate.frf.outputs]
+    model = as_drawn(load_machine(session.test.source.parent / session.test.settings.model))
     for channel, expected in ((labels[-1], labels[-1]), ("nowhere", "acc3:+tx")):
         query = urlencode({"place": 1, "channel": channel})
         header, arrays = frame_parts(served.ask("GET", f"/frf?{query}")[2])
@@ -82,6 +84,12 @@ def test_the_frf_of_a_place_and_channel_is_the_estimate_of_its_accepted_hits(ser
         np.testing.assert_allclose(arrays["deviation"] ** 2, estimate.variance[1:, row, 0], 1e-5)
         np.testing.assert_allclose(arrays["coherence"], estimate.coherence[1:, row, 0], 1e-6)
         np.testing.assert_allclose(arrays["freq"], estimate.frf.freq_hz[1:], 1e-6)
+        ports = (estimate.frf.outputs[row],), (PLACES[1][1],)
+        tau, freq = estimate.window_tau, estimate.frf.freq_hz[1:]
+        request = FrfRequest(freq, *ports, "accelerance", window_tau=tau)
+        drawn = Evaluator(model, request).at(model.drawn).values[:, 0, 0]
+        current = arrays["current"][::2] + 1j * arrays["current"][1::2]
+        np.testing.assert_allclose(current, drawn, rtol=1e-5)
     for number in ("9", "-1", "x"):
         assert frame_parts(served.ask("GET", f"/frf?place={number}")[2])[1] == {}
 
