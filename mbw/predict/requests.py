@@ -1,7 +1,7 @@
 """FRFs and frequency lines that a prediction is asked for."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from mbmodel import (
     Evaluator,
     FrfRequest,
     Machine,
+    Model,
     Modes,
     as_drawn,
     parse_input,
@@ -79,8 +80,20 @@ def frf_request(machine: Machine, request: PredictRequest, *, is_needed: bool) -
         inputs or _axes(hammer_sites(layout) or sensor_sites(layout)),
         quantity,
     )
-    Evaluator(as_drawn(machine), frfs)  # refuses unknown labels before anything is written
+    model = as_drawn(machine)
+    Evaluator(model, frfs)  # refuses unknown labels before anything is written
+    if request.band is None and not _responds_at_rest(model, frfs):
+        return replace(frfs, freq_hz=lines[1:])
     return frfs
+
+
+def _responds_at_rest(model: Model, request: FrfRequest) -> bool:
+    """Return whether a machine has a finite response at 0 Hz, as no free machine has."""
+    try:
+        Evaluator(model, replace(request, freq_hz=np.zeros(1))).at(model.drawn)
+    except UsageError:
+        return False
+    return True
 
 
 def band_lines(request: PredictRequest) -> Real:

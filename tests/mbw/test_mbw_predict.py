@@ -330,3 +330,15 @@ def test_a_keyframe_can_be_chosen(tmp_path):
     wrong = mbw("predict", path, "--key", "down")
     assert wrong.exit_code == 3
     assert "has no keyframe 'down': choose one of home, up" in wrong.stderr
+
+
+def test_the_usual_band_of_a_free_axis_begins_above_0_hz(driven):
+    ports = ("--frf", "--input", "joint:slide_ty", "--output", "joint:slide_ty")
+    result = mbw("predict", driven, *ports)
+    assert result.exit_code == 0, result.output
+    first = [float(text) for text in result.stdout.splitlines()[1].split(",")]
+    assert first[0] == 0.25
+    assert first[1] == pytest.approx(-1 / (12 * (2 * np.pi * 0.25) ** 2), rel=1e-6)
+    refused = mbw("predict", driven, *ports, "--band", 0, 100)
+    assert refused.exit_code == 2
+    assert "start the band above it" in refused.stderr
