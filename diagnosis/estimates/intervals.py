@@ -191,14 +191,14 @@ def fit_parameters(
 ) -> FittedParameters:
     """Return the parameters of a refit with their confidence.
 
-    If little but noise remains, the final fit counts all lines, in as many steps as all turns of a
-    refit together. Outlying tolerances were admitted before (``refits.refitting``): those
-    held at their bounds would shift the parameters. If more than noise remains, the covariance is
-    that of the number of independent values, or of bands of lines.
+    If little but noise remains, the final fit counts all lines, in as many steps as it needs.
+    Outlying tolerances were admitted before (``refits.refitting``): those held at their bounds would
+    shift the parameters. If more than noise remains, the covariance is that of the number of
+    independent values, or of bands of lines.
 
     Args:
         stride_factor: factor on the stride of the lines.
-        settings: schedule, whose turns have as many steps together as the final fit.
+        settings: stride of the schedule.
         is_final: whether the final fit is made; else the parameters are those of the refit.
     """
     session, fitted = refit.session, refit.fit
@@ -209,7 +209,6 @@ def fit_parameters(
             STAGES[-1],
             model_error_floor=refit.floor,
             stride=stride_factor,
-            max_steps=settings.schedule.max_turns * settings.schedule.max_steps,
         )
         fitted = fit(
             model,
