@@ -192,8 +192,8 @@ def fit_parameters(
     """Return the parameters of a refit with their confidence.
 
     If little but noise remains, the final fit counts all lines, in as many steps as it needs.
-    Outlying tolerances were admitted before (``refits.refitting``): those held at their bounds would
-    shift the parameters. If more than noise remains, the covariance is that of the number of
+    Outlying tolerances were admitted before (``refits.refitting``): those held at their bounds
+    would shift the parameters. If more than noise remains, the covariance is that of the number of
     independent values, or of bands of lines.
 
     Args:

@@ -64,9 +64,7 @@ class HitPredictor:
         """Return FRFs as an exponential window leaves them; (n_freq, n_out, n_in).
 
         Args:
-            freq_hz: lines [Hz]; (n_freq,).
-            outputs, inputs: n_out and n_in of the machine.
-            tau: time constant of the window [s]; 0 for none.
+            freq_hz, outputs, inputs, tau: as for ``FrfRequest``.
         """
         request = FrfRequest(freq_hz, tuple(outputs), tuple(inputs), self.quantity, window_tau=tau)
         return np.asarray(Evaluator(self._model, request).at(self._theta).values)
