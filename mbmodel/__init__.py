@@ -24,6 +24,7 @@ from mbmodel.export.comparison import StateSpaceComparison, compare_state_space
 from mbmodel.export.discrete import SystemMatrices, discretise
 from mbmodel.export.linear_response import respond_linearly
 from mbmodel.export.state_space import export_state_space, state_space
+from mbmodel.export.system_poles import system_poles
 from mbmodel.frf.forward_sensitivities import ForceEntries, ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
 from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
@@ -212,6 +213,7 @@ __all__ = [
     "state_space",
     "strike",
     "suspended_mass_elements",
+    "system_poles",
     "transport",
     "usual_quantity",
     "weighted_motions",

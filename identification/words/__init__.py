@@ -28,7 +28,6 @@ from identification.words.control_loop import (
     between_multiples,
     poles_in_s,
     sampling_period,
-    system_poles,
     zero_order_hold,
 )
 from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
@@ -121,7 +120,6 @@ __all__ = [
     "settle_port",
     "shorten_names",
     "split_label",
-    "system_poles",
     "thinning_step",
     "zero_order_hold",
 ]

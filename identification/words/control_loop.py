@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from identification.words._arrays import Complex, Real, frozen_array
 from identification.words.errors import InputError
@@ -24,7 +23,6 @@ _MAX_SAMPLED_EXPONENT = 300.0
 # Distance in turns of z from 1, at multiples of the sampling rate.
 _MIN_TURN = 1e-8
 _MIN_POLE_Z = 1e-9  # of a pole in z, whose logarithm is to be finite
-_ROUNDINGS = 100.0  # of numbers as large as ||A||, in A and in its eigenvalues
 
 
 def zero_order_hold(laplace: Complex, period_s: float) -> Complex:
@@ -97,7 +95,8 @@ class Controller:
     @property
     def poles(self) -> Complex:
         """Poles in s [rad/s]; of a sampled controller log(z) / T; (n,)."""
-        return system_poles(self.dynamics, self.period_s)
+        poles = np.asarray(np.linalg.eigvals(self.dynamics), complex)
+        return poles_in_s(poles, self.period_s) if self.period_s else poles
 
     def response(self, laplace: Complex) -> Complex:
         """Return K(s), or K(z) h(s) of a sampled controller, at each s [rad/s]; (n_freq,)."""
@@ -120,28 +119,6 @@ class Controller:
         states = np.linalg.solve(resolvent, entry)
         response = self.output_matrix @ states + self.feedthrough
         return np.asarray(response[:, 0, 0], np.complex128)
-
-
-def system_poles(dynamics: Real, period_s: float = 0.0) -> Complex:
-    r"""Return the poles of x' = A x, or log(z) / T of x[k+1] = A x[k]; (n,).
-
-    An eigenvalue with unit left and right vectors y and x moves by at most ||E|| / |y' x| when A
-    moves by E (Golub and Van Loan 2013, section 7.2.2), and rounding leaves an E of some eps ||A||.
-    A pole of rest (s = 0, z = 1) is often a double one, which has orthogonal y and x, so that it
-    comes out as the root of the rounding. An eigenvalue that could be that of rest is therefore
-    returned as 0. A is balanced first, so that units of states do not count.
-
-    Args:
-        dynamics: A [1/s], without a unit in discrete time; (n, n).
-        period_s: T [s]; 0 in continuous time.
-    """
-    balanced, _ = scipy.linalg.matrix_balance(dynamics)
-    values, left, right = scipy.linalg.eig(balanced, left=True)
-    slant = np.abs((left.conj() * right).sum(axis=0))
-    rounding = _ROUNDINGS * np.finfo(float).eps * np.linalg.norm(balanced)
-    rest = 1.0 if period_s else 0.0
-    poles = poles_in_s(values, period_s) if period_s else values
-    return np.where(np.abs(values - rest) * slant <= rounding, 0.0, poles)
 
 
 def poles_in_s(poles_z: Complex, period_s: float) -> Complex:

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from identification.words import Complex, Input, Output, UsageError, system_poles
+from identification.words import Complex, Input, Output, UsageError
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.state_space import export_state_space
+from mbmodel.export.system_poles import system_poles
 from mbmodel.frf.linearised import Evaluator
 from mbmodel.model import Model
 from mbmodel.ports.request import FrfRequest

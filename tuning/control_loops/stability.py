@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.words import Complex, InputError, Loop, Real, system_poles
-from mbmodel import Machine, Model, as_drawn, closed_loop_dynamics, with_loops
+from identification.words import Complex, InputError, Loop, Real
+from mbmodel import Machine, Model, as_drawn, closed_loop_dynamics, system_poles, with_loops
 
 # A pole grows if its real part exceeds this part of its size: rounding leaves less.
 _MIN_RELATIVE_GROWTH = 1e-6

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from identification.words import Complex, Quantity, Real, system_poles
-from mbmodel import FrfRequest, Model, SystemMatrices, export_state_space
+from identification.words import Complex, Quantity, Real
+from mbmodel import FrfRequest, Model, SystemMatrices, export_state_space, system_poles
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_algebra import PortMap
 

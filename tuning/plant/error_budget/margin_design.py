@@ -16,6 +16,7 @@ from mbmodel import (
     Model,
     energy_shares,
     model_modes,
+    system_poles,
 )
 from tuning.control_loops.stability import growing_pole
 from tuning.plant.control_loops.allowed_gains import (
@@ -170,9 +171,10 @@ def design_loops(
     margins = plant.margins(theta, opened, closed) if pole is None else None
     gain_of, lines = plant.gain_at(theta), plant.lines_near(opened, closed)
     freq, gains = refine_lines(gain_of, *follow_loop_gain(gain_of, lines), modulus)
-    controllers = np.concatenate([loop.controller.poles for loop in definition.loops])
+    known = [loop.controller for loop in definition.loops]
+    controllers = [system_poles(each.dynamics, each.period_s) for each in known]
     start = 1.0 if pole is None else 0.0
-    is_known = pole is None or growing_pole(np.concatenate([opened, controllers])) is None
+    is_known = pole is None or growing_pole(np.concatenate([opened, *controllers])) is None
     single = single_loop_gains(gains)
     drawn = [single_loop_gains(plant.gain_at(each)(freq)) for each in thetas]
     designs = []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm
 
-from identification.words import system_poles
+from mbmodel import system_poles
 
 PERIOD = 1e-3
 FAST = np.array([[-2e5, 0.0], [1.0, -9e4]])
