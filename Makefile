@@ -31,7 +31,7 @@ check: $(VENV)/.installed-test
 
 # Builds the pages into build/site; a warning is an error, and nothing is loaded from a network.
 docs: $(VENV)/.installed-docs
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	$(BIN)/python -m tests.docs.build_site
 
 # Writes what is generated in README and docs: figures of the benches, options of the command.
 figures: $(VENV)/.installed-test

@@ -1,39 +1,33 @@
 """The site builds without a warning and asks nothing of a network."""
 
-import os
 import re
-import subprocess
-import sys
 
 import pytest
 
+from tests.docs.build_site import SETTINGS, build_site
 from tests.docs.offline import visit
 from tests.docs.pages import markdown_pages
 from tests.docs.results import ROOT
 from tests.helpers.browser import CHROMIUM
 
-pytest.importorskip("mkdocs", reason="the extra docs is not installed")
+pytest.importorskip("zensical", reason="the extra docs is not installed")
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium")
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
-    done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
-        cwd=ROOT,
-        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return folder
+    return build_site(folder)
 
 
 def pages_of(folder):
     return [str(page.relative_to(folder)) for page in sorted(folder.rglob("*.html"))]
+
+
+def test_the_navigation_names_every_page():
+    named = re.findall(r": (\S+\.(?:md|ipynb))$", (ROOT / SETTINGS).read_text("utf-8"), re.M)
+    files = [*(ROOT / "docs").rglob("*.md"), *(ROOT / "docs").rglob("*.ipynb")]
+    assert sorted(named) == sorted(str(file.relative_to(ROOT / "docs")) for file in files)
 
 
 def test_no_page_names_another_host_for_what_it_loads(site):
@@ -55,9 +49,9 @@ def test_equations_are_mathml(site):
 
 
 @needs_browser
-def test_no_request_fails_without_network(site, tmp_path):
+def test_no_request_fails_without_network(site):
     pages = [page for page in pages_of(site) if page != "404.html"]
-    result = visit(site, pages, tmp_path)
+    result = visit(site, pages)
     assert {f"/{page}" for page in pages} <= set(result.loaded)
     assert result.failed == []
     assert result.foreign == []
@@ -70,6 +64,6 @@ def test_requests_that_fail_are_seen(tmp_path):
         '<link rel="stylesheet" href="//fonts.example.net/f.css">',
         encoding="utf-8",
     )
-    result = visit(tmp_path, ["index.html"], tmp_path)
+    result = visit(tmp_path, ["index.html"])
     assert "/gone.png" in result.failed
     assert result.foreign == ["http://fonts.example.net/f.css", "https://example.org/x.png"]

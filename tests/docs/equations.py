@@ -1,4 +1,4 @@
-"""Equations of the pages as MathML, made at build: browsers need no script for it.
+"""Equations of the built pages as MathML: browsers need no script for it.
 
 Browsers ignore the attribute ``mathvariant`` on single letters, so that letters of another alphabet
 are written as the characters that Unicode has for them.
@@ -9,8 +9,6 @@ import re
 import unicodedata
 
 from latex2mathml.converter import convert
-from mkdocs.exceptions import PluginError
-from mkdocs.structure.pages import Page
 
 EQUATION = re.compile(
     r'<(?P<tag>span|div) class="arithmatex">\\[(\[](?P<latex>.*?)\\[)\]]</(?P=tag)>', re.DOTALL
@@ -30,12 +28,11 @@ BAR = re.compile(r'<mo(?: fence="false")?(?: stretchy="false")?>(&#x0007C;|&#x02
 ACCENT = re.compile(r"<mover>(?=(?:<mi[^>]*>[^<]*</mi>|<mrow><mi[^>]*>[^<]*</mi></mrow>)<mo)")
 
 
-def on_page_content(content: str, page: Page, **_: object) -> str:
-    """Replace every equation of a page by MathML.
+def replace_equations(content: str) -> str:
+    """Return the HTML of a page with every equation as MathML.
 
-    Args:
-        content: HTML of the page.
-        page: the page, for messages.
+    Raises:
+        ValueError: a command that the converter does not know.
     """
 
     def replacement(match: re.Match[str]) -> str:
@@ -43,7 +40,7 @@ def on_page_content(content: str, page: Page, **_: object) -> str:
         try:
             return mathml(latex, "block" if match["tag"] == "div" else "inline")
         except ValueError as error:
-            raise PluginError(f"{page.file.src_uri}: {error} in {latex}") from error
+            raise ValueError(f"{error} in {latex}") from error
 
     return EQUATION.sub(replacement, content)
 

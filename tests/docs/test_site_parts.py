@@ -2,11 +2,10 @@
 
 import pytest
 
-pytest.importorskip("mkdocs", reason="the extra docs is not installed")
 pytest.importorskip("latex2mathml", reason="the extra docs is not installed")
 
-from docs.hooks.equations import mathml
-from docs.hooks.notebooks import notebook_markdown, on_page_markdown, output_markdown
+from tests.docs.equations import mathml
+from tests.docs.notebook_pages import link_pages, notebook_markdown, output_markdown
 
 
 def test_letters_of_other_alphabets_are_their_own_characters():
@@ -64,4 +63,4 @@ def test_notebook_with_an_error_is_refused():
 def test_links_to_notebooks_point_to_their_pages():
     text = "[a](../b.ipynb#c), [d](e.ipynb), [f](https://g.org/h.ipynb)"
     expected = "[a](../b.md#c), [d](e.md), [f](https://g.org/h.ipynb)"
-    assert on_page_markdown(text) == expected
+    assert link_pages(text) == expected

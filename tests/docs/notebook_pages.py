@@ -1,63 +1,20 @@
-"""Notebooks as pages, made at build from their saved outputs: nothing is run, nothing is loaded.
+"""Notebooks as pages, made from their saved outputs: nothing is run, nothing is loaded.
 
-Text, code, tables (HTML), SVG and PNG pictures, and plotly figures are shown. Plotly's script comes
-from the installed package and is written to the site.
+Text, code, tables (HTML), SVG and PNG pictures, and plotly figures are shown.
 """
 
 import json
 import re
 from collections.abc import Iterator, Mapping
-from pathlib import Path
-
-import plotly
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.structure.files import File, Files
 
 PLOTLY = "application/vnd.plotly.v1+json"
 SCRIPT = "assets/plotly.min.js"
+LINK = re.compile(r"(\]\((?![a-z]+:)[^)\s]+)\.ipynb(#[^)\s]*)?\)")
 
 
-def on_files(files: Files, config: MkDocsConfig, **_: object) -> Files:
-    """Replace every notebook by a page of its name, and add plotly's script where one needs it.
-
-    Args:
-        files: of the site.
-        config: of the site.
-    """
-    for file in [file for file in files if file.src_uri.endswith(".ipynb")]:
-        notebook = json.loads(Path(file.abs_src_path).read_text(encoding="utf-8"))
-        depth = file.src_uri.count("/") + bool(config.use_directory_urls)
-        text = "\n\n".join(notebook_markdown(notebook, "../" * depth))
-        files.remove(file)
-        files.append(File.generated(config, page_name(file.src_uri), content=text))
-        if SCRIPT in text and SCRIPT not in files.src_uris:
-            script = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
-            files.append(File.generated(config, SCRIPT, abs_src_path=str(script)))
-    return files
-
-
-def on_config(config: MkDocsConfig, **_: object) -> MkDocsConfig:
-    """Let the navigation name notebooks by their own names.
-
-    Args:
-        config: of the site.
-    """
-    config.nav = _rename_notebooks(config.nav)
-    return config
-
-
-def on_page_markdown(markdown: str, **_: object) -> str:
-    """Let links to notebooks, which readers of the repository need, point to their pages.
-
-    Args:
-        markdown: of a page.
-    """
-    return re.sub(r"(\]\((?![a-z]+:)[^)\s]+)\.ipynb(#[^)\s]*)?\)", r"\1.md\2)", markdown)
-
-
-def page_name(notebook: str) -> str:
-    """Return the name of the page that is made from a notebook."""
-    return notebook.removesuffix(".ipynb") + ".md"
+def link_pages(markdown: str) -> str:
+    """Return a page whose links to notebooks, made for the repository, lead to their pages."""
+    return LINK.sub(r"\1.md\2)", markdown)
 
 
 def notebook_markdown(notebook: Mapping, root: str) -> Iterator[str]:
@@ -117,12 +74,3 @@ def _text_block(text: str | list[str]) -> str:
 def _one_line(markup: str | list[str]) -> str:
     """Return HTML without blank lines, which would end its block in Markdown."""
     return "\n".join(line for line in "".join(markup).splitlines() if line.strip())
-
-
-def _rename_notebooks(entry: list | dict | str) -> list | dict | str:
-    """Return a part of the navigation in which notebooks have the names of their pages."""
-    if isinstance(entry, list):
-        return [_rename_notebooks(item) for item in entry]
-    if isinstance(entry, dict):
-        return {key: _rename_notebooks(value) for key, value in entry.items()}
-    return page_name(entry) if entry.endswith(".ipynb") else entry
