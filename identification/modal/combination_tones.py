@@ -54,8 +54,9 @@ def find_combination_tones(model: ModalModel, count: int) -> dict[int, str]:
         strong = np.flatnonzero(strength > _MIN_PARENT_STRENGTH * strength[mode])
         parents = [int(parent) for parent in strong if parent not in reasons]
         combinations = list(_list_combinations(parents, freq))
-        for order in (2, 3):
-            tones = [tone for tone in combinations if tone.order <= order]
+        second = [tone for tone in combinations if tone.order == 2]
+        doubles = [tone for tone in second if len(tone.factors) == 1]
+        for tones in (doubles, second, combinations):  # the simplest first: fewest by chance
             name = _find_nearest(tones, float(freq[mode]), float(sd[mode]), sd, width)
             if name:
                 reasons[int(mode)] = (

@@ -43,6 +43,13 @@ def test_a_weak_mode_at_a_combination_is_named_with_it(weak, words):
     assert words in next(iter(tones.values()))
 
 
+def test_twice_a_frequency_is_named_also_among_many_modes():
+    # Sums and differences of nine modes lie everywhere within 0.1 Hz, their doubles do not.
+    freq = [35.7, 36.8, 56.7, 60.5, 62.7, 75.6, 89.1, 100.8, 137.0, 151.3]
+    model = modal_model(freq, [1.0] * 9 + [1e-3], sd=0.03)
+    assert "2 times that of mode 6" in find_combination_tones(model, 10)[9]
+
+
 def test_a_strong_mode_at_a_combination_is_a_mode():
     model = modal_model([4.215, 8.43, 19.668], [1.0, 0.5, 1.0])
     assert find_combination_tones(model, 3) == {}
