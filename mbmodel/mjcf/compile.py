@@ -1,6 +1,6 @@
 """Compilation of an MJCF with its meshes: those that give mass are checked and summed exactly."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -15,6 +15,7 @@ from mbmodel.meshes.mass_properties import (
 )
 from mbmodel.meshes.surface import find_overlap, merge_points, point_text
 from mbmodel.mjcf.source_files import read_source_files
+from mbmodel.mjcf.urdf import settle_links, with_parents
 from mbmodel.mujoco_start import mujoco_path
 
 _MESH_INERTIA = mujoco.mjtMeshInertia
@@ -56,9 +57,11 @@ def compile_with_meshes(
     spec.compiler.discardvisual = False  # the pictures show what it discards
     users = [geom for geom in spec.geoms if geom.meshname]
     with_mass = {geom.meshname for geom in users if _gives_mass(spec, geom)}
+    remarks: list[str] = []
+    if read_source_files(path)[0].root.tag == "robot":
+        remarks += settle_links(spec, path, with_mass)
     as_primitive = {geom.meshname for geom in users if geom.type != mujoco.mjtGeom.mjGEOM_MESH}
     unchecked = []
-    remarks: list[str] = []
     stated = _meshes_with_inertia(path)
     is_changed = False
     for mesh in spec.meshes:
@@ -134,15 +137,8 @@ def _gives_mass(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
         and has_mass
         and counts
         and low <= geom.group <= high
-        and any(ancestor.joints for ancestor in _with_parents(body))
+        and any(ancestor.joints for ancestor in with_parents(body))
     )
-
-
-def _with_parents(body: mujoco.MjsBody) -> Iterator[mujoco.MjsBody]:
-    """Yield a body and its ancestors below the world."""
-    while body.name != "world":
-        yield body
-        body = body.parent
 
 
 def _file_of(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, path: Path) -> Path | None:

@@ -236,8 +236,9 @@ def _check_numbers(path: Path, element: ElementTree.Element) -> None:
         else:
             advice = "give a value, or leave it out"
         is_polynomial = attribute in _POLYNOMIAL_ATTRIBUTES
+        is_limit = element.tag == "limit"  # of a URDF, where a huge number means none
         limits = [
-            _LARGEST_COEFFICIENT if is_polynomial and place else _LARGEST_NUMBER
+            _LARGEST_COEFFICIENT if (is_polynomial and place) or is_limit else _LARGEST_NUMBER
             for place in range(len(words))
         ]
         if not words or not all(map(_is_usable_number, words, limits)):
