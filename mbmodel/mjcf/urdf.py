@@ -10,8 +10,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-_PACKAGE = "package://"
-_MESH_SUFFIXES = (".stl", ".obj", ".msh", ".vtu")
+_ROS_PACKAGE = "package://"
+_URDF_MESH_SUFFIXES = (".stl", ".obj", ".msh", ".vtu")
 
 
 def settle_links(spec: mujoco.MjSpec, path: Path, with_mass: set[str]) -> tuple[str, ...]:
@@ -27,11 +27,11 @@ def settle_links(spec: mujoco.MjSpec, path: Path, with_mass: set[str]) -> tuple[
     """
     left_out = []
     for mesh in list(spec.meshes):
-        if mesh.file.startswith(_PACKAGE):
-            mesh.file = str(_find_in_package(mesh.file.removeprefix(_PACKAGE), path) or mesh.file)
+        if mesh.file.startswith(_ROS_PACKAGE):
+            mesh.file = str(_find_in_package(mesh.file.removeprefix(_ROS_PACKAGE), path) or mesh.file)
         file = path.parent / mesh.file
         if mesh.name not in with_mass and not (
-            file.is_file() and file.suffix.lower() in _MESH_SUFFIXES
+            file.is_file() and file.suffix.lower() in _URDF_MESH_SUFFIXES
         ):
             left_out.append(mesh.file)
             for geom in [geom for geom in spec.geoms if geom.meshname == mesh.name]:

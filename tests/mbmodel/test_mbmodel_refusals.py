@@ -80,8 +80,8 @@ REFUSED = {
         ["'acc01'", "'acc1'", "node 1"],
     ),
     "a sensor named like a body": (
-        GOOD.replace('"acc1"', '"a1"').replace('"a"', '"a1"'),
-        ["body 'a1' and site 'a1'", "rename"],
+        GOOD.replace('"a"', '"acc1"'),
+        ["body 'acc1' and site 'acc1'", "rename"],
     ),
     "ball with stiffness": (
         mjcf('<body name="a"><joint name="b" type="ball" stiffness="3"/><geom size="1"/></body>'),
