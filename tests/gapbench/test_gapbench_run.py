@@ -1,0 +1,194 @@
+"""Runs of tiny commands: bounded, resumable, and entries from the page alone."""
+
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gapbench.__main__ import BUNDLED, main
+from gapbench.run import open_set, read_rows
+from gapbench.seed import seed_of
+from truth.grade.verdict import Row, StatedVerdict
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = ROOT / "gapbench" / "examples"
+SAYS_NONE = 'print(\'{"format": 1, "none": 1.0}\')'
+
+
+@pytest.fixture
+def cases(tmp_path):
+    """A set of three cases without any FRF."""
+    folder = tmp_path / "set"
+    keys = {"format": 1, "seed": 7, "effects": {"mass_error": "body"}, "cases": {}}
+    for number in range(3):
+        (folder / f"case{number}").mkdir(parents=True)
+        (folder / f"case{number}" / "campaign.toml").write_text(f"# {number}", encoding="utf-8")
+        keys["cases"][f"case{number}"] = {"stratum": "exact", "causes": [], "background": []}
+    (folder / "keys.json").write_text(json.dumps(keys), encoding="utf-8")
+    return folder
+
+
+def run(cases, tmp_path, code, *options):
+    words = ["run", "--set", str(cases), "--out", str(tmp_path / "answers.jsonl"), *options]
+    return main([*words, "--", sys.executable, "-c", code])
+
+
+def test_a_run_keeps_every_answer_and_its_cost(cases, tmp_path, capsys):
+    assert run(cases, tmp_path, SAYS_NONE) == 0
+    _, rows = read_rows(tmp_path / "answers.jsonl")
+    assert [*rows] == ["case0", "case1", "case2"]
+    assert all(row["answer"] == {"format": 1, "none": 1.0} for row in rows.values())
+    assert all(0 < row["core_seconds"] < 10 for row in rows.values())
+    assert "3/3 case2: answered" in capsys.readouterr().err
+    assert main(["grade", "--set", str(cases), str(tmp_path / "answers.jsonl")]) == 0
+    assert [row["right"] for row in json.loads(capsys.readouterr().out)] == [1.0, 1.0, 1.0]
+
+
+def test_an_interrupted_run_goes_on_and_a_line_that_is_cut_is_made_again(cases, tmp_path):
+    seen = tmp_path / "seen"
+    code = f"import sys; open({str(seen)!r}, 'a').write('.'); {SAYS_NONE}"
+    assert run(cases, tmp_path, code, "--limit", "2") == 0
+    answers = tmp_path / "answers.jsonl"
+    answers.write_text(answers.read_text("utf-8")[:-20], encoding="utf-8")
+    assert run(cases, tmp_path, code) == 0
+    assert len(read_rows(answers)[1]) == 3
+    assert seen.read_text("utf-8") == "." * 4  # two, the cut one again, and the last
+    assert run(cases, tmp_path, SAYS_NONE) == 3  # another command
+
+
+def test_a_case_is_bounded_and_its_children_end_too(cases, tmp_path):
+    child = f"import time; time.sleep(3); open({str(tmp_path / 'late')!r}, 'w')"
+    code = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
+    assert run(cases, tmp_path, code, "--seconds", "0.5", "--limit", "1") == 0
+    _, rows = read_rows(tmp_path / "answers.jsonl")
+    assert rows["case0"]["error"] == "no answer within 0.5 s"
+    assert rows["case0"]["seconds"] < 2.5
+    subprocess.run([sys.executable, "-c", "import time; time.sleep(3)"], check=True)
+    assert not (tmp_path / "late").exists()
+
+
+@pytest.mark.parametrize(
+    ("code", "says"),
+    [
+        ("raise SystemExit('no licence')", "ended with 1: no licence"),
+        ("print('?')", "not JSON"),
+        ('print(\'{"format": 1, "none": 2}\')', "sum to 2"),
+    ],
+)
+def test_what_went_wrong_is_kept_and_counts_as_no_answer(cases, tmp_path, capsys, code, says):
+    assert run(cases, tmp_path, code, "--limit", "1") == 0
+    assert says in read_rows(tmp_path / "answers.jsonl")[1]["case0"]["error"]
+    main(["grade", "--set", str(cases), str(tmp_path / "answers.jsonl")])
+    assert json.loads(capsys.readouterr().out)[0]["right"] == 0
+
+
+def test_an_entry_sees_a_copy_without_keys_and_may_write_its_answer(cases, tmp_path):
+    code = (
+        "import sys, os, json; f = sys.argv[-1]; assert os.listdir(f) == ['campaign.toml'];"
+        "assert os.listdir(os.path.dirname(f)) == ['campaign'];"
+        "json.dump({'format': 1, 'none': 1.0}, open(f + '/answer.json', 'w'))"
+    )
+    assert run(cases, tmp_path, code) == 0
+    assert all("answer" in row for row in read_rows(tmp_path / "answers.jsonl")[1].values())
+    assert not (cases / "case0" / "answer.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["grade", "absent.jsonl"], "absent.jsonl"),
+        (["run", "--set", "absent", "--", "true"], "keys.json"),
+        (["draw", "somewhere"], "--seed"),
+        (["draw", "somewhere", "--archive", "a.zip"], "--beacon"),
+    ],
+)
+def test_wrong_input_ends_with_a_sentence(words, says, capsys):
+    assert main(words) == 3
+    assert says in capsys.readouterr().err
+
+
+def test_the_seed_is_a_hash_of_archive_and_beacon():
+    # sha256(sha256(b"entry") + b"8d61"), computed by sha256sum and xxd.
+    assert seed_of(b"entry", " 8D61\n") == seed_of(b"entry", "8d61") == 0x73A83BAE2D934D74
+    assert seed_of(b"entry", "8d62") != seed_of(b"entry", "8d61") != seed_of(b"Entry", "8d61")
+
+
+@pytest.mark.parametrize("name", ["stub.py", "stub.m"])
+def test_the_entries_of_the_page_answer(name, tmp_path):
+    command = {"stub.py": [sys.executable], "stub.m": ["octave", "--no-gui", "--quiet"]}[name]
+    if shutil.which(command[0]) is None:
+        pytest.skip("octave is not installed")
+    out = tmp_path / "answers.jsonl"
+    words = ["run", "--out", str(out), "--limit", "2", "--", *command, str(EXAMPLES / name)]
+    assert main(words) == 0
+    rows = read_rows(out)[1]
+    assert len(rows) == 2
+    for row in rows.values():
+        assert row["answer"]["sets"][0]["causes"][0]["places"] == ["body:stage3"]
+
+
+def test_the_grader_needs_numpy_alone(cases, tmp_path):
+    assert run(cases, tmp_path, SAYS_NONE) == 0
+    code = """
+import importlib.abc, sys
+class Refuse(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        top = name.partition(".")[0]
+        if top not in {"numpy", "gapbench", *sys.stdlib_module_names}:
+            raise ImportError(name)
+sys.meta_path.insert(0, Refuse())
+from gapbench.__main__ import main
+sys.exit(main(["table", "--set", sys.argv[1], "nothing=" + sys.argv[2]]))
+"""
+    words = [sys.executable, "-c", code, str(cases), str(tmp_path / "answers.jsonl")]
+    done = subprocess.run(words, cwd=ROOT, check=False, capture_output=True, text=True)
+    assert "| nothing | 3 | 100 % [44, 100] |" in done.stdout
+    assert done.returncode == 0
+
+
+def test_our_own_entry_translates_a_verdict():
+    spec = importlib.util.spec_from_file_location("ours", EXAMPLES / "ours.py")
+    ours = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(ours)
+    rows = (
+        Row(
+            "mass_error",
+            "body:b",
+            0.9,
+            parameters={"mass": (3.0,)},
+            interval={"mass": ((2.0, 4.0),)},
+        ),
+        Row("stiffness", "joint:b", 0.4, parameters={"change": (-5.0,), "factor": (0.9,)}),
+    )
+    verdict = StatedVerdict(
+        "explained", none=0.05, several=0.35, causes=rows, retuned=4.0, after=1.1
+    )
+    said = ours.answer(verdict)
+    assert [len(entry["causes"]) for entry in said["sets"]] == [1, 1, 2]
+    assert said["sets"][0]["causes"][0] == {
+        "effect": "mass_error",
+        "places": ["body:b"],
+        "size": 3.0,
+        "interval": [2.0, 4.0],
+    }
+    assert said["sets"][1]["causes"][0]["size"] == -5.0
+    assert said["sets"][2]["probability"] == pytest.approx(0.35)
+    assert sum(entry["probability"] for entry in said["sets"]) + said["none"] <= 1 + 1e-9
+    assert said["gap"] == [4.0, 1.1]
+
+
+def test_the_bundled_set_is_whole_and_small():
+    assert BUNDLED.stat().st_size < 15e6
+    with open_set(BUNDLED) as (folder, keys):
+        strata = [key["stratum"] for key in keys["cases"].values()]
+        assert {strata.count(stratum) for stratum in strata} == {5}
+        assert len(set(strata)) == 6
+        for name in keys["cases"]:
+            assert (folder / name / "campaign.toml").is_file()
+            assert (folder / name / "model.xml").is_file()
+            if keys["cases"][name]["stratum"] == "real":
+                assert (folder / name / "LICENSE").is_file()
