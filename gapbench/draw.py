@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import nnls
 
 from truth import Cause, Plan, Protocol, Wanted, read_station, write_campaign
 from truth.campaign.changed_tower import (
@@ -69,8 +70,9 @@ DIRT_PERCENT = 5.0
 RIGID = 2  # directions of every machine without a joint, for one of them may be what is missing
 _RATIOS = (2.0, 4.0, 8.0)  # survival ratios
 _MACHINE_TRIES = 20  # machines, until one has a place for its effects
-_ALIKE_COSINE = 0.95  # between what a refit leaves of two effects
-_ALIKE_DRAWS = 6  # of an effect at a place
+_ALIKE_SINE = (1 - 0.95**2) ** 0.5  # of a cosine of 0.95 between what a refit leaves of effects
+_SMALL_PART = 0.01  # of an effect, whose change of the FRFs is linear in its size then
+_ALIKE_DRAWS = 12  # of an effect at a place: more than a point mass has moments
 
 
 def draw_set(folder: Path, seed: int, count: int, strata: Sequence[str] = STRATA) -> None:
@@ -203,9 +205,9 @@ def _choose_effects(
 def _alike_places(subject: Subject, plan: Plan) -> dict[str, list[str]]:
     """Return, by the place of each effect, other places that the test cannot tell from it.
 
-    The effect is drawn there several times. No linear combination of what a linearised refit
-    leaves of these draws, over the noise, may differ more from what it leaves of the true one than
-    a cosine of 0.95 says.
+    The effect is drawn there several times. What a linearised refit leaves of the true one, over
+    the noise, has a cosine of at least 0.95 with what it leaves of some of these together, each
+    with a size of its own.
     """
     machine = replace(subject.machine, effects=())
     level = sorted(plan.protocol.levels)[len(plan.protocol.levels) // 2]
@@ -231,16 +233,14 @@ def _alike_places(subject: Subject, plan: Plan) -> dict[str, list[str]]:
                     break
                 if candidate is not None:
                     draws.append(_residual(refit, machine, candidate))
-            if (
-                draws
-                and np.linalg.norm(np.linalg.qr(np.transpose(draws))[0].T @ true) >= _ALIKE_COSINE
-            ):
+            if draws and nnls(np.transpose(draws), true)[1] <= _ALIKE_SINE:
                 alike.setdefault(effect.location, []).append(place)
     return alike
 
 
 def _residual(refit: SurvivalRefit, machine: TrueMachine, effect: Effect) -> Real:
-    """Return what a linearised refit leaves of an effect, over the noise and of length 1."""
+    """Return what a linearised refit leaves of a small effect, over the noise and of length 1."""
+    effect = effect if effect.size is None else effect.sized(_SMALL_PART * effect.size)
     change = refit.change(replace(machine, effects=(*machine.effects, effect)))
     whitened = refit.whiten(change - refit.fit_change(change))
     return np.asarray(whitened / max(float(np.linalg.norm(whitened)), 1e-300))

@@ -85,28 +85,35 @@ def difference(first: Sequence[Row], second: Sequence[Row]) -> str:
 
 
 def markdown(runs: Mapping[str, Sequence[Row]]) -> str:
-    """Return tables: all cases, right answers by stratum, and differences to the first run."""
+    """Return all tables, one below the other."""
+    tables = (entries_table(runs), strata_table(runs), differences_table(runs))
+    return "\n\n".join(text for text in tables if text)
+
+
+def entries_table(runs: Mapping[str, Sequence[Row]]) -> str:
+    """Return the marks of each run over all its cases."""
+    return _table(_HEADER, [(name, *summary(rows)) for name, rows in runs.items()])
+
+
+def strata_table(runs: Mapping[str, Sequence[Row]]) -> str:
+    """Return the rates of right answers of each run by stratum, each with its n."""
     strata = list(dict.fromkeys(row["stratum"] for rows in runs.values() for row in rows))
-    by_stratum = [
-        (name, *(summary([r for r in rows if r["stratum"] == s] or rows[:0])[1] for s in strata))
-        for name, rows in runs.items()
-    ]
-    first = next(iter(runs))
-    differences = [
-        (f"{first} less {name}", difference(runs[first], rows))
-        for name, rows in runs.items()
-        if name != first
-    ]
-    return "\n\n".join(
-        [
-            _table(_HEADER, [(name, *summary(rows)) for name, rows in runs.items()]),
-            _table(("Right in", *strata), by_stratum),
-            *(
-                [_table(("Difference of right", "[95 % interval]"), differences)]
-                * bool(differences)
-            ),
-        ]
-    )
+    lines = []
+    for name, rows in runs.items():
+        cells = []
+        for stratum in strata:
+            here = [row for row in rows if row["stratum"] == stratum]
+            n, right, *_ = summary(here) if here else ("0", "")
+            cells.append(f"{right}, n {n}" if here else "n 0")
+        lines.append((name, *cells))
+    return _table(("Right in", *strata), lines)
+
+
+def differences_table(runs: Mapping[str, Sequence[Row]]) -> str:
+    """Return the first run's rate of right answers less that of each other one; empty of one."""
+    (first, ours), *further = runs.items()
+    rows = [(f"{first} less {name}", difference(ours, rows)) for name, rows in further]
+    return _table(("Difference of right", "95 % interval, n"), rows) if rows else ""
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
