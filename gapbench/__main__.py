@@ -19,7 +19,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     run = verbs.add_parser("run", help="run a command on every campaign of a set")
     run.add_argument("--out", type=Path, default=Path("answers.jsonl"), help="answers, one a line")
     run.add_argument(
-        "--seconds", type=float, default=DEFAULT_SECONDS, help="bound of a case, core and wall"
+        "--seconds", type=float, default=DEFAULT_SECONDS, help="core seconds of a case, at most"
     )
     run.add_argument("--strata", nargs="+", help="these strata alone")
     run.add_argument("--limit", type=int, help="the first cases alone")

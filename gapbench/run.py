@@ -1,6 +1,7 @@
 """Run an entry on a set of campaigns: one case after the other, bounded, resumable."""
 
 import json
+import math
 import os
 import resource
 import shutil
@@ -16,7 +17,8 @@ from typing import Any
 
 from gapbench.answer import AnswerError, read_answer
 
-DEFAULT_SECONDS = 600.0  # of a case, of wall time and of core time
+DEFAULT_SECONDS = 600.0  # core seconds of a case
+WAITING_FACTOR = 5  # seconds of the clock for each of a core: other work may share the machine
 ANSWER = "answer.json"
 
 
@@ -73,14 +75,14 @@ def run_entry(
     """Run a command on the cases of a set that have no answer yet; each answer is kept at once.
 
     The command gets the path of a copy of the campaign as its last argument. It prints its answer,
-    or writes ``answer.json`` into that folder. An answer after too many seconds, of the clock or of
-    a core, counts as none.
+    or writes ``answer.json`` into that folder. An answer after too many core seconds, or
+    five times as many of the clock, counts as none.
 
     Args:
         command: words of the command.
         folder, keys: set of ``open_set``.
         out: file of answers.
-        seconds: bound of a case.
+        seconds: core seconds of a case, at most.
         strata: these strata alone.
         limit: the first cases alone.
 
@@ -129,22 +131,23 @@ def _run_case(
             text=True,
             start_new_session=True,
         )
-        error = ""
+        most = math.ceil(seconds)
+        resource.prlimit(process.pid, resource.RLIMIT_CPU, (most, most + 1))
+        error = output = messages = ""
         try:
-            output, messages = process.communicate(timeout=seconds)
+            output, messages = process.communicate(timeout=WAITING_FACTOR * seconds)
         except subprocess.TimeoutExpired:
-            error = f"no answer within {seconds:g} s"
-            output = messages = ""
+            error = f"no answer within {WAITING_FACTOR * seconds:g} s"
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.communicate()
         core = _child_seconds() - spent
         cost = {"core_seconds": round(core, 3), "seconds": round(time.monotonic() - began, 3)}
+        if not error and (core > seconds or process.returncode == -signal.SIGXCPU):
+            error = f"took {core:.1f} core seconds; at most {seconds:g}"
         if not error and process.returncode:
             error = f"ended with {process.returncode}: {messages.strip().rpartition(chr(10))[2]}"
-        if not error and core > seconds:
-            error = f"took {core:.0f} core seconds; at most {seconds:g}"
         if error:
             return {"error": error, **cost}
         written = copy / ANSWER

@@ -1,0 +1,47 @@
+"""Figures of GapBench: the baselines and the diagnosis of this repository on the bundled set."""
+
+from functools import cache
+
+from gapbench.__main__ import BUNDLED
+from gapbench.run import open_set
+from gapbench.table import Row, differences_table, entries_table, grade_file, strata_table
+from tests.docs.results import RESULTS
+
+ENTRIES = {
+    "mbw diagnose": "ours",
+    "latent force": "latent_force",
+    "ranking": "ranking",
+    "refit only": "refit_only",
+}
+
+
+@cache
+def gapbench_runs() -> dict[str, list[Row]]:
+    """Return the marks of each entry on the cases that the first one has reached."""
+    with open_set(BUNDLED) as (_, keys):
+        runs = {
+            name: grade_file(RESULTS / "gapbench" / f"{file}.jsonl", keys)
+            for name, file in ENTRIES.items()
+        }
+    reached = {row["case"] for row in next(iter(runs.values()))}
+    return {name: [row for row in rows if row["case"] in reached] for name, rows in runs.items()}
+
+
+def gapbench_whole() -> str:
+    """Return the marks of the baselines on the whole set."""
+    with open_set(BUNDLED) as (_, keys):
+        return entries_table(
+            {
+                name: grade_file(RESULTS / "gapbench" / f"{file}.jsonl", keys)
+                for name, file in list(ENTRIES.items())[1:]
+            }
+        )
+
+
+FIGURES = {
+    "gapbench-cases": lambda: str(len(gapbench_runs()["mbw diagnose"])),
+    "gapbench-table": lambda: entries_table(gapbench_runs()),
+    "gapbench-strata-table": lambda: strata_table(gapbench_runs()),
+    "gapbench-differences-table": lambda: differences_table(gapbench_runs()),
+    "gapbench-baselines-table": gapbench_whole,
+}
