@@ -111,8 +111,8 @@ def strata_table(runs: Mapping[str, Sequence[Row]]) -> str:
 
 def differences_table(runs: Mapping[str, Sequence[Row]]) -> str:
     """Return the first run's rate of right answers less that of each other one; empty of one."""
-    (first, ours), *further = runs.items()
-    rows = [(f"{first} less {name}", difference(ours, rows)) for name, rows in further]
+    (first, reference), *further = runs.items()
+    rows = [(f"{first} less {name}", difference(reference, rows)) for name, rows in further]
     return _table(("Difference of right", "95 % interval, n"), rows) if rows else ""
 
 

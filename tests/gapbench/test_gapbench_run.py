@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -200,3 +201,15 @@ def test_the_bundled_set_is_whole_and_small():
             assert (folder / name / "model.xml").is_file()
             if keys["cases"][name]["stratum"] == "real":
                 assert (folder / name / "LICENSE").is_file()
+
+
+def test_the_wheel_has_the_whole_package_and_the_shared_statistics(tmp_path):
+    words = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(tmp_path)]
+    subprocess.run([*words, str(ROOT / "gapbench")], check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("gapbench-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info" not in name}
+        shared = archive.read("gapbench/rates.py")
+    files = {p for kind in ("*.py", "*.m", "*.zip") for p in (ROOT / "gapbench").rglob(kind)}
+    assert names == {str(path.relative_to(ROOT)) for path in files}
+    assert shared == (ROOT / "truth" / "grade" / "rates.py").read_bytes()
