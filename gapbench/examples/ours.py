@@ -19,7 +19,9 @@ def cause(row: Row) -> dict[str, object]:
     name = "change" if row.effect == "stiffness" else CATALOGUE[row.effect].size
     stated: dict[str, object] = {"effect": row.effect, "places": [*(row.places or (row.location,))]}
     sizes = [size for size in row.parameters.get(name, ()) if not math.isnan(size)]
-    if sizes:
+    if sizes and name == "fraction":  # of supports: the smallest that one carries
+        stated["size"] = min(sizes)
+    elif sizes:
         stated["size"] = sizes[0] if len(sizes) == 1 else math.hypot(*sizes)
     (low, high), *further = row.interval.get(name, ()) or ((math.nan, math.nan),)
     if not further and not math.isnan(low):
@@ -34,7 +36,7 @@ def answer(verdict: StatedVerdict) -> dict[str, object]:
     named = [row for row in verdict.causes if row.probability >= PRESENT][:6]
     if len(named) < 2:
         named = [*verdict.causes[:2]]
-    if verdict.several > 0 and named:
+    if verdict.several > 0 and len(named) > 1:
         sets.append((verdict.several, [cause(row) for row in named]))
     total = max(1.0, verdict.none + verdict.unexplained + sum(p for p, _ in sets))
     gap = None if None in (verdict.retuned, verdict.after) else [verdict.retuned, verdict.after]

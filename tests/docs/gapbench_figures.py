@@ -1,5 +1,6 @@
 """Figures of GapBench: the baselines and the diagnosis of this repository on the bundled set."""
 
+from collections import Counter
 from functools import cache
 
 from gapbench.__main__ import BUNDLED
@@ -38,7 +39,20 @@ def gapbench_whole() -> str:
         )
 
 
+def gapbench_wins() -> str:
+    """Return how often a baseline is right where the diagnosis is not, by stratum."""
+    (_, first), *baselines = gapbench_runs().items()
+    missed = {row["case"] for row in first if not row["right"]}
+    texts = []
+    for name, rows in baselines:
+        won = Counter(row["stratum"] for row in rows if row["right"] and row["case"] in missed)
+        if won:
+            texts.append(f"{name} in {', '.join(f'{n} of {s}' for s, n in won.items())}")
+    return "; ".join(texts) or "no baseline in any case"
+
+
 FIGURES = {
+    "gapbench-wins": gapbench_wins,
     "gapbench-cases": lambda: str(len(gapbench_runs()["mbw diagnose"])),
     "gapbench-table": lambda: entries_table(gapbench_runs()),
     "gapbench-strata-table": lambda: strata_table(gapbench_runs()),

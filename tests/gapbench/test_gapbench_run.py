@@ -159,10 +159,16 @@ sys.exit(main(["table", "--set", sys.argv[1], "nothing=" + sys.argv[2]]))
     assert done.returncode == 0
 
 
-def test_our_own_entry_translates_a_verdict():
-    spec = importlib.util.spec_from_file_location("ours", EXAMPLES / "ours.py")
-    ours = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(ours)
+@pytest.fixture
+def entry():
+    """The entry of this repository as a module."""
+    spec = importlib.util.spec_from_file_location("entry", EXAMPLES / "ours.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_our_own_entry_translates_a_verdict(entry):
     rows = (
         Row(
             "mass_error",
@@ -176,8 +182,8 @@ def test_our_own_entry_translates_a_verdict():
     verdict = StatedVerdict(
         "explained", none=0.05, several=0.35, causes=rows, retuned=4.0, after=1.1
     )
-    said = ours.answer(verdict)
-    assert [len(entry["causes"]) for entry in said["sets"]] == [1, 1, 2]
+    said = entry.answer(verdict)
+    assert [len(row["causes"]) for row in said["sets"]] == [1, 1, 2]
     assert said["sets"][0]["causes"][0] == {
         "effect": "mass_error",
         "places": ["body:b"],
@@ -186,8 +192,15 @@ def test_our_own_entry_translates_a_verdict():
     }
     assert said["sets"][1]["causes"][0]["size"] == -5.0
     assert said["sets"][2]["probability"] == pytest.approx(0.35)
-    assert sum(entry["probability"] for entry in said["sets"]) + said["none"] <= 1 + 1e-9
+    assert sum(row["probability"] for row in said["sets"]) + said["none"] <= 1 + 1e-9
     assert said["gap"] == [4.0, 1.1]
+
+
+def test_our_entry_states_the_smallest_fraction_of_supports(entry):
+    row = Row("support_loss", "joint:b", 0.9, parameters={"fraction": (1.0, 0.4, 1.0)})
+    assert entry.cause(row)["size"] == 0.4
+    link = Row("parallel_path", "pair:a-b", 0.9, parameters={"stiffness": (3.0, 4.0, float("nan"))})
+    assert entry.cause(link)["size"] == 5.0
 
 
 def test_the_bundled_set_is_whole_and_small():
