@@ -34,6 +34,7 @@ from truth.effects.effect import stated_number
 from truth.effects.other_packages import known_effects
 from truth.errors import NoPlaceError, TruthError
 from truth.grade.answer import TrueCause, answer_from
+from truth.grade.baselines import list_places
 from truth.grade.names import CATALOGUE, canonical
 from truth.machine.random_tree import draw_tree
 from truth.machine.station import GROUND, Real, Station
@@ -126,14 +127,14 @@ def _draw_virtual(folder: Path, stratum: str, seed: int, turn: int) -> dict[str,
         write_campaign(campaign, folder, sealed=True)
         truth = answer_from(tomllib.loads(campaign.answer.decode("utf-8")), "answer")
         alike = _alike_places(subject, plan)
-        places = _list_places(subject.drawing, protocol.nodes[0])
+        places = places_of(subject.drawing, protocol.nodes)
         causes = [
             {**_key(cause, subject.drawing, places), "alike": alike.get(cause.location, [])}
             for cause in truth.causes
         ]
         for cause in causes:
             if cause["effect"] in ("hammer_gain", "hammer_delay"):  # there is one force channel
-                cause["places"] = places["hammer"]
+                cause["places"] = [*places["hammer"], "hammer:default"]
         return {"causes": causes, "background": sorted(map(list, set(truth.background)))}
     raise TruthError(f"{stratum} {turn}: {_MACHINE_TRIES} machines have no place for its effects")
 
@@ -150,7 +151,7 @@ def _draw_tower(folder: Path, stratum: str, seed: int, turn: int) -> dict[str, o
     for name in ("model.xml", "LICENSE"):
         shutil.copy(ASSET / name, folder)
     station = read_station(ASSET / "model.xml")
-    places = _list_places(station, 1) | {"hammer": [f"hammer:acc{k}" for k in (1, 2, 3)]}
+    places = places_of(station, (1, 2, 3))
     causes = []
     for change in changes:
         sizes = {name: (value,) for name, value in change.sizes.items()}
@@ -212,29 +213,31 @@ def _alike_places(subject: Subject, plan: Plan) -> dict[str, list[str]]:
     machine = replace(subject.machine, effects=())
     level = sorted(plan.protocol.levels)[len(plan.protocol.levels) // 2]
     takes = tuple(take for take in subject.files if take.level == level)
-    places = _list_places(subject.drawing, plan.protocol.nodes[0])
+    places = places_of(subject.drawing, plan.protocol.nodes)
     alike: dict[str, list[str]] = {}
-    refit = None
-    for drawn in subject.draws.drawn:
-        effect = drawn.effect.answer()
-        if drawn.ratio is None or effect.effect in LAWS:
-            continue
-        if refit is None:
-            refit = refit_of(machine, plan.protocol, takes, plan.tolerance)
-
-        true = _residual(refit, machine, drawn.effect)
-        for place in places[CATALOGUE[effect.effect].kind]:
+    linear = [
+        drawn.effect
+        for drawn in subject.draws.drawn
+        if drawn.ratio is not None and drawn.effect.answer().effect not in LAWS
+    ]
+    if not linear:
+        return alike
+    refit = refit_of(machine, plan.protocol, takes, plan.tolerance)
+    for effect in linear:
+        answer = effect.answer()
+        true = _residual(refit, machine, effect)
+        for place in places[CATALOGUE[answer.effect].kind]:
             draws = []
-            for number in range(_ALIKE_DRAWS if place != effect.location else 0):
+            for number in range(_ALIKE_DRAWS if place != answer.location else 0):
                 random = stream(plan.seed, f"alike.{place}.{number}")
                 try:
-                    candidate = known_effects()[effect.effect](random, subject.scene, place)
+                    candidate = known_effects()[answer.effect](random, subject.scene, place)
                 except TruthError:
                     break
                 if candidate is not None:
                     draws.append(_residual(refit, machine, candidate))
             if draws and nnls(np.transpose(draws), true)[1] <= _ALIKE_SINE:
-                alike.setdefault(effect.location, []).append(place)
+                alike.setdefault(answer.location, []).append(place)
     return alike
 
 
@@ -246,22 +249,11 @@ def _residual(refit: SurvivalRefit, machine: TrueMachine, effect: Effect) -> Rea
     return np.asarray(whitened / max(float(np.linalg.norm(whitened)), 1e-300))
 
 
-def _list_places(station: Station, node: int) -> dict[str, list[str]]:
-    """Return all places of a machine by their kind."""
-    names = [stage.name for stage in station.stages]
-    hits = {hit.node for stage in station.stages for hit in stage.hit_points}
-    return {
-        "joint": [f"joint:{name}" for name in names],
-        "body": [f"body:{name}" for name in names],
-        "sensor": [f"sensor:acc{sensor.node}" for _, sensor in station.sensors()],
-        "hammer": [f"hammer:{'hit' if node in hits else 'acc'}{node}", "hammer:default"],
-        "pair": [
-            f"pair:{names[lower] if lower != GROUND else 'world'}-{names[upper]}"
-            for upper, stage in enumerate(station.stages)
-            for lower in range(GROUND, upper)
-            if stage.parent != lower
-        ],
-    }
+def places_of(station: Station, nodes: Sequence[int]) -> dict[str, list[str]]:
+    """Return the places of ``list_places``, with links to the ground."""
+    places = list_places(station, nodes)
+    places["pair"] += [f"pair:world-{s.name}" for s in station.stages if s.parent != GROUND]
+    return places
 
 
 def _bodies_at(place: str, station: Station) -> set[object]:
