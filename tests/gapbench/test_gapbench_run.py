@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -60,6 +61,25 @@ def test_an_interrupted_run_goes_on_and_a_line_that_is_cut_is_made_again(cases, 
     assert len(read_rows(answers)[1]) == 3
     assert seen.read_text("utf-8") == "." * 4  # two, the cut one again, and the last
     assert run(cases, tmp_path, SAYS_NONE) == 3  # another command
+
+
+def test_ctrl_c_ends_the_entry_too_and_keeps_what_is_answered(cases, tmp_path):
+    answers, seen = tmp_path / "answers.jsonl", tmp_path / "seen"
+    code = (
+        f"import time; n = open({str(seen)!r}, 'a'); n.write('.'); n.close();"
+        f"time.sleep(60 if len(open({str(seen)!r}).read()) == 2 else 0); {SAYS_NONE}"
+    )
+    words = ["-m", "gapbench", "run", "--set", str(cases), "--out", str(answers), "--"]
+    command = [sys.executable, *words, sys.executable, "-c", code]
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    while not (seen.is_file() and len(seen.read_text("utf-8")) == 2):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    assert "goes on from here" in process.communicate(timeout=20)[1]
+    assert process.returncode == 130
+    assert [*read_rows(answers)[1]] == ["case0"]
+    assert subprocess.run(command, cwd=ROOT, check=False, capture_output=True).returncode == 0
+    assert [*read_rows(answers)[1]] == ["case0", "case1", "case2"]
 
 
 def test_a_case_is_bounded_and_its_children_end_too(cases, tmp_path):
