@@ -4,9 +4,10 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
+GAPBENCH = PATH="$(CURDIR)/$(BIN):$$PATH" python -m gapbench run --out tests/bench/results/gapbench
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test long quick check docs figures pictures bench field same versions sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
+.PHONY: demo test long quick check docs figures pictures bench gapbench field same versions sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
@@ -44,6 +45,12 @@ pictures: $(VENV)/.installed-test
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m tests.bench $(ONLY)
+
+# Runs the entries of GapBench on the bundled set; cases that are answered stay.
+gapbench: $(VENV)/.installed-test
+	for name in refit_only ranking latent_force; do $(GAPBENCH)/$$name.jsonl -- \
+		python -m gapbench.baselines $$name || exit 1; done
+	$(GAPBENCH)/ours.jsonl -- python gapbench/examples/ours.py
 
 # Runs inputs that users' reports showed, and prints expected, got and right of each.
 field: $(VENV)/.installed-test

@@ -19,6 +19,10 @@ MAY_IMPORT = {
     "truth": set(),
     "mbw": {"identification.words", "identification", "mbmodel", "tuning", "diagnosis", "truth"},
     "mbworkbench": {"identification.words", "identification", "mbmodel", "tuning", "diagnosis"},
+    "gapbench": {"gapbench.draw"},  # in a function; and nothing of a diagnosis anywhere
+    "gapbench.draw": {"truth", "gapbench"},
+    "gapbench.baselines": {"truth", "gapbench", "identification.words", "mbmodel", "tuning"},
+    "gapbench.examples": {"truth"},
 }
 ONLY_BEHIND = {
     "mujoco": {"mbmodel", "truth/machine"},
@@ -32,7 +36,7 @@ ONLY_BEHIND = {
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},
     "PIL": {"mbw/animation"},
-    "truth": {"truth", "mbw/blind"},
+    "truth": {"truth", "mbw/blind", "gapbench/draw.py", "gapbench/baselines", "gapbench/examples"},
 }
 PACKAGES = sorted({name.split(".")[0] for name in MAY_IMPORT})
 SHOWS_OTHER_VERBS = {"report", "demo", "blind", "compare", "open", "workbench"}
@@ -151,7 +155,7 @@ def test_a_wrong_import_is_found():
 
 
 # Each costs every command most of a second to load, and few commands need it.
-SLOW = {"control", "scipy.signal"}
+SLOW = {"control", "scipy.signal", "gapbench.draw"}
 
 
 def test_no_import_stands_inside_a_function_but_of_what_is_slow_to_load():

@@ -21,8 +21,7 @@ from tests.bench.kept import cases, of
 from tests.bench.scorecard import diagnosed
 from tests.bench.scorecard_draws import ensure, reported_designs
 from tests.bench.scorecard_rates import read_rows
-from truth.grade.paired import paired_difference
-from truth.grade.rates import wilson
+from truth.grade.rates import paired_difference, wilson
 from tuning import FloorSchedule
 
 FIRST = 420_000

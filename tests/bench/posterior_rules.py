@@ -18,8 +18,7 @@ from diagnosis.inference.posterior import compute_posterior
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from identification.words import Real
 from tests.bench.calibrate import MIN_TRUTH_PROBABILITY, read_rows, truth_probability
-from truth.grade.paired import paired_difference
-from truth.grade.rates import wilson
+from truth.grade.rates import paired_difference, wilson
 
 
 def _keep(evidence: Evidence) -> Evidence:

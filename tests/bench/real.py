@@ -1,6 +1,6 @@
 """Computed changes of one measured machine: the tower, by one state and before and after.
 
-Each case draws a change (``tests/helpers/changed_tower.py``) and makes it in the measured matrix.
+Each case draws a change (``truth/campaign/changed_tower.py``) and makes it in the measured matrix.
 Two campaigns are diagnosed, so that the rates are paired:
 
 - one state: the changed test, against the drawing tuned to the unchanged test;
@@ -34,11 +34,11 @@ from threadpoolctl import threadpool_limits
 
 from mbmodel import load_machine
 from tests.bench.kept import cases, of
-from tests.helpers.changed_tower import (
+from truth.campaign.changed_tower import (
     ASSET,
     GAIN_SD,
     KINDS,
-    Change,
+    TowerChange,
     change_tower,
     draw_change,
     read_tower,
@@ -210,7 +210,9 @@ def _find_leg_changes(before: Path, after: Path) -> dict[str, float]:
     return {name: legs[1].get(name, 0.0) - value for name, value in legs[0].items()}
 
 
-def grade(changes: list[Change], verdict: dict, legs: dict[str, float]) -> dict[str, bool | None]:
+def grade(
+    changes: list[TowerChange], verdict: dict, legs: dict[str, float]
+) -> dict[str, bool | None]:
     """Return whether all changes and nothing else are named, and whether their sizes are right.
 
     Args:
@@ -237,7 +239,7 @@ def grade(changes: list[Change], verdict: dict, legs: dict[str, float]) -> dict[
 
 
 def _find_named(
-    change: Change, named: dict, legs: dict
+    change: TowerChange, named: dict, legs: dict
 ) -> tuple[list[tuple[str, str]], dict | None]:
     """Return the names under which a change is true, and the sizes named; None if it is not."""
     keys = [(change.effect, change.location)]
@@ -256,7 +258,7 @@ def _find_named(
     return [], None
 
 
-def _list_sizes(change: Change) -> list[str]:
+def _list_sizes(change: TowerChange) -> list[str]:
     """Return the sizes of a change that are graded: an appendage by mass and frequency."""
     names = [name for name in _GRADED if abs(change.sizes.get(name, 0.0)) > 0]
     if change.effect == "appendage":
@@ -266,7 +268,7 @@ def _list_sizes(change: Change) -> list[str]:
     return names
 
 
-def _is_near(change: Change, name: str, sizes: dict) -> bool:
+def _is_near(change: TowerChange, name: str, sizes: dict) -> bool:
     """Return whether a size is within 10 %; of links, that along x."""
     true, fitted = change.sizes[name], sizes.get(name, sizes.get("change"))
     if isinstance(fitted, list):

@@ -1,7 +1,7 @@
 """Ratios of gains and differences of delays by reciprocity, on computed changes of the tower.
 
 Each case draws a change of the machine, of one channel, or nothing, and a second visit with gains
-and delays of its own (``tests/helpers/changed_tower.py``). Reciprocity then says gains and delays
+and delays of its own (``truth/campaign/changed_tower.py``). Reciprocity then says gains and delays
 relative to those of the unchanged test, whose channels are not ideal: they differ by 1 % and 0.1 ms
 among themselves. Seeds 480000 and up, none of which tuned anything.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from identification import check_reciprocity
-from tests.helpers.changed_tower import (
+from truth.campaign.changed_tower import (
     ASSET,
     change_tower,
     draw_change,

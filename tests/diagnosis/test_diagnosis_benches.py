@@ -3,11 +3,11 @@
 import pytest
 
 from tests.bench import compare, real
-from tests.helpers.changed_tower import Change
+from truth.campaign.changed_tower import TowerChange
 
-MASS = Change("mass_error", "body:floor1", {"mass": 1.0})
-LEG = Change("stiffness", "joint:floor2", {"stiffness": -5000.0})
-GAIN = Change("hammer_gain", "hammer:default", {"gain": 1.1})
+MASS = TowerChange("mass_error", "body:floor1", {"mass": 1.0})
+LEG = TowerChange("stiffness", "joint:floor2", {"stiffness": -5000.0})
+GAIN = TowerChange("hammer_gain", "hammer:default", {"gain": 1.1})
 
 
 @pytest.mark.parametrize(

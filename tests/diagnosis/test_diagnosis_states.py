@@ -16,7 +16,7 @@ from diagnosis.states import check_data_after, search_before
 from identification.words import InputError
 from mbmodel import REST_FACTOR, Evaluator, FrfRequest, Model, RestPart
 from tests.helpers.changed_chain import BEFORE, write_chain
-from tests.helpers.changed_tower import Change, change_tower, read_tower, write_tower
+from truth.campaign.changed_tower import TowerChange, change_tower, read_tower, write_tower
 from tuning import open_session
 from tuning.assessment.gap import MAX_NOISE_RATIO
 from tuning.assessment.rest_estimate import (
@@ -168,7 +168,7 @@ def test_states_that_are_not_whole_are_refused_in_one_sentence(tmp_path, old, ne
 @pytest.fixture(scope="module")
 def heavier(tmp_path_factory):
     """The tower with 1 kg on floor 1 after the change, at a second visit."""
-    change = Change("mass_error", "body:floor1", {"mass": 1.0})
+    change = TowerChange("mass_error", "body:floor1", {"mass": 1.0})
     freq_hz, frf = read_tower()
     values = change_tower(freq_hz, frf, [change], np.random.default_rng(4))
     folder = tmp_path_factory.mktemp("heavier")
@@ -278,7 +278,7 @@ def test_what_neighbouring_lines_share_of_the_noise_before_is_no_gap(fit_after):
 def test_what_breaks_reciprocity_is_of_a_channel_or_of_the_hits_there(
     fit_after, effect, place, sizes
 ):
-    (proven,) = fit_after([Change(effect, place, sizes)], 12).proven
+    (proven,) = fit_after([TowerChange(effect, place, sizes)], 12).proven
     assert proven.key == (effect, place, "tx")
     ((name, size),) = sizes.items()
     assert proven.state({})[name] == pytest.approx(size, abs=0.02 if name == "gain" else 5e-5)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 
 from tests.docs import (
     calibration_figures,
+    gapbench_figures,
     headline_figures,
     live_figures,
     measured_figures,
@@ -34,4 +35,5 @@ FIGURES: Mapping[str, Callable[[], str]] = {
     **simulation_figures.FIGURES,
     **workbench_figures.FIGURES,
     **live_figures.FIGURES,
+    **gapbench_figures.FIGURES,
 }

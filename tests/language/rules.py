@@ -13,7 +13,16 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("identification", "mbmodel", "tuning", "diagnosis", "mbw", "mbworkbench", "truth")
+PACKAGES = (
+    "identification",
+    "mbmodel",
+    "tuning",
+    "diagnosis",
+    "mbw",
+    "mbworkbench",
+    "truth",
+    "gapbench",
+)
 PRONOUNS = {"one", "own", "found", "made", "told", "other", "others", "ours", "theirs", "mine"}
 IRREGULAR = {
     *("begun", "bent", "bound", "built", "cut", "drawn", "dealt", "foreseen", "foretold", "found"),
@@ -60,7 +69,7 @@ def check_package(package: str) -> list[Violation]:
 
 def parse_package(package: str) -> Mapping[Path, ast.Module]:
     """Return the syntax tree of every file of a package."""
-    files = sorted((ROOT / package).rglob("*.py"))
+    files = sorted(file for file in (ROOT / package).rglob("*.py") if not file.is_symlink())
     return {path: ast.parse(path.read_text(encoding="utf-8")) for path in files}
 
 

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from truth.grade.paired import mcnemar, paired_difference
-from truth.grade.rates import wilson
+from truth.grade.rates import mcnemar, paired_difference, wilson
 
 
 def pairs(both, first, second, neither):

@@ -10,7 +10,7 @@ Each baseline is a verdict like the software's and goes through the same marks:
 All state their first choice with certainty.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from truth.errors import TruthError
@@ -18,7 +18,7 @@ from truth.grade.compare import DrawingComparison
 from truth.grade.marks import SEEN, Excess
 from truth.grade.names import CATALOGUE, NONE, STATED, UNEXPLAINED
 from truth.grade.verdict import EXPLAINED, Row, StatedVerdict
-from truth.machine.station import AXES
+from truth.machine.station import AXES, Station
 
 Output = tuple[int, int]  # node, axis 1, 2, 3
 Ranking = Callable[[DrawingComparison], list[Output]]
@@ -78,21 +78,20 @@ def mass_verdict(comparison: DrawingComparison, ranking: Ranking) -> StatedVerdi
     return _blame("mass_error", ((body, "") for body in bodies))
 
 
-def hypotheses_of(comparison: DrawingComparison) -> dict[str, tuple[str, ...]]:
-    """Return the places that each effect of the catalogue may have in a machine.
+def list_places(station: Station, nodes: Sequence[int]) -> dict[str, list[str]]:
+    """Return the places of a machine by their kind.
 
-    Joints are those that move, for ``missing_dof`` those with a rigid direction; a swap has one
-    sensor or two. Effects without any place are left out.
+    Args:
+        station: machine whose places are listed.
+        nodes: nodes that the hammer hits.
     """
-    station = comparison.station
     names = [stage.name for stage in station.stages]
-    sensors = sorted(f"acc{sensor.node}" for _, sensor in station.sensors())
     hits = {hit.node for stage in station.stages for hit in stage.hit_points}
-    places: dict[str, list[str]] = {
+    return {
         "joint": [f"joint:{stage.name}" for stage in station.stages if stage.joints],
         "body": [f"body:{name}" for name in names],
-        "sensor": [f"sensor:{name}" for name in sensors],
-        "hammer": [f"hammer:{'hit' if node in hits else 'acc'}{node}" for node in comparison.nodes],
+        "sensor": sorted(f"sensor:acc{sensor.node}" for _, sensor in station.sensors()),
+        "hammer": [f"hammer:{'hit' if node in hits else 'acc'}{node}" for node in nodes],
         "pair": [
             f"pair:{names[lower]}-{names[upper]}"
             for upper, stage in enumerate(station.stages)
@@ -100,6 +99,17 @@ def hypotheses_of(comparison: DrawingComparison) -> dict[str, tuple[str, ...]]:
             if stage.parent != lower
         ],
     }
+
+
+def hypotheses_of(comparison: DrawingComparison) -> dict[str, tuple[str, ...]]:
+    """Return the places that each effect of the catalogue may have in a machine.
+
+    Joints are those that move, for ``missing_dof`` those with a rigid direction; a swap has one
+    sensor or two. Effects without any place are left out.
+    """
+    station = comparison.station
+    places = list_places(station, comparison.nodes)
+    sensors = [place.partition(":")[2] for place in places["sensor"]]
     hypotheses = {
         effect: tuple(places[entry.kind])
         for effect, entry in CATALOGUE.items()

@@ -82,13 +82,13 @@ def compare(folder: Path) -> DrawingComparison:
             drawn[key] = _drawn_frf(station, test)
         band = _band(test)
         values = drawn[key][:, _rows(station, test.responses)] * _signs(test.responses)
-        parts = _parts(test.frf[band], values[band])
+        parts = channel_sums(test.frf[band], values[band])
         noise = _noise(test, band, averages)
         for out, into in zip(*np.nonzero(test.present & (parts[0] > 0)), strict=True):
             node, direction = test.responses[out]
             part = parts[:, out, into]
             place = (node, abs(direction))
-            channels.append((Agreement(*place, *_measures(part)), float(noise[out, into])))
+            channels.append((Agreement(*place, *channel_measures(part)), float(noise[out, into])))
             if noise[out, into] <= _NOISY:
                 sums[place] = sums.get(place, np.zeros(3)) + part[[0, 1, 4]]
     quiet = tuple(agreement for agreement, noise in channels if noise <= _NOISY)
@@ -96,7 +96,7 @@ def compare(folder: Path) -> DrawingComparison:
         raise TruthError(f"{folder.name}: no channel stands out of its noise")
     nodes = tuple(dict.fromkeys(node for test, _ in measured for node, _ in test.references))
     return DrawingComparison(
-        station, nodes, quiet, {place: _comac(total) for place, total in sums.items()}
+        station, nodes, quiet, {place: comac(total) for place, total in sums.items()}
     )
 
 
@@ -163,8 +163,8 @@ def _noise(test: Measured, band: Mask, averages: float | None) -> Real:
     return np.asarray(np.sqrt(variance.sum(axis=0) / np.maximum(power.sum(axis=0), 1e-300)))
 
 
-def _parts(measured: Complex, drawn: Complex) -> Real:
-    """Sums over lines of |H|^2, |D|^2, |H - D|^2, |sum H D*|^2 and |H||D|; (5, n_out, n_in)."""
+def channel_sums(measured: Complex, drawn: Complex) -> Real:
+    """Return sums over lines of |H|^2, |D|^2, |H - D|^2, |sum H D*|^2, |H||D|; (5, n_out, n_in)."""
     return np.array(
         [
             (np.abs(measured) ** 2).sum(axis=0),
@@ -176,11 +176,13 @@ def _parts(measured: Complex, drawn: Complex) -> Real:
     )
 
 
-def _measures(sums: Real) -> tuple[float, float]:
+def channel_measures(sums: Real) -> tuple[float, float]:
+    """Return FRAC and relative residual of a channel from its sums; (5,)."""
     measured, drawn, apart, cross, _ = sums.tolist()
     return cross / (measured * drawn) if drawn > 0 else 0.0, float(np.sqrt(apart / measured))
 
 
-def _comac(sums: Real) -> float:
+def comac(sums: Real) -> float:
+    """Return the COMAC of an output from its sums of |H|^2, |D|^2 and |H||D|; (3,)."""
     measured, drawn, cross = sums.tolist()
     return cross**2 / (measured * drawn) if drawn > 0 else 0.0

@@ -9,12 +9,18 @@ Z, channels are mounted anew (gain 0.5 %, delay 10 us), hits have a gain of thei
 noise is drawn again at the level of the third differences along frequency.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-ASSET = Path(__file__).resolve().parents[2] / "assets" / "tower"
+from truth.machine.values import Complex, Real
+
+_ROOT = Path(__file__).resolve().parents[2]
+ASSET = next(  # in a clone, or within the wheel
+    (f for f in (_ROOT / "assets/tower", _ROOT / "mbw/assets/tower") if f.is_dir()), _ROOT
+)
 KINDS = (
     "mass",
     "gain",
@@ -31,7 +37,7 @@ KINDS = (
     "hit_gain",
     "hit_delay",
 )
-_BAND_HZ = (2.0, 60.0)
+_TOWER_BAND_HZ = (2.0, 60.0)
 _STIFFNESS_SD, GAIN_SD, _DELAY_SD = 2e-3, 5e-3, 1e-5
 _LEG_STIFFNESS = 52460.9  # N/m, as drawn
 _MAX_GAIN = 3.2  # well below the 4.45 of pounds for newtons, which the check of units asks about
@@ -40,7 +46,7 @@ _LINKS = ((0, 2), (None, 1), (None, 2))
 
 
 @dataclass
-class Change:
+class TowerChange:
     """One change of the machine or of the test.
 
     Args:
@@ -54,32 +60,32 @@ class Change:
     sizes: dict[str, float] = field(default_factory=dict)
 
 
-def read_tower():
+def read_tower() -> tuple[Real, Complex]:
     """Return frequencies [Hz] and the measured accelerance; (n_freq,), (n_freq, 3, 3)."""
     with np.load(ASSET / "accelerance.npz") as data:
         freq_hz, frf = data["freq_hz"], data["frf"].astype(complex)
-    inside = (freq_hz > _BAND_HZ[0]) & (freq_hz < _BAND_HZ[1])
+    inside = (freq_hz > _TOWER_BAND_HZ[0]) & (freq_hz < _TOWER_BAND_HZ[1])
     return freq_hz[inside], frf[inside]
 
 
-def draw_change(kind, rng, scale=1.0):
-    """Draw a change of a kind; ``scale`` multiplies its size."""
+def draw_change(kind: str, rng: np.random.Generator, scale: float = 1.0) -> list[TowerChange]:
+    """Draw a change of a kind, one of ``KINDS``; ``scale`` multiplies its size."""
     if kind == "two":
-        pair = rng.choice(["mass", "appendage", "link", "gain"], 2, replace=False)
-        return [change for each in pair for change in draw_change(each, rng, scale)]
+        kinds = rng.choice(["mass", "appendage", "link", "gain"], 2, replace=False).tolist()
+        return [change for each in kinds for change in draw_change(each, rng, scale)]
     floor = int(rng.integers(3))
 
-    def size(low, high):
+    def size(low: float, high: float) -> float:
         return float(scale * np.exp(rng.uniform(np.log(low), np.log(high))))
 
-    def gain_above_one(low, high):
+    def gain_above_one(low: float, high: float) -> float:
         return float(min(np.exp(size(low, high)), _MAX_GAIN))
 
     if kind == "hit_gain":
         gain = gain_above_one(0.05, 0.3) ** float(rng.choice([-1.0, 1.0]))
-        return [Change("hammer_gain", f"hammer:acc{floor + 1}", {"gain": gain})]
+        return [TowerChange("hammer_gain", f"hammer:acc{floor + 1}", {"gain": gain})]
     if kind == "hit_delay":
-        return [Change("hammer_delay", f"hammer:acc{floor + 1}", {"delay": -size(2e-4, 2e-3)})]
+        return [TowerChange("hammer_delay", f"hammer:acc{floor + 1}", {"delay": -size(2e-4, 2e-3)})]
     on_body, at_sensor = f"body:floor{floor + 1}", f"sensor:acc{floor + 1}"
     first, second = _LINKS[floor]
     pair = f"pair:{'world' if first is None else f'floor{first + 1}'}-floor{second + 1}"
@@ -87,16 +93,18 @@ def draw_change(kind, rng, scale=1.0):
     hung = {"mass": size(0.1, 1.0), "frequency": rng.uniform(8.0, 30.0), "damping": 0.02}
     leg = float(min(size(0.05, 0.3), 0.5) * _LEG_STIFFNESS * rng.choice([-1.0, 1.0]))
     drawn = {
-        "mass": Change("mass_error", on_body, {"mass": size(0.2, 2.0)}),
-        "appendage": Change("appendage", on_body, hung),
-        "link": Change("parallel_path", pair, {"stiffness": size(1e3, 2e4), "damping": 0.0}),
-        "damper": Change("parallel_path", pair, {"stiffness": 1.0, "damping": size(5.0, 100.0)}),
-        "leg": Change("stiffness", f"joint:floor{floor + 1}", {"stiffness": leg}),
-        "gain": Change("sensor_gain", at_sensor, {"gain": gain_above_one(0.05, 0.3)}),
-        "common_gain": Change("hammer_gain", "hammer:default", {"gain": gain_above_one(0.05, 0.2)}),
-        "delay": Change("sensor_delay", at_sensor, {"delay": size(2e-4, 2e-3)}),
-        "sign": Change("sensor_polarity", at_sensor),
-        "exchange": Change("sensor_swap", f"sensor:{swapped}"),
+        "mass": TowerChange("mass_error", on_body, {"mass": size(0.2, 2.0)}),
+        "appendage": TowerChange("appendage", on_body, hung),
+        "link": TowerChange("parallel_path", pair, {"stiffness": size(1e3, 2e4), "damping": 0.0}),
+        "damper": TowerChange("parallel_path", pair, {"stiffness": 1.0, "damping": size(5.0, 1e2)}),
+        "leg": TowerChange("stiffness", f"joint:floor{floor + 1}", {"stiffness": leg}),
+        "gain": TowerChange("sensor_gain", at_sensor, {"gain": gain_above_one(0.05, 0.3)}),
+        "common_gain": TowerChange(
+            "hammer_gain", "hammer:default", {"gain": gain_above_one(0.05, 0.2)}
+        ),
+        "delay": TowerChange("sensor_delay", at_sensor, {"delay": size(2e-4, 2e-3)}),
+        "sign": TowerChange("sensor_polarity", at_sensor),
+        "exchange": TowerChange("sensor_swap", f"sensor:{swapped}"),
     }
     return [drawn[kind]] if kind in drawn else []
 
@@ -113,12 +121,12 @@ class Visit:
     """
 
     stiffer: float
-    gains: np.ndarray
-    late: np.ndarray
-    hits: np.ndarray
+    gains: Real
+    late: Real
+    hits: Real
 
 
-def draw_visit(rng):
+def draw_visit(rng: np.random.Generator) -> Visit:
     """Draw what differs of itself at a second visit."""
     return Visit(
         1 + _STIFFNESS_SD * rng.standard_normal(),
@@ -128,8 +136,17 @@ def draw_visit(rng):
     )
 
 
-def change_tower(freq_hz, frf, changes, rng):
-    """Return the accelerance of a second visit to the tower after the changes."""
+def change_tower(
+    freq_hz: Real, frf: Complex, changes: Sequence[TowerChange], rng: np.random.Generator
+) -> Complex:
+    """Return the accelerance of a second visit to the tower after the changes.
+
+    Args:
+        freq_hz: lines of ``read_tower`` [Hz]; (n_freq,).
+        frf: accelerance that was measured [m/s2/N]; (n_freq, 3, 3).
+        changes: what is changed.
+        rng: random numbers of the visit.
+    """
     omega, visit = 2 * np.pi * freq_hz, draw_visit(rng)
     stiffness = _visit_again(freq_hz, frf, visit.stiffer)
     for change in changes:
@@ -146,18 +163,18 @@ def change_tower(freq_hz, frf, changes, rng):
     return values
 
 
-def _visit_again(freq_hz, frf, stiffer):
+def _visit_again(freq_hz: Real, frf: Complex, stiffer: float) -> Complex:
     """Return (1 + e) Z(w / sqrt(1 + e)): all springs are stiffer by 1 + e."""
     measured = np.linalg.inv(-frf / (2 * np.pi * freq_hz[:, None, None]) ** 2)
     asked = freq_hz / np.sqrt(stiffer)
-    again = np.empty_like(measured)
+    again: Complex = np.empty_like(measured)
     for row in range(3):
         for column in range(3):
             again[:, row, column] = np.interp(asked, freq_hz, measured[:, row, column])
     return stiffer * again
 
 
-def _dynamic_change(change, omega):
+def _dynamic_change(change: TowerChange, omega: Real) -> tuple[Complex, Real]:
     """Return what a change adds to the dynamic stiffness, and where; nothing for channels."""
     places, sizes = np.zeros(3), change.sizes
     where = change.location.partition(":")[2]
@@ -183,7 +200,7 @@ def _dynamic_change(change, omega):
     return pull, places
 
 
-def _read(change, omega, values):
+def _read(change: TowerChange, omega: Real, values: Complex) -> Complex:
     """Return what changed channels and hits make of the FRFs."""
     where, factor = change.location.partition(":")[2], np.ones((len(omega), 3), complex)
     if change.effect == "sensor_swap":
@@ -206,22 +223,24 @@ def _read(change, omega, values):
     return values * factor[:, :, None]
 
 
-def _noise_of(values):
+def _noise_of(values: Complex) -> Real:
     """Return the noise of each value by third differences along frequency, over 9 lines."""
     third = np.abs(np.diff(values, 3, axis=0)) / np.sqrt(20.0)
     padded = np.pad(third, ((1, 2), (0, 0), (0, 0)), mode="edge")
     around = np.pad(padded, ((4, 4), (0, 0), (0, 0)), mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(around, 9, axis=0)
-    return np.median(windows, axis=-1)
+    return np.asarray(np.median(windows, axis=-1))
 
 
-def write_tower(folder, model, freq_hz, values, before=None):
+def write_tower(
+    folder: Path, model: Path, freq_hz: Real, values: Complex, before: Complex | None = None
+) -> None:
     """Write a campaign of the tower, against a model.
 
     Args:
-        folder: folder of the campaign.
+        folder: where the campaign is written.
         model: file of the model.
-        freq_hz: frequencies [Hz]; (n_freq,).
+        freq_hz: lines of the FRFs [Hz]; (n_freq,).
         values: accelerance; (n_freq, 3, 3).
         before: accelerance before a change; None for a campaign without states.
     """

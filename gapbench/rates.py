@@ -1,0 +1,1 @@
+../truth/grade/rates.py
