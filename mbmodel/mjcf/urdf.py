@@ -28,7 +28,8 @@ def settle_links(spec: mujoco.MjSpec, path: Path, with_mass: set[str]) -> tuple[
     left_out = []
     for mesh in list(spec.meshes):
         if mesh.file.startswith(_ROS_PACKAGE):
-            mesh.file = str(_find_in_package(mesh.file.removeprefix(_ROS_PACKAGE), path) or mesh.file)
+            place = _find_in_package(mesh.file.removeprefix(_ROS_PACKAGE), path)
+            mesh.file = str(place or mesh.file)
         file = path.parent / mesh.file
         if mesh.name not in with_mass and not (
             file.is_file() and file.suffix.lower() in _URDF_MESH_SUFFIXES
