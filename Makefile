@@ -7,7 +7,7 @@ OUT ?= mbw-demo
 GAPBENCH = PATH="$(CURDIR)/$(BIN):$$PATH" python -m gapbench run --out tests/bench/results/gapbench
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test long quick check docs figures pictures bench gapbench field same versions sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
+.PHONY: demo test long quick check docs figures pictures bench gapbench field gallery same versions sealed measured station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
@@ -38,10 +38,12 @@ docs: $(VENV)/.installed-docs
 figures: $(VENV)/.installed-test
 	$(BIN)/python -m tests.docs
 
-# Remakes the pictures of the live pages in the docs, by Chromium; it tunes the demo for them.
+# Remakes the pictures of the docs: pages by Chromium, machines of the gallery by MuJoCo.
 pictures: $(VENV)/.installed-test
 	$(BIN)/python -m tests.docs.workbench_picture
 	$(BIN)/python -m tests.docs.live_picture
+	$(BIN)/python -m tests.docs.gallery_pictures
+	$(BIN)/python -m tests.docs.page_pictures
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m tests.bench $(ONLY)
@@ -59,6 +61,10 @@ field: $(VENV)/.installed-test
 # Shows that this tree computes what the commit BASE did, by every verb: numbers, arrays, models.
 same: $(VENV)/.installed-test
 	$(BIN)/python -m tests.regression $(BASE) $(if $(ONLY),--only $(ONLY))
+
+# Machines of the gallery: draws, tunes, diagnoses and predicts what is missing of them.
+gallery: $(VENV)/.installed-test
+	$(BIN)/python -m tests.gallery $(ONLY)
 
 # Wheel and sdist in empty environments of each Python at hand, README's lines, the demo's beginning.
 versions: $(VENV)/.installed-test

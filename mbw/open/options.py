@@ -16,7 +16,8 @@ def open_page(  # noqa: PLR0913  # one for each option
     path: Annotated[
         Path,
         typer.Argument(
-            help="Campaign, MJCF of a machine, or folder of mbw tune, diagnose or identify."
+            help="Campaign, MJCF of a machine, or folder of mbw tune, diagnose or identify; "
+            "gallery:NAME for a built-in machine, gallery: for their names."
         ),
     ],
     *,

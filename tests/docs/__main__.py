@@ -1,6 +1,7 @@
 """``python -m tests.docs``: make the generated parts of README and docs anew, in place.
 
-These are the figures between ``<!-- bench:KEY -->`` markers and the page of the command line.
+These are the figures between ``<!-- bench:KEY -->`` markers, and the pages of the command line and
+of the gallery.
 ``--list`` prints the key and the present value of every figure instead.
 """
 
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from tests.docs.command_page import COMMAND_PAGE, command_page
 from tests.docs.figures import FIGURES
+from tests.docs.gallery_page import GALLERY_PAGE, gallery_page
 from tests.docs.markers import regenerate
 from tests.docs.pages import markdown_pages
 from tests.docs.results import ROOT
@@ -24,6 +26,7 @@ def main(arguments: list[str]) -> int:
     for page in markdown_pages():
         _write(page, regenerate(page.read_text(encoding="utf-8"), FIGURES))
     _write(COMMAND_PAGE, command_page())
+    _write(GALLERY_PAGE, gallery_page())
     return 0
 
 
