@@ -34,6 +34,7 @@ def headlines_table() -> str:
     rows: list[Sequence[object]] = [*_real_rows(), *_scorecard_rows()]
     slycot = frf_ratio("the same by 73 evaluations of python-control with slycot")
     rows += [
+        _drives_row(),
         _intervals_row(),
         (
             "Modes found without manual selection",
@@ -84,6 +85,17 @@ def _scorecard_rows() -> list[Sequence[object]]:
         (label, rate_text(cells[cell], rate), cells[cell][f"{rate} n"], "scorecard")
         for label, cell, rate in SCORECARD
     ]
+
+
+def _drives_row() -> Sequence[object]:
+    """Return how often motors and encoders alone show a fault first."""
+    drives = next(row for row in bench_rows("without_hammer") if row["test"] == "drives")
+    return (
+        "One fault, ratio 4, by motors and encoders alone: first",
+        f"{drives['found %']:.1f} % [{drives['from']:.1f}, {drives['to']:.1f}]",
+        drives["n"],
+        "without_hammer",
+    )
 
 
 def _intervals_row() -> Sequence[object]:
