@@ -23,7 +23,6 @@ SCORECARD = (
         "beside 5 or 15 % of dirt, ratio 2",
         "right",
     ),
-    ("One fault of an exact machine: first", "clean", "right"),
     ("Nothing missing, and the verdict says so", "nothing missing, all", "right"),
     ("A wrong cause is named, all campaigns", "all", "wrong cause"),
 )
