@@ -129,6 +129,18 @@ def find_own_springs(machine: Machine, stage: str) -> tuple[str, ...]:
 
 
 def are_joined(machine: Machine, lower: str, upper: str) -> bool:
-    """Return whether a joint joins two bodies, or a body and the ground."""
+    """Return whether a joint joins two bodies, or a body and the ground.
+
+    Six directions without a spring join nothing: so the platform of a closed chain and a body that
+    hangs on wires have their place in an MJCF.
+    """
+    pairs = (lower, upper), (upper, lower)
     parents = {body: parent or WORLD for body, parent in parent_bodies(machine).items()}
-    return parents.get(upper) == lower or parents.get(lower) == upper
+    return any(parents.get(b) == a and not _is_free(machine, b) for a, b in pairs)
+
+
+def _is_free(machine: Machine, stage: str) -> bool:
+    """Return whether a stage moves in six directions without a spring."""
+    joints = {axle.joint for axle in machine.axles if axle.stage == stage}
+    stiffness = [spring.stiffness for spring in machine.springs if spring.name in joints]
+    return len(joints) == 6 and not any(stiffness)

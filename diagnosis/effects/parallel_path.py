@@ -4,7 +4,8 @@ At a point p the upper body moves against the lower one by
 
     r = R u,   R = [-G(p - c_low), G(p - c_high)],   G(d) = [1, -[d]x].
 
-The lower one may be the ground, as for a cable to the frame: then R = G(p - c_high).
+The lower one may be the ground, as for a cable to the frame: then R = G(p - c_high). A joint of six
+directions without a spring joins nothing, such as that of a platform on closed chains.
 
 The link answers with K r + s C r, K and C symmetric and without negative eigenvalues: springs and
 dampers along the same axes, or along one alone (``link.py``). It adds R' (K + s C) R, which is no

@@ -13,6 +13,7 @@ from diagnosis.scene_points import are_joined
 from diagnosis.settings import SETTINGS
 from identification.words import Condition, Dof
 from mbmodel import (
+    WORLD,
     Model,
     PartContext,
     RigidDirection,
@@ -23,6 +24,7 @@ from mbmodel import (
 )
 from tests.helpers.drawn import drawn
 
+ASSETS = Path(__file__).parents[2] / "assets"
 LAPLACE = 2j * np.pi * np.array([4.0, 23.0, 57.0, 140.0])
 
 
@@ -213,6 +215,21 @@ def test_the_tree_of_bodies_is_that_of_the_joints(scene):
         inside = text.index(f'name="{body}"')
         assert parent is None or text.index(f'name="{parent}"') < inside
         assert parent is None or are_joined(machine, parent, body)
+
+
+@pytest.mark.parametrize(
+    ("file", "free", "joined"),
+    [
+        ("hexapod.xml", (WORLD, "platform"), ("leg1", "strut1")),
+        ("gallery/suspension.xml", (WORLD, "mirror"), None),
+        ("two_bodies.xml", None, (WORLD, "table")),
+        ("gallery/gantry.xml", None, ("carriage", "pendulum")),  # a hinge without a spring
+    ],
+)
+def test_six_directions_without_a_spring_join_nothing(file, free, joined):
+    machine = load_machine(ASSETS / file)
+    assert free is None or not are_joined(machine, *free)
+    assert joined is None or are_joined(machine, *joined)
 
 
 def test_a_hit_turned_about_itself_stays_within_tolerance(scene):
