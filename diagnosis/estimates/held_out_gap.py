@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from diagnosis.estimates.intervals import FittedParameters, fit_parameters
 from diagnosis.hypothesis import Hypothesis, Scene
@@ -218,7 +218,7 @@ def estimate_jackknife(
     if whole is None or count < 2 or len(values) < count:
         return None
     deviation = np.sqrt((count - 1) / count * ((values - values.mean()) ** 2).sum())
-    half = float(student.ppf(0.975, count - 1) * deviation)
+    half = float(stdtrit(count - 1, 0.975) * deviation)
     return whole - half, whole + half
 
 

@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
@@ -34,7 +34,7 @@ from identification.words import Real
 from tuning import NORMAL_QUANTILE_95
 
 _QUANTILE = NORMAL_QUANTILE_95 * NORMAL_QUANTILE_95  # D at the ends of a 95 % interval
-_ONE_SIDED_QUANTILE = float(chi2.ppf(0.90, 1))  # of a size that cannot be negative: 2.7
+_ONE_SIDED_QUANTILE = float(chdtri(1, 0.10))  # of a size that cannot be negative: 2.7
 _MAX_SECANT_STEPS = 4  # of regula falsi to each end: D is then known to some tenths
 _MAX_DOUBLINGS = 3  # of the way to an upper end: a link far stiffer than the fit may do as well
 _ROOT_TOLERANCE = 0.15  # of sqrt(D): a twelfth of the interval's half width

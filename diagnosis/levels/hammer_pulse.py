@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.level_check import group_visits
@@ -68,7 +68,7 @@ class Pulses:
         shares = (np.arange(count) + 0.5) / count
         momenta = self.relative_momenta[test]
         if momenta is None:
-            return np.exp(LEVEL_SETTINGS.hit_scatter * _scale_to_deviation(norm.ppf(shares), 1.0))
+            return np.exp(LEVEL_SETTINGS.hit_scatter * _scale_to_deviation(ndtri(shares), 1.0))
         quantiles = np.quantile(momenta, shares, method="hazen")
         sizes: Real = momenta.mean() + _scale_to_deviation(quantiles, float(momenta.std()))
         return sizes

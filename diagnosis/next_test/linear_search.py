@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.next_test.clipped_coordinates import clip_to_bounds
@@ -95,7 +95,7 @@ class LinearSearch:
         schedule = settings.schedule.thin(len(campaign.freq_hz), scene.stride_factor)
         ratio = len(thin_lines(campaign, schedule.stride).freq_hz) / len(thin.freq_hz)
         values = misfit.values * len(campaign.freq_hz) / len(thin.freq_hz)
-        doubt = float(norm.ppf(settings.predicted_share) / np.sqrt(values))
+        doubt = float(ndtri(settings.predicted_share) / np.sqrt(values))
         seen = round(ratio * misfit.values)
         return cls(tuple(hypotheses), varies, whole, ratio * normal, seen, doubt)
 

@@ -23,7 +23,7 @@ from itertools import product
 from typing import TypeVar
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from diagnosis.data_checks.check_data import release_session
 from diagnosis.hypothesis import Hypothesis, Scene
@@ -146,7 +146,7 @@ class _Prediction:
         strength = self._find_threshold(weak)
         if strength is None:
             return row
-        noise = norm.ppf((np.arange(10) + 0.5) / 10)  # tenths of the size that a fit finds
+        noise = ndtri((np.arange(10) + 0.5) / 10)  # tenths of the size that a fit finds
         rows = list(product(drawn, np.maximum(strength + noise, 0.0).tolist()))
         rows.sort(key=lambda pair: pair[0].size * pair[1])
         typical, size = self._pick(rows)

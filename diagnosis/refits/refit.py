@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtri
 
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import FittedSet, Key
@@ -122,8 +122,8 @@ def find_shift(cause: Hypothesis, released: Real) -> float | None:
     """
     if cause.parts or cause.correct or cause.reform or not cause.release:
         return None
-    tail = max(float(chi2.sf(released @ released, released.size)), np.finfo(float).tiny)
-    return float(norm.isf(tail / 2))
+    tail = max(float(chdtrc(released.size, released @ released)), np.finfo(float).tiny)
+    return -float(ndtri(tail / 2))
 
 
 def map_values(parametrisation: Parametrisation, theta: Real) -> dict[str, float]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtr
 
 from identification.solid.body_check import Fault
 from identification.words import Campaign, Dof, Tolerance
@@ -66,7 +66,7 @@ def _probability(size: float, deviation: float, usual: float) -> float:
     if total == 0:
         return 0.0
     freedom = (BLOCKS - 1) * (total / max(deviation, 1e-3 * total)) ** 4
-    return float(1 - 2 * student.sf(abs(size) / total, freedom))
+    return float(1 - 2 * stdtr(freedom, -abs(size) / total))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 from identification.level_check.trends import LEVEL_CHECK_SETTINGS
 from identification.matching import (
@@ -129,7 +129,7 @@ class Shift:
     def is_change(self) -> bool:
         """Whether neither noise nor drift between visits explains the difference."""
         total = float(np.hypot(self.deviation, self.drift))
-        return abs(self.value) > total * float(norm.isf(self.max_chance / 2))
+        return abs(self.value) > -total * float(ndtri(self.max_chance / 2))
 
 
 def select_modes(
@@ -322,6 +322,6 @@ def compute_scatter(values: Real, deviations: Real) -> FleetScatter:
         noise = deviations[:, test] / scale
         apart = np.abs(values[:, test] - centre) / scale
         allowed = np.sqrt(pooled * (1 + 1 / np.maximum(n, 1)) + noise**2)
-        limit = float(t.isf(chance / 2, freedom))
+        limit = -float(stdtrit(freedom, chance / 2))
         stands_out[:, test] = (n > 1) & (np.nan_to_num(apart) > limit * np.nan_to_num(allowed))
     return FleetScatter(mean, np.where(count > 1, np.sqrt(variance), np.nan), within, stands_out)

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import butter, czt, sosfiltfilt
 
 from identification.impacts.common_clock import SynchronisedImpact
 from identification.words import Complex, Dof, InputError, Real
@@ -144,6 +143,8 @@ def _audible_duration(impact: SynchronisedImpact, band: tuple[float, float]) -> 
     if impact.before.shape[1] < _MIN_SAMPLES_BEFORE:
         return _duration_after(impact)
     edges = (band[0], min(band[1], 0.45 * impact.rate_hz))
+    from scipy.signal import butter, sosfiltfilt  # noqa: PLC0415  # slow to load
+
     bandpass = butter(2, edges, "bandpass", fs=impact.rate_hz, output="sos")
     before, after = (
         sosfiltfilt(bandpass, impact.before, axis=1),
@@ -170,6 +171,8 @@ def _fourier_integral(values: Real, rate: float, lines: Real) -> Complex:
     weights[0] /= 2
     step, first = lines[1] - lines[0], lines[0]
     ratio, origin = np.exp(-2j * np.pi * np.array([step, -first]) / rate)
+    from scipy.signal import czt  # noqa: PLC0415  # slow to load
+
     integral: Complex = czt(values * weights, len(lines), ratio, origin, axis=1).T
     return integral
 

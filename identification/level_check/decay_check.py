@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.fft
 from scipy.ndimage import median_filter
-from scipy.signal import find_peaks
 
 from identification.level_check.trends import NO_CHANGE, ModeTrend, find_clearest_trend
 from identification.words import Complex, Real
@@ -210,6 +209,8 @@ def _find_ringing_modes(motion: Real, rate_hz: float) -> list[tuple[float, float
     steps = 4000 * np.log1p(_MEDIAN_SHARE) / np.log((len(log) - 1) / first)
     level = median_filter(np.interp(grid, np.arange(len(log)), log), 2 * int(steps) + 1)
     above = log - np.interp(np.arange(len(log)), grid, level)
+    from scipy.signal import find_peaks  # noqa: PLC0415  # slow to load
+
     peaks, _ = find_peaks(above, height=np.log(_MIN_PEAK_RATIO), distance=5)
     freq = peaks[peaks >= first] * spacing
     gaps = np.diff(freq, prepend=-np.inf, append=np.inf)

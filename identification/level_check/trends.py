@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from identification.words import Real
 
@@ -105,7 +105,7 @@ def compute_chance_of_constancy(values: Real, deviations: Real) -> float:
     """
     weights = 1 / np.maximum(deviations, 1e-12 * np.abs(values).max()) ** 2
     mean = (weights * values).sum() / weights.sum()
-    return float(chi2.sf((weights * (values - mean) ** 2).sum(), len(values) - 1))
+    return float(chdtrc(len(values) - 1, (weights * (values - mean) ** 2).sum()))
 
 
 def is_like_hysteresis(trends: Sequence[ModeTrend]) -> bool:

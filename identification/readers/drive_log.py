@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import scipy.fft
 import scipy.ndimage
-import scipy.signal
 from scipy.interpolate import make_interp_spline
 
 from identification.readers.array_files import is_text, load_arrays
@@ -246,7 +245,9 @@ def _bring_together(
     for time, signal, spacing in zip(times, signals, steps, strict=True):
         ratio, passed = step / spacing, signal
         if ratio > _FASTER:
-            taps = scipy.signal.firwin(2 * round(_TAPS * ratio) + 1, _PASSED / ratio)
+            from scipy.signal import firwin  # noqa: PLC0415  # slow to load
+
+            taps = firwin(2 * round(_TAPS * ratio) + 1, _PASSED / ratio)
             passed = scipy.ndimage.convolve1d(signal, taps, mode="nearest")
         together.append(make_interp_spline(time, passed, _DEGREE)(base))
     return np.array(together), 1 / step

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import gamma
+from scipy.special import gammainccinv
 
 from identification.solid.body_channels import BodyData
 from identification.solid.moments import Moments
@@ -221,7 +221,7 @@ def _is_dead(best: RankedFault, data: BodyData) -> bool:
     usable = noise > 0
     count = np.maximum(moments.count[usable], 1.0)
     # The power of n complex values of noise over its mean is distributed as Gamma(n) / n.
-    excess = power[usable] / noise[usable] * count / gamma.isf(_FALSE_ALARM_CHANCE, count)
+    excess = power[usable] / noise[usable] * count / gammainccinv(count, _FALSE_ALARM_CHANCE)
     return not len(excess) or float(np.quantile(excess, 0.9)) < _MIN_SIGNAL_TO_NOISE
 
 

@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-import scipy.signal
 from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
@@ -358,7 +357,9 @@ def _matrices(loop: Loop, step_s: float) -> tuple[Real, Real, Real, Real]:
     )
     if controller.period_s or not len(controller.dynamics):
         return matrices
-    a, b, c, d, _ = scipy.signal.cont2discrete(matrices, step_s, "foh")
+    from scipy.signal import cont2discrete  # noqa: PLC0415  # slow to load
+
+    a, b, c, d, _ = cont2discrete(matrices, step_s, "foh")
     return a, b, c, d
 
 

@@ -1,6 +1,7 @@
 """``mbw open``: a server on this computer for the page of one campaign, model or result."""
 
 import webbrowser
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,6 @@ from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.open.gallery import resolve_gallery
 from mbw.output_folder import ResultOptions, default_folder
-from mbw.report.verb import run as write_report
 from mbw.workbench.desk import Desk
 from mbw.workbench.jobs import JobQueue
 from mbw.workbench.opening import open_subject
@@ -105,7 +105,8 @@ def run_options(  # noqa: PLR0913  # one for each option
 def _export(subject: WorkbenchSubject, out: Path | None, *, overwrite: bool) -> str:
     """Write the page of the result as one HTML file; return a sentence on where it is."""
     folder = out or default_folder(subject.source, "opened")
-    page = write_report(subject.path, folder, overwrite=overwrite)
+    # Loaded here: with what all pages need it would slow down every opening.
+    page = import_module("mbw.report.verb").run(subject.path, folder, overwrite=overwrite)
     return f"the page of the result is {page}"
 
 

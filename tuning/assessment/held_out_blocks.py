@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import find_peaks, peak_widths
 
 from identification.words import Campaign, Integers
 
@@ -65,6 +64,8 @@ def _find_peaks(campaign: Campaign) -> tuple[Integers, float]:
     deviations of the noise. Peaks of several channels within 5 lines are those of one mode. The
     width is that of the whole band if there is no peak.
     """
+    from scipy.signal import find_peaks, peak_widths  # noqa: PLC0415  # slow to load
+
     n_freq = len(campaign.freq_hz)
     count, widths = np.zeros(n_freq), []
     for test in campaign.tests:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.stats
+from scipy.special import chdtri
 
 from identification.words import InputError, Integers, Mask, Real, shorten_names
 from mbmodel import Model
@@ -87,7 +87,7 @@ class ParameterPosterior:
 
     def chi_square(self, probability: float = 0.95) -> float:
         """Return the bound of |z|^2 that holds with a probability."""
-        return float(scipy.stats.chi2.ppf(probability, self.size))
+        return float(chdtri(self.size, 1 - probability))
 
     def draw(self, count: int, seed: int) -> Real:
         """Draw whitened coordinates z; (count, n_x).

@@ -10,7 +10,7 @@ that of one beyond 4.5.
 """
 
 import numpy as np
-from scipy.stats import binom, norm
+from scipy.special import betainc, ndtr
 
 from identification.words import TOLERANCE_BOUND_SIGMA, Real
 from tuning.parametrisation.parametrisation import Parametrisation
@@ -64,5 +64,7 @@ def are_by_chance(
         return False
     shifts = -np.sort(-np.abs(x[wide.is_tolerance]))
     beyond = shifts[shifts >= TOLERANCE_BOUND_SIGMA]
-    by_chance = binom.sf(np.arange(len(beyond)), len(shifts), 2 * norm.sf(beyond))
-    return not (by_chance < binom.sf(0, len(shifts), 2 * norm.sf(sigma))).any()
+    # Probability of more than k among n shifts, I_p(k + 1, n - k), for k = 0, 1, ...
+    count, more = len(shifts), np.arange(len(beyond))
+    by_chance = betainc(more + 1, count - more, 2 * ndtr(-beyond))
+    return not (by_chance < betainc(1, count, 2 * ndtr(-sigma))).any()
