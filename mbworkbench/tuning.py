@@ -87,7 +87,7 @@ class ParameterTable(Shown, Sequence[ParameterRow]):
         return Table(f"{len(self.rows)} parameters", header, rows)
 
 
-MAX_DOUBTS = 3  # doubts that the summary lists
+MAX_DOUBTS = 3  # doubts that the summary lists, and as many undetermined parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ class TunedModel(Shown):
         return target
 
     def __repr__(self) -> str:
-        """Return the gap and the number of parameters in a few lines."""
+        """Return the gap, its doubts and what the data do not determine in a few lines."""
         gap = self.gap
         steps = {"nominal": gap.as_drawn, "tuned": gap.tuned, "held out": gap.held_out}
         return "\n".join(
@@ -140,6 +140,7 @@ class TunedModel(Shown):
                 ),
                 f"  noise: {cell_text(gap.noise)}",
                 *(f"  doubt: {doubt}" for doubt in self.summary.fit.doubts[:MAX_DOUBTS]),
+                *(f"  {row.sentence}" for row in self.summary.unseen[:MAX_DOUBTS]),
             )
         )
 

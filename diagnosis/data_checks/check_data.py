@@ -9,7 +9,8 @@ from diagnosis.data_checks.sensors import SensorChecks, check_sensors
 from diagnosis.settings import DiagnosisSettings
 from identification import find_overstated_noise, remove_overstated_noise
 from identification.words import Campaign, UsageError
-from mbmodel import RigidDirection, release_rigid_directions
+from mbmodel import Model, RigidDirection, release_rigid_directions
+from mbmodel.parts import AttachedPart
 from tuning import Session, build_toleranced_model, parametrise
 from tuning.assessment.held_out_blocks import MIN_BLOCK_LINES
 
@@ -69,10 +70,11 @@ def release_session(session: Session) -> tuple[Session, tuple[RigidDirection, ..
     """Return the session with a coordinate for each rigid direction, and these directions.
 
     The point of a joint that only slides has no effect. If the joint may turn, its point has one,
-    and varies within its tolerance.
+    and varies within its tolerance. Instruments that hang on the machine stay on it.
     """
     campaign = session.campaign
     machine, rigid = release_rigid_directions(session.model.machine, float(campaign.freq_hz.max()))
-    model = build_toleranced_model(machine, campaign)
+    attached = (part for part in session.model.parts if isinstance(part, AttachedPart))
+    model = Model(machine, (*build_toleranced_model(machine, campaign).parts, *attached))
     varies = session.parametrisation.extend(parametrise(model, campaign.tolerance))
     return replace(session, model=model, parametrisation=varies), rigid

@@ -79,7 +79,7 @@ def find_rivals(diagnosis: Diagnosis) -> list[tuple[Keys, Refit, float]]:
     for keys, share in diagnosis.posterior.sets:
         added = tuple(key for key in keys if key not in proven)
         refit = diagnosis.search.refit_of(added)
-        if len(added) == max(count, 1) and refit is not None:
+        if len(added) == count and refit is not None:
             rivals.append((added, refit, share))
     return [rival for rival in rivals if rival[2] >= threshold * rivals[0][2]]
 

@@ -174,6 +174,10 @@ def test_a_single_cause_is_confirmed_in_its_own_way(rivals):
     assert said.startswith(f"weigh {one.hypothesis.location.partition(':')[2]}")
     proven = [(("sensor_swap", "sensor:acc1", "tx+ty"), 0.98)]
     assert "knock" in propose_experiment(found(session, (), "explained", proven))
+    # A fault that the data prove leaves no rivals to tell apart, however many were refitted.
+    alone = found(session, (one, other), "explained", [*proven, *causes])
+    alone.gross_hypotheses = alone.present.causes
+    assert "knock" in propose_experiment(alone)
 
 
 def test_what_nobody_explains_is_asked_at_other_levels_where_it_pushes(rivals):

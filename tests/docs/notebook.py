@@ -1,5 +1,6 @@
-"""``python -m tests.docs.notebook``: run the tutorial's notebook and save its outputs in it.
+"""``python -m tests.docs.notebook [FILE ...]``: run notebooks and save their outputs in them.
 
+Without a file, all notebooks of the docs are run.
 Cells are run by Python itself, as Jupyter would, without a kernel. The value of a cell's last
 expression becomes its output: as text, as an HTML table, or as a plotly figure.
 """
@@ -10,25 +11,32 @@ import io
 import json
 import os
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import plotly.graph_objects as go
 
 ROOT = Path(__file__).resolve().parents[2]
-NOTEBOOK = ROOT / "docs" / "tutorial" / "two_bodies.ipynb"
+NOTEBOOKS = sorted((ROOT / "docs").rglob("*.ipynb"))
 PLOTLY = "application/vnd.plotly.v1+json"
 
 
-def run_notebook(path: Path = NOTEBOOK) -> dict:
-    """Return a notebook with the outputs of all its code cells, run in order in its folder.
+def run_notebook(path: Path) -> dict:
+    """Return a notebook with the outputs of all its code cells, run in order.
 
     Args:
-        path: of the notebook; its cells run in its folder, as Jupyter starts it.
+        path: path of the notebook. Its cells run in its folder, as Jupyter starts it; folders that
+            they make by ``tempfile`` are gone afterwards.
     """
     notebook = json.loads(path.read_text(encoding="utf-8"))
     names: dict[str, object] = {"__name__": "__notebook__"}
-    with contextlib.chdir(path.parent):
+    with (
+        tempfile.TemporaryDirectory() as scratch,
+        patch.object(tempfile, "tempdir", scratch),
+        contextlib.chdir(path.parent),
+    ):
         for number, cell in enumerate(notebook["cells"]):
             if cell["cell_type"] == "code":
                 cell["execution_count"] = number
@@ -36,7 +44,7 @@ def run_notebook(path: Path = NOTEBOOK) -> dict:
     return notebook
 
 
-def write_notebook(notebook: dict, path: Path = NOTEBOOK) -> None:
+def write_notebook(notebook: dict, path: Path) -> None:
     """Write a notebook as JSON, with one key a line as Jupyter does."""
     path.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
@@ -75,5 +83,5 @@ def _forms_of(value: object) -> dict:
 if __name__ == "__main__":
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
-    write_notebook(run_notebook())
-    sys.exit(0)
+    for file in map(Path, sys.argv[1:] or NOTEBOOKS):
+        write_notebook(run_notebook(file), file)

@@ -1,4 +1,4 @@
-"""The tutorial's notebook and README's Python: both run as they stand."""
+"""Notebooks of the docs and README's Python: all run as they stand."""
 
 import json
 import re
@@ -6,14 +6,15 @@ import re
 import pytest
 
 import mbworkbench
-from tests.docs.notebook import NOTEBOOK, PLOTLY, ROOT, run_notebook
+from tests.docs.notebook import NOTEBOOKS, PLOTLY, ROOT, run_notebook
 
+MISTAKES = [path for path in NOTEBOOKS if path.parent.name == "mistakes"]
 README_CODE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
-@pytest.fixture(scope="module")
-def notebook():
-    return run_notebook()
+@pytest.fixture(scope="module", params=NOTEBOOKS, ids=lambda path: path.stem)
+def notebook(request):
+    return request.param, run_notebook(request.param)
 
 
 def texts(notebook):
@@ -22,29 +23,38 @@ def texts(notebook):
             yield output.get("text") or output["data"]["text/plain"]
 
 
-def test_the_notebook_runs_and_finds_what_the_model_lacks(notebook):
-    shown = "\n".join(texts(notebook))
-    assert "two_bodies: explained" in shown
-    assert "appendage at body:stage ty" in shown
-    assert sum(PLOTLY in str(cell.get("outputs")) for cell in notebook["cells"]) == 4
-
-
-def test_its_saved_outputs_are_those_of_today(notebook):
-    saved = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+def test_saved_outputs_are_those_of_today(notebook):
+    path, today = notebook
+    saved = json.loads(path.read_text(encoding="utf-8"))
     kinds = [
         [
             [sorted(output.get("data", {"stream": ""})) for output in cell.get("outputs", [])]
             for cell in content["cells"]
         ]
-        for content in (saved, notebook)
+        for content in (saved, today)
     ]
     assert kinds[0] == kinds[1]
     # Numbers may differ in their last digits on another processor; words may not.
     words = [
-        [re.sub(r"[\d.e+-]+", "#", text) for text in texts(content)]
-        for content in (saved, notebook)
+        [re.sub(r"[\d.e+-]+", "#", text) for text in texts(content)] for content in (saved, today)
     ]
     assert words[0] == words[1]
+
+
+def test_the_tutorial_says_what_the_model_lacks():
+    path = ROOT / "docs" / "tutorial" / "two_bodies.ipynb"
+    shown = "\n".join(texts(json.loads(path.read_text(encoding="utf-8"))))
+    assert "two_bodies: explained" in shown
+    assert "appendage at body:stage ty" in shown
+
+
+@pytest.mark.parametrize("path", MISTAKES, ids=lambda path: path.stem)
+def test_a_page_of_a_mistake_is_short_and_small(path):
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    assert len(cells) <= 12
+    assert path.stat().st_size <= 60_000
+    assert any(PLOTLY in str(cell.get("outputs")) for cell in cells)
+    assert "How to tell it from" in "".join(cells[-1]["source"])
 
 
 def test_readmes_python_runs(monkeypatch):

@@ -36,6 +36,8 @@ def test_a_plant_has_bands_states_and_alternatives(plant):
     assert (np.abs(response(timely, s) - bands.values) < 1e-6 * peak).all()
     reduced = whole.reduce(bands=bands)
     assert reduced.largest_error <= reduced.relative_bound
+    error = f"from {len(whole.states)} with an error of {reduced.largest_error:.2g} of the largest"
+    assert error in repr(reduced)
     error = np.abs(response(plant.state_space().reduce(bands=bands).to_control(), s) - bands.values)
     assert (error <= (high - low) / 6 + 1e-6 * peak).all()
     system = reduced.sample(1e-4).to_control()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from diagnosis.data_checks.check_data import release_session
 from identification.words import InputError
 from mbmodel import load_machine
 from mbmodel.parts import Stinger
@@ -115,6 +116,13 @@ def test_a_stinger_stiffens_its_tests_alone_and_no_tuned_stiffness(folder):
     fitted = fit(held.model, held.campaign, parametrisation=held.parametrisation)
     names = [parameter.name for parameter in held.model.parameters]
     assert [fitted.theta[k] for k, name in enumerate(names) if "attached" in name] == [0.05] * 3
+
+
+def test_a_diagnosis_keeps_what_hangs_on_the_machine(folder):
+    stated = with_tables(folder, "\n[sensor.acc6]\nmass = 0.4\n")
+    diagnosed, _ = release_session(stated)
+    expected = answers(stated)
+    assert np.abs(answers(diagnosed) - expected).max() < 1e-4 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize(

@@ -62,17 +62,22 @@ class ControlPlant:
     reduced: ReducedSystem | None = None
 
     def __repr__(self) -> str:
-        """Return order, time, ports and delays in one line."""
+        """Return order, time, ports, error of a reduction and delays in one line."""
         outputs, inputs = (
             ", ".join(map(str, ports)) for ports in (self.request.outputs, self.request.inputs)
         )
         time = f"sampled every {self.period_s:g} s" if self.period_s else "continuous"
-        late = ""
+        reduced = late = ""
+        if self.reduced is not None:
+            reduced = (
+                f", reduced from {self.whole.order} with an error of {self.largest_error:.2g} of "
+                "the largest FRF in the band"
+            )
         if self.delays_s.any():
             late = f", delays {', '.join(f'{delay:g}' for delay in self.delays_s)} s"
         return (
             f"state space of {len(self.states)} states, {time}, {self.request.quantity}: "
-            f"{outputs} / {inputs}{late}"
+            f"{outputs} / {inputs}{reduced}{late}"
         )
 
     def reduce(
