@@ -88,7 +88,7 @@ class LawAlone:
         thin = thin_lines(campaign, LEVEL_SETTINGS.start_stride * scene.stride_factor)
         tested = replace(
             TestedJoint.of_scene(scene, joint),
-            steps_per_period=LEVEL_SETTINGS.start_steps_per_period,
+            steps_per_period=LEVEL_SETTINGS.coarse_steps_per_period,
         )
         levels = list_levels(campaign)
         peaks = compute_peak_stretch(tested.transient(), tested.hits)

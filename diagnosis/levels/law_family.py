@@ -37,9 +37,6 @@ class LawFamily:
         follows_stiffness: whether the last parameter follows the fitted stiffness of the joint.
         softest_is_linear: whether the joint is linear where it is softest: it stiffens with the
             level; the others are linear where they are stiffest.
-        is_rough: whether what the law shows is rough in the joint's stiffness as well, since a
-            decaying motion passes its kinks until the end. Derivatives then need a wide difference
-            and many sizes of hits.
     """
 
     effect: str
@@ -54,7 +51,11 @@ class LawFamily:
     write: Callable[[str, Real], tuple[Edit | Addition, ...]]
     follows_stiffness: bool = False
     softest_is_linear: bool = False
-    is_rough: bool = False
+
+    @property
+    def is_force(self) -> tuple[bool, ...]:
+        """Whether each parameter scales with forces, by its unit."""
+        return tuple(unit.startswith("N") for _, unit in self.parameters)
 
     @property
     def count(self) -> int:
@@ -221,7 +222,6 @@ def _build_gap(starts: Callable[[float, float], tuple[tuple[float, ...], ...]]) 
         state=_state_gap,
         write=_write_gap,
         follows_stiffness=True,
-        is_rough=True,
     )
 
 

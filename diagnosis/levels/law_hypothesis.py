@@ -1,11 +1,7 @@
 """Hypothesis of a law at a joint direction: a Part for each kind of hit, about one linear machine.
 
-A refit moves the machine about which the law was simulated, so that the Parts are built again about
-each refit until nothing changes (``refit_laws``). Peak, duration and scatter of the hits are
-estimates (``hammer_pulse``): the peak of each kind of hit, and the duration and
-variance of all, are tolerances that are fitted with the law.
-
-Part of a restoring law in the tests with equal hits.
+Peak, duration and scatter of the hits are estimates (``hammer_pulse``): the peak of each kind of
+hit, and the duration and variance of all, are tolerances that are fitted with the law.
 
 The law acts on the lines of a test as the complex stiffness that it shows under a hit of that
 test's level (``joint_transient``). It is simulated about one linear machine. All set-ups of one
@@ -35,6 +31,9 @@ def build_law_hypothesis(
     family: LawFamily,
     start: tuple[float, ...],
     hits: Mapping[str, float] | None = None,
+    *,
+    table: LawTable | None = None,
+    radius: float = LEVEL_SETTINGS.largest_start_step,
 ) -> Hypothesis:
     """Return a law of a joint direction about the linear machine of a scene.
 
@@ -42,22 +41,21 @@ def build_law_hypothesis(
         scene: fit about which the law is simulated.
         start: values at which its parameters begin.
         hits: values at which the tolerances of the hits begin, by their names; 1 if None.
+        table: the law as it was simulated there; None to simulate it.
+        radius: largest change of a coordinate of the law, and of the joint's spring and damper.
     """
-    tested = TestedJoint.of_scene(scene, joint)
-    prefix = f"{joint.spring}.{family.effect}"
-    tolerances = dict(hits or {})
+    if table is None:
+        table = LawTable.simulate(*plan_simulation(scene, joint, family, start, hits))
+    tested, prefix, tolerances = table.joint, _name_law(joint, family), dict(hits or {})
     first = family.parameters_at(prefix, start)
     followers = _list_followers(scene, tested, joint, family, prefix)
-    linear = tuple(parameter.drawn for parameter in followers.values())
-    duration = tolerances.get(f"{prefix}.hit_duration", 1.0)
-    table = LawTable(tested, family, (*start, *linear, duration), tuple(followers))
     shared = (
         *first,
         *followers.values(),
         Parameter(f"{prefix}.hit_duration", 1.0, "of the estimated one"),
         Parameter(f"{prefix}.hit_variance", 1.0, "of the usual one"),
     )
-    follow = {p.name: f"{joint.spring}.{kind}" for kind, p in followers.items()}
+    follow = {p.name: _name_followed(joint, kind) for kind, p in followers.items()}
     if family.follows_stiffness:
         follow[first[-1].name] = f"{joint.spring}.stiffness"
     deviations = LEVEL_SETTINGS.duration_sigma, LEVEL_SETTINGS.variance_sigma
@@ -89,37 +87,82 @@ def build_law_hypothesis(
         joint.dof,
         parts=tuple(parts),
         begin=dict(zip(names, start, strict=True)) | dict.fromkeys(believed, 1.0) | tolerances,
-        bounds=_convert_bounds(first, ends) | _bound_tolerances(believed),
+        bounds=_convert_bounds(first, ends, radius)
+        | _bound_linear(scene, joint, radius)
+        | _bound_tolerances(believed),
         believed=believed,
         follow=follow,
         state=state,
     )
 
 
+def plan_simulation(
+    scene: Scene,
+    joint: JointDirection,
+    family: LawFamily,
+    start: tuple[float, ...],
+    hits: Mapping[str, float] | None,
+) -> tuple[TestedJoint, LawFamily, tuple[float, ...], tuple[str, ...]]:
+    """Return the arguments of ``LawTable.simulate`` for those of ``build_law_hypothesis``."""
+    tested, prefix = TestedJoint.of_scene(scene, joint), _name_law(joint, family)
+    followers = _list_followers(scene, tested, joint, family, prefix)
+    linear = (parameter.drawn for parameter in followers.values())
+    duration = (hits or {}).get(f"{prefix}.hit_duration", 1.0)
+    return tested, family, (*start, *linear, duration), tuple(followers)
+
+
+def _name_law(joint: JointDirection, family: LawFamily) -> str:
+    """Return the prefix of a law's parameters."""
+    return f"{joint.spring}.{family.effect}"
+
+
 def _list_followers(
     scene: Scene, tested: TestedJoint, joint: JointDirection, family: LawFamily, prefix: str
 ) -> dict[str, Parameter]:
-    """Return a parameter for the joint's spring or damper that varies beside those of the law."""
-    tuned = {parameter.name for parameter in scene.model.parameters}
+    """Return a parameter for the joint's spring, damper or mass that varies beside the law's."""
+    tuned = dict(zip((p.name for p in scene.model.parameters), scene.theta.tolist(), strict=True))
     spring = ("stiffness", tested.stiffness, "N/m or N m/rad")
     damper = ("damping", tested.damping, "N s/m or N m s/rad")
+    mass = ("mass", tuned.get(_name_followed(joint, "mass"), 0.0), "kg")
+    kinds = (damper, mass) if family.follows_stiffness else (spring, damper, mass)
     return {
         kind: Parameter(f"{prefix}.linear_{kind}", value, unit)
-        for kind, value, unit in ((damper,) if family.follows_stiffness else (spring, damper))
-        if f"{joint.spring}.{kind}" in tuned and value > 0
+        for kind, value, unit in kinds
+        if _name_followed(joint, kind) in tuned and value > 0
     }
 
 
+def _name_followed(joint: JointDirection, kind: str) -> str:
+    """Return the parameter of the machine that one of a law follows."""
+    return f"{joint.stage if kind == 'mass' else joint.spring}.{kind}"
+
+
 def _convert_bounds(
-    parameters: tuple[Parameter, ...], ends: tuple[tuple[float, float], ...]
+    parameters: tuple[Parameter, ...], ends: tuple[tuple[float, float], ...], radius: float
 ) -> dict[str, tuple[float, float]]:
     """Return bounds of coordinates: of a size, of the logarithm of its ratio to its start."""
     bounds: dict[str, tuple[float, float]] = {}
     for parameter, pair in zip(parameters, ends, strict=True):
-        if np.isfinite(pair).all():
-            start, values = parameter.drawn, np.array(pair)
+        start, values = parameter.drawn, np.array(pair)
+        with np.errstate(divide="ignore"):
             low, high = np.log(values / start) if parameter.positive else values - start
-            bounds[parameter.name] = float(min(low, 0.0)), float(max(high, 0.0))
+        low, high = max(float(low), -radius), min(float(high), radius)
+        bounds[parameter.name] = min(low, 0.0), max(high, 0.0)
+    return bounds
+
+
+def _bound_linear(
+    scene: Scene, joint: JointDirection, radius: float
+) -> dict[str, tuple[float, float]]:
+    """Return the bounds of the joint's own spring and damper about the scene."""
+    varies = scene.session.parametrisation
+    x, bounds = varies.coordinates(scene.theta), {}
+    for name in (f"{joint.spring}.stiffness", f"{joint.spring}.damping"):
+        if name in varies.names:
+            k = varies.names.index(name)
+            reach = radius / float(varies.scale[varies.coordinate_of == k][0])
+            low, high = max(varies.lower[k], x[k] - reach), min(varies.upper[k], x[k] + reach)
+            bounds[name] = float(low), float(high)
     return bounds
 
 
@@ -160,16 +203,14 @@ class LawPart:
         """Return the stiffness at theta."""
         if not self.acts(context.condition):
             return ()
-        middle, slopes = self.table.at(theta[:-1])
-        values = middle[self.number] + np.log(theta[-1]) * slopes[-1, self.number]
+        values, _ = self.table.at(theta, self.number)
         return (self._change(values, np.eye(3)[0, :, None, None]),)
 
     def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
         """Return the derivatives of the stiffness by each parameter."""
         if not self.acts(context.condition):
             return ()
-        derivatives = self.table.at(theta[:-1])[1][:, self.number].copy()
-        derivatives[-1] /= theta[-1]
+        _, derivatives = self.table.at(theta, self.number)
         cores = np.zeros((len(theta), len(theta), 3, 1, 1))
         cores[np.arange(len(theta)), np.arange(len(theta)), 0] = 1.0
         return tuple(self._change(row, core) for row, core in zip(derivatives, cores, strict=True))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import rfft
 
-from diagnosis.levels.block_motion import MachineInBlocks
+from diagnosis.levels.block_motion import MachinesInBlocks
 from diagnosis.levels.hammer_pulse import compute_pulse_spectrum
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.restoring_laws import RestoringLaw, stack_laws
@@ -81,55 +81,31 @@ def _integrate_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
     one product of matrices, and so is the state at its end (``block_motion``).
     """
     rate, block = cases[0].transient.rate_hz, LEVEL_SETTINGS.block_steps
-    count = round(cases[0].transient.duration_s * rate)
-    machines = _list_machines(cases, np.arange(count + 1) / rate)
-    hits = sum(len(machine.columns) for machine in machines)
-    compliance, kernel = np.zeros(hits), np.zeros((block, hits))
-    for machine in machines:
-        compliance[machine.columns] = machine.compliance
-        kernel[:, machine.columns] = machine.kernel[::-1, None]
-    forces, largest, state = np.zeros((count + 1, hits)), 0.0, law.start(hits)
-    last = max(machine.last for machine in machines)
+    count, hits = round(cases[0].transient.duration_s * rate), len(cases[0].hits.peak)
+    machines = MachinesInBlocks.at_rest(
+        [(case.transient, case.hits) for case in cases], np.arange(count + 1) / rate
+    )
+    compliance = np.repeat(machines.compliance, hits)
+    kernel = np.repeat(machines.kernel[::-1], hits, axis=1)
+    forces = np.zeros((count + 1, len(compliance)))
+    largest, state = np.zeros(len(compliance)), law.start(len(compliance))
     for first in range(0, count, block):
-        free = np.zeros((block, hits))
-        for machine in machines:
-            free[:, machine.columns] = machine.look_ahead(first)
+        free = machines.look_ahead(first).reshape(block, -1)
         steps = range(1, min(block, count - first) + 1)
         for k in steps:
             past = np.einsum("kh,kh->h", kernel[block - k :], forces[first : first + k])
             forces[first + k], state = law.solve(free[k - 1] - past, compliance, state)
         n = first + len(steps)
-        for machine in machines:
-            machine.advance(forces[first:n, machine.columns])
+        machines.advance(forces[first:n].reshape(len(steps), len(cases), hits))
         if n % LEVEL_SETTINGS.look_steps == 0:
-            recent = float(
-                np.abs(np.diff(forces[n - LEVEL_SETTINGS.look_steps : n + 1], axis=0)).max()
-            )
-            largest = max(largest, recent)
-            if (
-                n > last + LEVEL_SETTINGS.look_steps
-                and recent <= LEVEL_SETTINGS.quiet_share * largest
-            ):
+            window = forces[n - LEVEL_SETTINGS.look_steps : n + 1]
+            recent = np.abs(np.diff(window, axis=0)).max(axis=0)
+            largest = np.maximum(largest, recent)
+            is_over = n > machines.last + LEVEL_SETTINGS.look_steps
+            if is_over and (recent <= LEVEL_SETTINGS.quiet_share * largest).all():
                 forces[n:] = forces[n]
                 break
     return forces
-
-
-def _list_machines(cases: Sequence[LawUnderHits], times: Real) -> list[MachineInBlocks]:
-    """Return the machines of cases at rest; ``times`` of all steps (n_step,)."""
-    grouped: dict[int, list[int]] = {}
-    for number, case in enumerate(cases):
-        grouped.setdefault(id(case.transient), []).append(number)
-    count = len(cases[0].hits.peak)
-    return [
-        MachineInBlocks.at_rest(
-            cases[numbers[0]].transient,
-            [cases[k].hits for k in numbers],
-            np.add.outer(count * np.array(numbers), np.arange(count)).ravel(),
-            times,
-        )
-        for numbers in grouped.values()
-    ]
 
 
 def _transform_forces(forces: Real, freq_hz: Real, rate_hz: float) -> Complex:

@@ -35,8 +35,7 @@ def fit_starts(
 
     A joint whose gap is not left at the lowest level has no spring there. The machine with free
     levels is then far from the right one, and a law fitted alone tells nothing of such a gap. A
-    start of it is therefore added, not fitted alone, if the joint is stiffer at a higher level and
-    no effect is far ahead.
+    start of it is therefore added, not fitted alone, if the joint is stiffer at a higher level.
 
     Args:
         scene: linear machine at the lowest level.
@@ -50,16 +49,10 @@ def fit_starts(
     is_tight = any(
         start.family.effect == LOOSE_GAP.effect and start.theta[0] < least_gap for start in starts
     )
-    if is_tight and stiffest > alone.tested.stiffness and not _has_leader(starts):
+    if is_tight and stiffest > alone.tested.stiffness:
         loose = _find_best_start(alone, LOOSE_GAP, least_damping)
         starts += [replace(alone.build_start(point), is_loose=True) for point in loose]
     return starts
-
-
-def _has_leader(starts: Sequence[LawStart]) -> bool:
-    """Return whether one start is far ahead of all others."""
-    costs = sorted(start.cost for start in starts)
-    return len(costs) > 1 and costs[1] > costs[0] + LEVEL_SETTINGS.max_behind_nats
 
 
 def _fit_effect(alone: LawAlone, effect: str, least_damping: float) -> LawStart:

@@ -10,41 +10,30 @@ already, laws are refitted while a fifth of the null model's dependence remains.
    The joint's damper then begins at its nominal value: where resonances of the machine that is
    held lie beside the measured ones, a fit damps them until they vanish. A refit that began there
    ended in a minimum with 2.5 times the damping and two thirds of the gap.
-3. The law is refitted with everything that varies. A refit moves the linear machine about which the
-   law was simulated, so the law is built again about each refit, until the objective moves no more
-   or was refitted once with no visible gap left. Each refit begins where the one before ended, with
-   the hits as it fitted them. The first one, about the machine with free levels, only leads to the
-   second: its law is that of a machine which the refit has left. Laws are therefore compared after
-   the second one.
+3. The law is fitted with everything that varies (``fitted_law``). The number of turns, and with it
+   that of simulations, is bounded.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
-from diagnosis.hypothesis_set import join_hypotheses
+from diagnosis.levels.fitted_law import FittedLaw, LawPoint, read_values
 from diagnosis.levels.free_levels import free_each_level, list_levels
 from diagnosis.levels.law_alone import LawStart
-from diagnosis.levels.law_hypothesis import build_law_hypothesis
 from diagnosis.levels.law_starts import fit_starts
+from diagnosis.levels.law_table import LawTable
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.refits.refit import Refit, map_values
-from diagnosis.refits.refitting import (
-    RefitTask,
-    add_cause,
-    add_hypothesis,
-    find_start,
-    run_refits,
-)
+from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.scene_points import find_middle_frequency
 from diagnosis.settings import DiagnosisSettings
-from identification.words import Complex, Real
+from identification.words import Complex
 from mbmodel import AddedPart
 from tuning import is_gap_visible
-
-_PARALLEL = ("stiffness", "damping")  # parameters of a joint in parallel with its law
+from tuning.workers.independent_calls import run_in_parallel
 
 
 def refit_laws(
@@ -76,7 +65,7 @@ def refit_laws(
     tasks = [add_cause(current, free_each_level(about, joint, "level")) for joint in joints]
     free = dict(zip(joints, run_refits(scene, tasks, settings.schedule), strict=True))
     joint = min(joints, key=lambda joint: free[joint].objective)
-    nearby = replace(about, theta=_read_values(free[joint], about))
+    nearby = replace(about, theta=read_values(free[joint], about))
     effects = list(dict.fromkeys(h.effect for h in hypotheses if h.spring == joint))
     starts = _find_starts(nearby, free[joint], joint, effects)
     best = min((rival.summary.cost for rival in rivals), default=np.inf)
@@ -84,103 +73,28 @@ def refit_laws(
     gain = cost - min(free[joint].summary.cost, *(start.cost for start in starts))
     if gain < LEVEL_SETTINGS.min_gain_share * (cost - best):
         return []
-    laws = [_FittedLaw(start, nearby, start.floor) for start in starts]
-    schedule = replace(settings.schedule, max_turns=LEVEL_SETTINGS.fits_per_turn)
+    laws = [FittedLaw(LawPoint(start, nearby)) for start in starts]
+    schedule = replace(settings.schedule, max_turns=1, max_steps=LEVEL_SETTINGS.steps_per_turn)
+    counted = schedule.thin(len(scene.session.campaign.freq_hz), scene.stride_factor).stride // 2
     for turn in range(LEVEL_SETTINGS.max_turns):
-        working = [law for law in laws if not law.is_settled]
-        best = min(law.objective for law in laws)
-        if turn == 1:
-            most = best + LEVEL_SETTINGS.max_start_behind_nats
-            working = [law for law in working if not law.start.is_loose or law.objective < most]
-        if turn > 1:
-            most = best + LEVEL_SETTINGS.max_behind_nats
-            working = [law for law in working if law.objective < most]
-        if not working:
-            break
-        tasks = [_build_task(current, law) for law in working]
+        working = _select_working(laws, turn)
+        plans = [law.point.plan() for law in working]
+        tables = run_in_parallel([(LawTable.simulate, plan) for plan in plans], scene.jobs)
+        for law, table in zip(working, tables, strict=True):
+            law.linearise(current, table, counted)
+        working = [law for law in working if law.task is not None]
+        tasks = [law.task for law in working if law.task is not None]
         for law, refit in zip(working, run_refits(scene, tasks, schedule), strict=True):
             law.take(refit, about)
     return [law.refit for law in laws if law.refit is not None]
 
 
-@dataclass(eq=False)
-class _FittedLaw:
-    """A law between its refits.
-
-    Args:
-        start: where its next refit begins.
-        scene: linear machine about which it is simulated.
-        floor: relative model error.
-        hits: fitted tolerances of the hits, by their names.
-        refit: the best one so far.
-        count: number of refits so far.
-        was_worse: whether the last refit ended higher than the best one. The machine had moved:
-            one more refit shows whether the objective falls again.
-        is_settled: whether a further refit would change nothing.
-    """
-
-    start: LawStart
-    scene: Scene
-    floor: float
-    hits: dict[str, float] = field(default_factory=dict)
-    refit: Refit | None = None
-    count: int = 0
-    was_worse: bool = False
-    is_settled: bool = False
-
-    @property
-    def objective(self) -> float:
-        """Objective of the best refit [nats per value]."""
-        return np.inf if self.refit is None else self.refit.objective
-
-    def take(self, refit: Refit, about: Scene) -> None:
-        """Keep a refit if it is better or the second, and begin the next one where it ended."""
-        gain = self.objective - refit.objective
-        had_gap = self.refit is None or is_gap_visible(self.refit.gap)
-        self.count += 1
-        is_worse = gain < -LEVEL_SETTINGS.settled_nats
-        is_unchanged = gain < LEVEL_SETTINGS.settled_nats and (self.was_worse or not is_worse)
-        self.is_settled = (is_unchanged and self.count > 2) or not had_gap
-        self.was_worse = is_worse
-        if self.count == 2 or gain > 0:
-            self.refit = refit
-        self.scene = replace(about, theta=_read_values(refit, about))
-        self.start, self.floor = _read_start(refit, self.start), refit.floor
-        fitted = map_values(refit.fit.parametrisation, refit.fit.theta)
-        self.hits = {name: fitted[name] for name in refit.causes[-1].believed}
-
-
-def _build_task(current: Refit, fitted: _FittedLaw) -> RefitTask:
-    """Return the next refit of a law."""
-    start, scene = fitted.start, fitted.scene
-    names = [parameter.name for parameter in scene.model.parameters]
-    theta = scene.theta.copy()
-    for kind, value in zip(_PARALLEL, start.parallel, strict=True):
-        if f"{start.joint.spring}.{kind}" in names:
-            theta[names.index(f"{start.joint.spring}.{kind}")] = value
-    scene = replace(scene, theta=theta)
-    law = build_law_hypothesis(scene, start.joint, start.family, start.theta, fitted.hits)
-    session = add_hypothesis(current.session, law)
-    causes = join_hypotheses((*current.causes, law))
-    return RefitTask(causes, session, find_start(scene, session, law), fitted.floor)
-
-
-def _read_values(refit: Refit, scene: Scene) -> Real:
-    """Return what a refit fitted of a scene's own parameters; (n_parameter,)."""
-    fitted = map_values(refit.fit.parametrisation, refit.fit.theta)
-    return np.array([fitted[parameter.name] for parameter in scene.model.parameters])
-
-
-def _read_start(refit: Refit, start: LawStart) -> LawStart:
-    """Return a law that begins where its refit ended."""
-    fitted = map_values(refit.fit.parametrisation, refit.fit.theta)
-    prefix = f"{start.joint.spring}.{start.family.effect}"
-    theta = tuple(fitted[f"{prefix}.{name}"] for name, _ in start.family.parameters)
-    parallel = [
-        fitted.get(f"{start.joint.spring}.{kind}", value)
-        for kind, value in zip(_PARALLEL, start.parallel, strict=True)
-    ]
-    return replace(start, theta=theta, parallel=np.array(parallel))
+def _select_working(laws: Sequence[FittedLaw], turn: int) -> list[FittedLaw]:
+    """Return the laws that a further turn may bring to the front."""
+    is_late = turn > LEVEL_SETTINGS.max_turns // 3
+    behind = LEVEL_SETTINGS.max_behind_nats if is_late else LEVEL_SETTINGS.max_start_behind_nats
+    most = min(law.objective for law in laws) + behind
+    return [law for law in laws if not law.is_settled and (turn < 2 or law.objective <= most)]
 
 
 def _find_starts(

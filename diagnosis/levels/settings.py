@@ -32,33 +32,33 @@ class LevelSettings:
         peak_sigma: standard deviation of a test's peak, relative: the mean of some hits by hand.
         duration_sigma: standard deviation of the duration that the noise of FRFs tells, relative.
         hit_scatter: usual standard deviation of the momentum of single hits by hand, relative.
-        hit_sizes: sizes of hits that stand for all.
-        rough_hit_sizes: sizes that stand for all on a rough law: the stiffness of a gap stays rough
-            by 4 % with two, by 1 % with eight.
+        hit_sizes: sizes of hits that stand for all, and half of them in difference quotients: the
+            stiffness of a gap stays rough by 4 % with two, by 1 % with eight.
         variance_sigma: standard deviation of the logarithm of its square; the scatter is between
             8 and 18 %.
         level_unit: of the fitted stiffness, per unit of a level's stiffness and damping.
-        difference_step: relative, of difference quotients by a law's parameters, and half the size
-            of the cells in which a law is linear in them. Where a decaying motion touches a stop or
-            slides for the last time is rough in them on a scale of 1 %.
+        difference_step: relative, of difference quotients by a law's parameters. Where a decaying
+            motion touches a stop or slides for the last time is rough in them on a scale of 1 %.
         linear_step: relative step of difference quotients by a joint's linear stiffness. It shifts
             resonances by up to half as much, which must stay within their width.
-        rough_linear_step: relative step by that stiffness on a rough law. A shorter step would
-            measure the roughness. A longer one spoils the mean over a cell beside a sharp
-            resonance: it was 15 to 19 % off with 5 %, and 5 to 7 % with 2 %.
-        kept_cells: simulated cells in memory.
-        fits_per_turn: fits of a refit, each at the error that the one before left: the next turn
-            simulates the law about another machine anyway.
-        max_turns: refits of a law, each about the machine that the one before found.
-        settled_nats: per value: a turn that lowers the objective by less is the last one.
+        steps_per_turn: Gauss-Newton steps of a turn: the law is linear in it, and so nearly is all.
+        max_turns: simulations of a law, each about the machine that the refit before left.
+        settled_nats: per value: a step of a fit alone that gains less is the last one.
+        converged_nats: per value: a turn that promises less is the last one: about one nat of a
+            campaign's 100,000 values, so that sizes are within their intervals.
+        first_radius: of the trust region, for logarithms of sizes: what the FRFs show was within
+            half of its change over 0.2, and beyond it over 0.6. It doubles after a turn that keeps
+            half of its promise, up to the largest step of a start, shrinks to a quarter after a
+            turn that lowers nothing, and ends below the step of difference quotients.
         max_start_behind_nats: per value: a law that is farther behind the best one before the
-            machine is refitted about it is not refitted.
-        max_behind_nats: per value: a law that is farther behind the best one is refitted twice; a
-            start that is farther ahead of all others leads.
+            machine is refitted about it, or after two turns, goes no further.
+        max_behind_nats: per value: a law that is farther behind the best one goes no further after
+            a third of the turns.
         min_gain_share: of what the best linear cause gains: laws that gain less are not refitted.
         min_own_share: of the stiffness at the lowest level that a joint's own spring begins with.
         start_stride: every so manyth line counts where starts are sought.
-        start_steps_per_period: of simulations where starts are sought, within 2 % of exact ones.
+        coarse_steps_per_period: of simulations where starts are sought and in difference quotients:
+            they are within 2 % of exact ones.
         fitted_families: best families of an effect that are fitted alone, before one is refitted.
         start_steps: Levenberg-Marquardt steps of these fits.
         start_damping: their first damping.
@@ -92,7 +92,7 @@ class LevelSettings:
     block_steps: int = 32
     transformed_hits: int = 32
     look_steps: int = 512
-    quiet_share: float = 1e-5
+    quiet_share: float = 1e-4
     end_decay: float = 7.0
     max_records: int = 4
     newton_steps: int = 5
@@ -105,23 +105,22 @@ class LevelSettings:
     peak_sigma: float = 0.05
     duration_sigma: float = 0.1
     hit_scatter: float = 0.12
-    hit_sizes: int = 4
-    rough_hit_sizes: int = 12
+    hit_sizes: int = 12
     variance_sigma: float = 0.8
     level_unit: float = 0.1
     difference_step: float = 0.05
-    linear_step: float = 0.01
-    rough_linear_step: float = 0.02
-    kept_cells: int = 16
-    fits_per_turn: int = 2
+    linear_step: float = 0.02
+    steps_per_turn: int = 3
     max_turns: int = 12
     settled_nats: float = 2e-3
+    converged_nats: float = 1e-5
+    first_radius: float = 0.25
     max_start_behind_nats: float = 0.5
     max_behind_nats: float = 0.1
     min_gain_share: float = 0.5
     min_own_share: float = 0.05
     start_stride: int = 8
-    start_steps_per_period: int = 16
+    coarse_steps_per_period: int = 16
     fitted_families: int = 3
     start_steps: int = 8
     start_damping: float = 1e-2

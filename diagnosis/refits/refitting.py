@@ -37,6 +37,7 @@ from tuning import (
     thin_lines,
 )
 from tuning.fitting.outlying_tolerances import are_by_chance, widen_outliers
+from tuning.misfit.residual_statistics import ModelError
 from tuning.workers.independent_calls import Call, run_in_parallel
 
 
@@ -112,11 +113,16 @@ def limit_floor(task: RefitTask, stride: int) -> RefitTask:
         task: refit with start values.
         stride: every ``stride``-th line counts.
     """
-    if task.start is None:
-        return task
-    thin = thin_lines(task.session.campaign, stride)
-    error = estimate_model_error(predict(task.session.model, task.start, thin), thin)
+    error = estimate_start_error(task, stride)
     return task if error is None else replace(task, floor=min(error.floor, task.floor))
+
+
+def estimate_start_error(task: RefitTask, stride: int) -> ModelError | None:
+    """Return the model error of a refit's start values; None without them or what they predict."""
+    if task.start is None:
+        return None
+    thin = thin_lines(task.session.campaign, stride)
+    return estimate_model_error(predict(task.session.model, task.start, thin), thin)
 
 
 def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule) -> list[Refit]:

@@ -16,6 +16,7 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.calibration import find_variance_source, load_calibration
 from diagnosis.inference.evidence import Evidence, Key
 from diagnosis.inference.posterior import compute_log_odds
+from diagnosis.levels.fitted_law import renew_laws
 from diagnosis.levels.free_levels import list_levels
 from diagnosis.levels.law_hypothesis import LawPart
 from diagnosis.refits.extended_parametrisation import hold_parameters
@@ -96,6 +97,8 @@ class CauseSearch:
     ) -> list[Refit]:
         """Return the refits on all levels of the best rivals, and of those one level hides.
 
+        The best one is refitted once more, with the law simulated about its machine.
+
         Args:
             refits: on one level.
             trials: all further causes.
@@ -111,7 +114,16 @@ class CauseSearch:
             for hypothesis, stages in trials
             if not self.shows(hypothesis)
         ]
-        return run_refits(self.scene, tasks, self.settings.schedule)
+        on_all = run_refits(self.scene, tasks, self.settings.schedule)
+        if not on_all:
+            return []
+        best = min(on_all, key=lambda refit: refit.objective)
+        # The further cause has moved the machine about which the law was simulated.
+        again = run_refits(self.scene, [renew_laws(self.scene, best)], self.settings.schedule)
+        return [
+            min(refit, *again, key=lambda refit: refit.objective) if refit is best else refit
+            for refit in on_all
+        ]
 
 
 def has_law(refit: Refit) -> bool:

@@ -186,6 +186,6 @@ def test_a_refit_begins_at_a_loose_gap_too_where_the_joint_stiffens(block):
     assert loose.cost > tight.cost
     (alone,) = fit_starts(scene, JOINT, ("backlash",), 0.9 * STIFFNESS, DAMPING)
     assert not alone.is_loose  # the joint is stiffest at the lowest level
-    tight, *others = fit_starts(softer, JOINT, ("backlash", "friction"), STIFFNESS, DAMPING)
-    assert tight.cost < min(start.cost for start in others) - 0.1
-    assert not any(start.is_loose for start in others)  # a law leads
+    tight, other, loose = fit_starts(softer, JOINT, ("backlash", "friction"), STIFFNESS, DAMPING)
+    assert tight.cost < other.cost - 0.1
+    assert loose.is_loose  # a law that leads alone may be the wrong one
