@@ -2,15 +2,31 @@
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 
-from gapbench.run import DEFAULT_SECONDS, RunError, open_set, run_entry
+from gapbench.run import DEFAULT_SECONDS, STRATA, RunError, open_set, run_entry
 from gapbench.seed import seed_of
 from gapbench.table import grade_file, markdown
 
 BUNDLED = Path(__file__).parent / "bundled.zip"
 BAD_INPUT, INTERRUPTED = 3, 130
+
+
+def _positive(text: str) -> float:
+    """Return a number above zero."""
+    number = float(text)
+    if not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text}: give a number above 0")
+    return number
+
+
+def _count(text: str) -> int:
+    """Return a whole number above zero."""
+    if not (text.isdigit() and int(text)):
+        raise argparse.ArgumentTypeError(f"{text}: give a whole number above 0")
+    return int(text)
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
@@ -19,10 +35,13 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     run = verbs.add_parser("run", help="run a command on every campaign of a set")
     run.add_argument("--out", type=Path, default=Path("answers.jsonl"), help="answers, one a line")
     run.add_argument(
-        "--seconds", type=float, default=DEFAULT_SECONDS, help="core seconds of a case, at most"
+        "--seconds",
+        type=_positive,
+        default=DEFAULT_SECONDS,
+        help=f"core seconds of a case, at most; default {DEFAULT_SECONDS:g}",
     )
-    run.add_argument("--strata", nargs="+", help="these strata alone")
-    run.add_argument("--limit", type=int, help="the first cases alone")
+    run.add_argument("--strata", nargs="+", choices=STRATA, help="these strata alone")
+    run.add_argument("--limit", type=_count, help="the first cases alone")
     run.add_argument("command", nargs="+", metavar="CMD", help="takes a folder; after -- as it is")
     grade = verbs.add_parser("grade", help="print the marks of every case of a run, as JSON")
     grade.add_argument("answers", type=Path)
@@ -33,8 +52,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     draw.add_argument("--seed", type=int, help="seed of a set to tune with")
     draw.add_argument("--archive", type=Path, help="archive of the entry; with --beacon: its seed")
     draw.add_argument("--beacon", help="value that was published after the archive")
-    draw.add_argument("--count", type=int, default=5, help="cases of each stratum")
-    draw.add_argument("--strata", nargs="+", help="these strata alone")
+    draw.add_argument("--count", type=_count, default=5, help="cases of each stratum; default 5")
+    draw.add_argument("--strata", nargs="+", choices=STRATA, help="these strata alone")
     for verb in (run, grade, table):
         verb.add_argument("--set", type=Path, default=BUNDLED, dest="cases", help="folder or .zip")
     return parser.parse_args(arguments)
@@ -61,8 +80,10 @@ def main(arguments: list[str] | None = None) -> int:
                 print(json.dumps(grade_file(given.answers, keys), indent=1))
             else:
                 pairs = [run.partition("=") for run in given.runs]
+                if bare := [name for name, equals, _ in pairs if not equals]:
+                    raise RunError(f"{bare[0]}: give NAME=ANSWERS, such as mine={bare[0]}")
                 print(markdown({name: grade_file(Path(path), keys) for name, _, path in pairs}))
-    except (RunError, OSError) as error:
+    except (RunError, OSError, UnicodeDecodeError) as error:
         print(f"gapbench: {error}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
@@ -73,7 +94,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _draw(given: argparse.Namespace) -> int:
     try:
-        from gapbench.draw import STRATA, draw_set  # noqa: PLC0415  # the extra [draw]
+        from gapbench.draw import draw_set  # noqa: PLC0415  # the extra [draw]
     except ImportError as error:
         raise RunError(f"draw needs {error.name}: pip install 'gapbench[draw]'") from error
     if (given.seed is None) == (given.archive is None) or bool(given.archive) != bool(given.beacon):

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import nnls
 
+from gapbench.run import STRATA
 from truth import Cause, Plan, Protocol, Wanted, read_station, write_campaign
 from truth.campaign.changed_tower import (
     ASSET,
@@ -40,7 +41,6 @@ from truth.machine.random_tree import draw_tree
 from truth.machine.station import GROUND, Real, Station
 from truth.random_streams import stream
 
-STRATA = ("exact", "dirty", "several", "force", "levels", "real")
 SINGLE = (
     "appendage",
     "flexible_body",

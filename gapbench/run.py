@@ -17,6 +17,7 @@ from typing import Any
 
 from gapbench.answer import AnswerError, read_answer
 
+STRATA = ("exact", "dirty", "several", "force", "levels", "real")
 DEFAULT_SECONDS = 600.0  # core seconds of a case
 WAITING_FACTOR = 5  # seconds of the clock for each of a core: other work may share the machine
 ANSWER = "answer.json"

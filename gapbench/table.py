@@ -6,10 +6,10 @@ from pathlib import Path
 from statistics import fmean, median
 from typing import Any, TypeAlias
 
-from gapbench.answer import NO_ANSWER, read_answer
+from gapbench.answer import NO_ANSWER, AnswerError, read_answer
 from gapbench.grader import grade
 from gapbench.rates import paired_difference, rate_of
-from gapbench.run import read_rows
+from gapbench.run import RunError, read_rows
 
 Row: TypeAlias = Mapping[str, Any]  # of a case: name, stratum, marks and cost
 _HEADER = (
@@ -36,12 +36,26 @@ def grade_file(path: Path, keys: Mapping[str, Any]) -> list[Row]:
     Args:
         path: file of answers.
         keys: of the set.
+
+    Raises:
+        RunError: the answers are of another set, or there are none.
     """
     effects, graded = frozenset(keys["effects"]), list[Row]()
-    for name, row in sorted(read_rows(path)[1].items()):
+    head, rows = read_rows(path)
+    if head["seed"] != keys["seed"] or not rows.keys() <= keys["cases"].keys():
+        raise RunError(
+            f"{path}: holds answers to the set of seed {head['seed']}, not of {keys['seed']}: name "
+            "its set by --set"
+        )
+    if not rows:
+        raise RunError(f"{path}: holds no answers yet: run the entry first")
+    for name, row in sorted(rows.items()):
         answer = NO_ANSWER
         if "answer" in row:
-            answer = read_answer(json.dumps(row["answer"]), effects)
+            try:
+                answer = read_answer(json.dumps(row["answer"]), effects)
+            except AnswerError as error:
+                raise RunError(f"{path}, {name}: {error}") from error
         key = keys["cases"][name]
         cost = {"core_seconds": row["core_seconds"], "error": row.get("error")}
         graded.append({"case": name, "stratum": key["stratum"], **grade(answer, key), **cost})

@@ -45,8 +45,8 @@ def settle_links(spec: mujoco.MjSpec, path: Path, with_mass: set[str]) -> tuple[
     if not left_out:
         return ()
     return (
-        f"{len(left_out)} of the meshes, such as {left_out[0]}, are missing or of a kind that "
-        "MuJoCo does not read: they are left out of the pictures, and <inertial> gives the masses",
+        f"meshes that are missing, or of a kind that MuJoCo does not read, are left out of the "
+        f"pictures: {len(left_out)}, the first of them {left_out[0]}; <inertial> gives the masses",
     )
 
 

@@ -95,4 +95,5 @@ def _line(row: ModelRow) -> str:
     if row.coordinates is None:
         return f"{row.model}\tno\t{row.reason}\n"
     error = "closed chain" if row.error is None else f"{row.error:.1e} off MuJoCo's differences"
-    return f"{row.model}\t{row.coordinates} coordinates\t{error}\n"
+    noun = "coordinate" if row.coordinates == 1 else "coordinates"
+    return f"{row.model}\t{row.coordinates} {noun}\t{error}\n"

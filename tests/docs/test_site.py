@@ -30,6 +30,12 @@ def test_the_navigation_names_every_page():
     assert sorted(named) == sorted(str(file.relative_to(ROOT / "docs")) for file in files)
 
 
+def test_the_first_page_leads_to_every_page():
+    first = (ROOT / "docs" / "index.md").read_text("utf-8")
+    named = re.findall(r": (\S+\.(?:md|ipynb))$", (ROOT / SETTINGS).read_text("utf-8"), re.M)
+    assert [page for page in named if f"({page}" not in first] == ["index.md"]
+
+
 def test_no_page_names_another_host_for_what_it_loads(site):
     loads = re.compile(r"<(?:script|img|link|iframe)[^>]*(?:src|href)=[\"']?(?:https?:)?//")
     for page in pages_of(site):

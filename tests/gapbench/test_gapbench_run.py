@@ -246,3 +246,23 @@ def test_the_wheel_has_the_whole_package_and_the_shared_statistics(tmp_path):
     files = {p for kind in ("*.py", "*.m", "*.zip") for p in (ROOT / "gapbench").rglob(kind)}
     assert names == {str(path.relative_to(ROOT)) for path in files}
     assert shared == (ROOT / "truth" / "grade" / "rates.py").read_bytes()
+
+
+def test_answers_of_another_set_are_not_graded(cases, tmp_path, capsys):
+    assert run(cases, tmp_path, SAYS_NONE) == 0
+    answers = tmp_path / "answers.jsonl"
+    assert main(["grade", str(answers)]) == 3  # by the bundled keys
+    assert "of seed 7, not of 930000: name its set by --set" in capsys.readouterr().err
+    answers.write_text(answers.read_text("utf-8").partition("\n")[0] + "\n", encoding="utf-8")
+    assert main(["table", "--set", str(cases), f"mine={answers}"]) == 3
+    assert "holds no answers yet" in capsys.readouterr().err
+    assert main(["table", "--set", str(cases), str(answers)]) == 3
+    assert "give NAME=ANSWERS" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", [("--seconds", "nan"), ("--limit", "0"), ("--strata", "foo")])
+def test_numbers_and_strata_that_make_no_sense_are_refused(cases, tmp_path, option):
+    with pytest.raises(SystemExit) as ended:
+        run(cases, tmp_path, SAYS_NONE, *option)
+    assert ended.value.code == 2
+    assert not (tmp_path / "answers.jsonl").exists()
