@@ -221,7 +221,6 @@ def test_the_tree_of_bodies_is_that_of_the_joints(scene):
     ("file", "free", "joined"),
     [
         ("hexapod.xml", (WORLD, "platform"), ("leg1", "strut1")),
-        ("gallery/suspension.xml", (WORLD, "mirror"), None),
         ("two_bodies.xml", None, (WORLD, "table")),
         ("gallery/gantry.xml", None, ("carriage", "pendulum")),  # a hinge without a spring
     ],
