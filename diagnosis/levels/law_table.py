@@ -1,4 +1,4 @@
-r"""What a law adds to the joint in each test: linear about a start, averaged over scattered hits.
+r"""Effect of a law on the joint in each test: linear about a start, averaged over scattered hits.
 
 No two hits are alike: H1 is the average of what all hits of a test show, each weighted by the power
 of its force. With kappa_i the joint's stiffness under hit i, beside that of one linear machine, and
@@ -49,7 +49,7 @@ from identification.words import Complex, Mask, Real
 
 @dataclass(frozen=True, eq=False)
 class LawTable:
-    """What a law adds to the joint on every line of every test, linear about where a refit begins.
+    """Effect of a law on the joint at each line of each test, linear about where a refit begins.
 
     The coordinates are logarithms of sizes, and parameters that are no sizes as they are. Hits of
     another peak are those of the estimated one on a similar law: all motion scales with them if the

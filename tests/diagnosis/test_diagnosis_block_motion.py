@@ -50,5 +50,5 @@ def test_blocks_of_steps_are_one_step_after_the_other():
             inward = [entry * driven[k] - np.outer(joint, forces[k, case]) for k in (n - 1, n)]
             state = decay * state + before * inward[0] + after * inward[1]
             stretch.append((machine.readout @ state).real)
-        found = np.array(in_blocks)[:, case]
-        np.testing.assert_allclose(found, stretch, atol=1e-12 * np.abs(stretch).max())
+        by_blocks = np.array(in_blocks)[:, case]
+        np.testing.assert_allclose(by_blocks, stretch, atol=1e-12 * np.abs(stretch).max())

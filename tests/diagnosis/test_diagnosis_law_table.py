@@ -137,7 +137,7 @@ def test_a_table_follows_the_scale_of_the_machine(tested, family, start, followe
 
 
 def add_joint(table, values):
-    """What table and spring add to the joint of the machine on test; (n_test, n_freq)."""
+    """Effect of table and spring on the joint of the machine on test; (n_test, n_freq)."""
     spring = dict(zip(table.names, values, strict=True))
     freq_hz = table.joint.freq_hz
     added = spring["stiffness"] - STIFFNESS if "stiffness" in spring else 0.0

@@ -32,8 +32,8 @@ def build_site(folder: Path) -> Path:
         ValueError: an equation that cannot be converted, or a notebook with an error.
     """
     pages, site = folder / "docs", folder / "site"
-    for made in (pages, site):
-        shutil.rmtree(made, ignore_errors=True)
+    for earlier in (pages, site):
+        shutil.rmtree(earlier, ignore_errors=True)
     shutil.copytree(ROOT / "docs", pages)
     for notebook in sorted(pages.rglob("*.ipynb")):
         root = "../" * len(notebook.relative_to(pages).parts)

@@ -132,12 +132,12 @@ def without_hammer_table() -> str:
     """Rates of diagnoses by motors and encoders, and by a hammer, of the same machines."""
     rows = []
     for row in bench_rows("without_hammer"):
-        found = Rate(row["found %"], (row["from"], row["to"]), row["n"])
+        first = Rate(row["found %"], (row["from"], row["to"]), row["n"])
         share, count = row["wrong cause %"], row["n"]
         low, high = wilson(round(count * share / 100), count)
         wrong = Rate(share, (100 * low, 100 * high), count)
         seconds = f"{row['core s']:.0f}"
-        rows.append((row["test"].capitalize(), count, str(found), str(wrong), seconds))
+        rows.append((row["test"].capitalize(), count, str(first), str(wrong), seconds))
     header = ("Test", "n", "Fault first", "A wrong cause", "Core seconds")
     return table(header, rows, text=1)
 

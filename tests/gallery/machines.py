@@ -67,13 +67,13 @@ class GalleryMachine:
 
     @property
     def record(self) -> Mapping[str, Any]:
-        """What the full run noted; empty before."""
+        """Record of the full run; empty before it."""
         path = self.diagnosed / RECORD
         return json.loads(path.read_text("utf-8")) if path.is_file() else {}
 
     @cached_property
     def answer(self) -> Mapping[str, Any]:
-        """What the machine hides; empty for a measured one."""
+        """Hidden effect, place and sizes, by answer.toml; empty for a measured machine."""
         path = self.campaign / "answer.toml"
         return tomllib.loads(path.read_text("utf-8")) if path.is_file() else {}
 

@@ -77,11 +77,11 @@ def test_a_link_to_either_of_two_bodies_on_a_stiff_joint_looks_alike():
         )
         for stage in tree.stages
     ]
-    found = []
+    lookalikes = []
     for station in (tree, replace(tree, stages=tuple(stages))):
         protocol = Protocol((station.first_aim(),), (200.0,), 10, 1, 201, 0.75)
         cause = Cause((Wanted("parallel_path", "pair:world-stage2", 4.0),))
         plan = Plan(5, cause, protocol, REAL_INSTRUMENTS)
-        found.append(_alike_places(draw_subject(station, plan), plan))
-    assert found == [{}, {"pair:world-stage2": ["pair:stage1-stage3"]}]
+        lookalikes.append(_alike_places(draw_subject(station, plan), plan))
+    assert lookalikes == [{}, {"pair:world-stage2": ["pair:stage1-stage3"]}]
     assert np.isclose(stages[2].joints[0].stiffness, 100 * tree.stages[2].joints[0].stiffness)
