@@ -70,6 +70,25 @@ def list_pairs(ends: Ends) -> list[tuple[float, float] | None]:
     return [end for end in ends if not isinstance(end, int | float)]
 
 
+def list_components(value: Value) -> Real:
+    """Return a number or a vector as numbers; NaN where nothing shows a component."""
+    row = value if isinstance(value, tuple) else (value,)
+    return np.array([np.nan if each is None else each for each in row])
+
+
+def end_at(limit: Value, fitted: Value, ends: Ends) -> Ends:
+    """Return the interval of a fitted value without what lies beyond a limit of it."""
+    clipped = []
+    for pair, last, middle in zip(
+        list_pairs(ends), list_components(limit), list_components(fitted), strict=True
+    ):
+        side = np.maximum if middle >= last else np.minimum
+        clipped.append(
+            None if pair is None else (float(side(pair[0], last)), float(side(pair[1], last)))
+        )
+    return tuple(clipped) if isinstance(fitted, tuple) or clipped[0] is None else clipped[0]
+
+
 def may_be_zero(ends: Ends) -> bool:
     """Return whether an interval holds zero: of a vector, those of all known components.
 

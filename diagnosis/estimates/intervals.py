@@ -23,6 +23,8 @@ from tuning import (
     Fit,
     ParameterConfidence,
     Parametrisation,
+    Session,
+    Stage,
     estimate_confidence,
     fit,
     is_gap_visible,
@@ -205,20 +207,9 @@ def fit_parameters(
     model, campaign, parametrisation = session.model, session.campaign, fitted.parametrisation
     stride, is_visible = stride_factor, is_gap_visible(refit.gap)
     if is_final and not is_visible:
-        stage = replace(
-            STAGES[-1],
-            model_error_floor=refit.floor,
-            stride=stride_factor,
-        )
-        fitted = fit(
-            model,
-            campaign,
-            parametrisation=parametrisation,
-            starts=(refit.fit.theta,),
-            stages=(stage,),
-        )
-        if fitted.outcome == "interrupted":
-            raise KeyboardInterrupt
+        stage = replace(STAGES[-1], model_error_floor=refit.floor, stride=stride_factor)
+        whole = replace(session, parametrisation=parametrisation)
+        fitted = fit_final_stage(whole, refit.fit.theta, stage)
         confidence = estimate_confidence(model, thin_lines(campaign, stride), fitted)
     else:
         stride = settings.schedule.stride // 2 * stride_factor
@@ -236,3 +227,24 @@ def fit_parameters(
         stride,
         0.0 if model.machine.rest is None else model.machine.rest.scale_deviation,
     )
+
+
+def fit_final_stage(session: Session, start: Real, stage: Stage) -> Fit:
+    """Return the fit of a session by one stage, in as many steps as it needs.
+
+    Args:
+        start: start values [SI]; (n_parameter,).
+
+    Raises:
+        KeyboardInterrupt: the fit was interrupted.
+    """
+    fitted = fit(
+        session.model,
+        session.campaign,
+        parametrisation=session.parametrisation,
+        starts=(start,),
+        stages=(stage,),
+    )
+    if fitted.outcome == "interrupted":
+        raise KeyboardInterrupt
+    return fitted

@@ -16,22 +16,21 @@ straight line for a parabola, by a few steps of regula falsi (Dowell and Jarratt
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtri
 
+from diagnosis.estimates.held_coordinate import find_deviance
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.inference.calibration import load_calibration
 from diagnosis.levels.law_hypothesis import LawPart
 from diagnosis.refits.extended_parametrisation import hold_parameters
 from diagnosis.refits.refit import Refit, map_values
-from diagnosis.refits.refitting import RefitTask, run_refits
 from diagnosis.settings import DiagnosisSettings
-from diagnosis.stated_values import Ends, Value, list_pairs
+from diagnosis.stated_values import Ends, Value, end_at, list_components, list_pairs
 from identification.words import Real
-from tuning import NORMAL_QUANTILE_95
+from tuning import NORMAL_QUANTILE_95, Fit, Parametrisation
 
 _QUANTILE = NORMAL_QUANTILE_95 * NORMAL_QUANTILE_95  # D at the ends of a 95 % interval
 _ONE_SIDED_QUANTILE = float(chdtri(1, 0.10))  # of a size that cannot be negative: 2.7
@@ -69,8 +68,7 @@ def find_named_size(
         scene: thinning of the lines, and processes.
         parameters: its parameters with their confidence.
     """
-    intervals = parameters.estimate_intervals(cause)
-    fitted = parameters.state_parameters(cause)
+    fitted, intervals = parameters.state_parameters(cause), parameters.estimate_intervals(cause)
     # An effect that is not there may state nothing, as a rigid mounting has no frequency.
     at_zero = map_values(parameters.parametrisation, _remove(parameters, cause))
     without = fitted | cause.state(at_zero)
@@ -80,7 +78,9 @@ def find_named_size(
         return NamedSize(intervals, excludes_no_effect=True)
     if _excludes(intervals[size], without[size]):
         return NamedSize(intervals, excludes_no_effect=True)
-    profile = _Profile.along(scene, refit, cause, size, settings)
+    if _is_one_sided(parameters.parametrisation, cause):
+        intervals |= {size: end_at(without[size], fitted[size], intervals[size])}
+    profile = _Profile.along(scene, refit, parameters, cause, size, settings)
     if profile is None or not profile.shows_size:
         return NamedSize(intervals, excludes_no_effect=False)
     pairs = list_pairs(intervals[size])
@@ -97,21 +97,21 @@ def _remove(parameters: FittedParameters, cause: Hypothesis) -> Real:
     return varies.theta(np.where(np.isin(np.array(varies.names), cause.coordinates), 0.0, x))
 
 
-def _list_components(value: Value) -> Real:
-    """Return a number or a vector as numbers; NaN where nothing shows a component."""
-    row = value if isinstance(value, tuple) else (value,)
-    return np.array([np.nan if each is None else each for each in row])
-
-
 def _differs(first: Value, second: Value) -> bool:
     """Return whether a size depends on the coordinates of the cause."""
-    change = np.abs(_list_components(first) - _list_components(second))
+    change = np.abs(list_components(first) - list_components(second))
     return bool(np.nanmax(change, initial=0.0) > 0)
+
+
+def _is_one_sided(varies: Parametrisation, cause: Hypothesis) -> bool:
+    """Return whether no coordinate that makes a size can be negative."""
+    makes_size = np.isin(np.array(varies.names), cause.coordinates) & ~varies.is_tolerance
+    return bool(makes_size.any() and (varies.lower[makes_size] >= 0).all())
 
 
 def _excludes(ends: Ends, without: Value) -> bool:
     """Return whether the interval of a component leaves out its value of no effect."""
-    values = _list_components(without).tolist()
+    values = list_components(without).tolist()
     return any(
         pair is not None and not pair[0] <= value <= pair[1]
         for pair, value in zip(list_pairs(ends), values, strict=True)
@@ -123,7 +123,7 @@ class _Profile:
     """Profile of the coordinate that makes most of a size.
 
     Args:
-        refit: fit of the set with the cause.
+        fit: fit that states the size.
         cause: the cause.
         name: name of the coordinate.
         size: name of the stated size.
@@ -132,7 +132,7 @@ class _Profile:
         without: sqrt(D) without the coordinate.
     """
 
-    refit: Refit
+    fit: Fit
     cause: Hypothesis
     name: str
     size: str
@@ -141,21 +141,23 @@ class _Profile:
     without: float
 
     @classmethod
-    def along(
+    def along(  # the arguments of ``find_named_size``, and the size
         cls,
         scene: Scene,
         refit: Refit,
+        parameters: FittedParameters,
         cause: Hypothesis,
         size: str,
         settings: DiagnosisSettings,
     ) -> "_Profile | None":
         """Return the profile of a size; None if no free coordinate of the cause makes it."""
-        varies, x = refit.fit.parametrisation, refit.fit.x
+        stating = parameters.fit or refit.fit
+        varies, x = stating.parametrisation, stating.x
         fitted = cause.state(map_values(varies, varies.theta(x)))
 
         def state(coordinates: Real) -> Real:
             values = map_values(varies, varies.theta(coordinates))
-            return _list_components((fitted | cause.state(values))[size])
+            return list_components((fitted | cause.state(values))[size])
 
         changes = {
             name: np.nan_to_num(np.abs(state(np.where(at == np.arange(len(x)), 0.0, x)) - state(x)))
@@ -166,31 +168,27 @@ class _Profile:
         if name is None or not changes[name].max() > 0:
             return None
         component = int(changes[name].argmax())
-        count = refit.summary.count_independent(load_calibration())
+        deviance_at = find_deviance(scene, refit, parameters, settings)
 
         def root(value: float) -> tuple[float, float]:
             at = np.where(np.array(varies.names) == name, value, x)
             start = varies.theta(at)
-            held = hold_parameters(varies, start, (name,))
-            task = RefitTask(
-                refit.hypothesis, replace(refit.session, parametrisation=held), start, refit.floor
-            )
-            (end,) = run_refits(scene, [task], settings.schedule)
-            deviance = 2 * count * (end.objective - refit.objective)
+            deviance, theta = deviance_at(hold_parameters(varies, start, (name,)), start)
+            values = cause.state(map_values(varies, theta))
             return float(np.sqrt(max(deviance, 0.0))), float(
-                _list_components(end.state_parameters(cause)[size])[component]
+                list_components(values[size])[component]
             )
 
-        return cls(refit, cause, name, size, component, root, root(0.0)[0])
+        return cls(stating, cause, name, size, component, root, root(0.0)[0])
 
     @property
     def _at(self) -> int:
         """Number of the coordinate."""
-        return self.refit.fit.parametrisation.names.index(self.name)
+        return self.fit.parametrisation.names.index(self.name)
 
     @property
     def _fitted(self) -> float:
-        return float(self.refit.fit.x[self._at])
+        return float(self.fit.x[self._at])
 
     @property
     def _near_quantile(self) -> float:
@@ -206,7 +204,7 @@ class _Profile:
 
     def find_ends(self) -> tuple[float, float] | None:
         """Return the ends of the stated component; None if it has no end away from no effect."""
-        varies = self.refit.fit.parametrisation
+        varies = self.fit.parametrisation
         limits = float(varies.lower[self._at]), float(varies.upper[self._at])
         value = self._fitted
         for _ in range(_MAX_DOUBLINGS):

@@ -148,7 +148,9 @@ def _build_row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
         )
     update = {
         "parameters": parameters.state_parameters(present),
-        "interval": diagnosis.present.intervals.get(key) or parameters.estimate_intervals(present),
+        "interval": diagnosis.present.intervals[key]
+        if key in diagnosis.present.intervals
+        else parameters.estimate_intervals(present),
         "excess_after": after.gap.excess,
     }
     return row.model_copy(update=update)

@@ -8,10 +8,13 @@ import pytest
 from scipy.stats import chi2
 
 from diagnosis import EFFECTS
-from diagnosis.estimates import profiled_sizes
-from diagnosis.estimates.intervals import FittedParameters
+from diagnosis.estimates import held_coordinate, profiled_sizes
+from diagnosis.estimates.held_coordinate import find_deviance
+from diagnosis.estimates.intervals import FittedParameters, fit_parameters
 from diagnosis.estimates.profiled_sizes import find_named_size
 from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.null_model import fit_null_model
+from diagnosis.refits.extended_parametrisation import hold_parameters
 from diagnosis.refits.refit import map_values
 from diagnosis.refits.refitting import add_hypothesis, find_start
 from diagnosis.settings import SETTINGS
@@ -41,6 +44,7 @@ def refits(monkeypatch):
             theta=lambda at: at,
             coordinates=lambda theta: theta,
             lower=np.full(len(x), lower),
+            is_tolerance=np.zeros(len(x), bool),
             upper=np.full(len(x), upper),
         )
         fitted = np.array(x)
@@ -52,14 +56,10 @@ def refits(monkeypatch):
             theta, held = task.session.parametrisation
             value = float(theta[names.index(held[0])])
             refitted_at.append((held[0], value))
-
-            def state(cause):
-                return cause.state(dict(zip(names, theta.tolist(), strict=True)))
-
             cost = deviance(value) / (2 * COUNT)
-            return [SimpleNamespace(objective=1.0 + cost, state_parameters=state)]
+            return [SimpleNamespace(objective=1.0 + cost, fit=SimpleNamespace(theta=theta))]
 
-        monkeypatch.setattr(profiled_sizes, "run_refits", run)
+        monkeypatch.setattr(held_coordinate, "run_refits", run)
         monkeypatch.setattr(profiled_sizes, "hold_parameters", lambda _, theta, held: (theta, held))
         refit = SimpleNamespace(
             fit=SimpleNamespace(parametrisation=varies, x=fitted),
@@ -127,6 +127,16 @@ def test_a_link_that_may_be_far_stiffer_but_not_absent_is_named_and_a_lost_one_i
     assert not name_size(between, cause()).excludes_no_effect  # it may be negative: 3.84
 
 
+def test_the_interval_of_a_size_that_cannot_be_negative_ends_at_none(refits):
+    prepare, _ = refits
+    lost = prepare(lambda _: 0.0, x=(2.0,), deviation=(4.0,), lower=0.0)
+    named = name_size(lost, cause())
+    assert not named.excludes_no_effect
+    assert named.intervals["stiffness"] == pytest.approx((0.0, 2 + 4 * QUANTILE))
+    either = name_size(prepare(lambda _: 0.0, x=(2.0,), deviation=(4.0,)), cause())
+    assert either.intervals["stiffness"] == pytest.approx((2 - 4 * QUANTILE, 2 + 4 * QUANTILE))
+
+
 def test_what_states_nothing_without_the_effect_has_no_value_that_an_interval_could_hold(refits):
     prepare, refitted_at = refits
     rigid = cause(lambda found: {"frequency": 100.0 / found["a"]} if found["a"] > 0 else {})
@@ -171,3 +181,20 @@ def test_an_end_beyond_the_bound_of_a_coordinate_is_the_bound(refits):
     named = name_size(case, cause(signed=True))
     assert named.intervals["stiffness"][1] == pytest.approx(3.0)
     assert replace(named, intervals={}).excludes_no_effect
+
+
+def test_where_noise_remains_the_deviance_is_that_of_the_fit_that_states_the_size(tmp_path):
+    session, _ = drawn(tmp_path, 72_014, lines=121)
+    scene = Scene(session, session.model.drawn)
+    refit = fit_null_model(scene, SETTINGS)
+    parameters = fit_parameters(refit)
+    assert parameters.fit is not refit.fit
+    varies, x = parameters.parametrisation, parameters.confidence.x
+    deviance_at = find_deviance(scene, refit, parameters, SETTINGS)
+    best = int(np.argmin(np.where(varies.is_tolerance, np.inf, parameters.confidence.deviation)))
+    for sigmas in (0.0, -2.0, 2.0):
+        at = x + sigmas * parameters.confidence.deviation * (np.arange(len(x)) == best)
+        held = hold_parameters(varies, varies.theta(at), (varies.names[best],))
+        deviance, theta = deviance_at(held, varies.theta(at))
+        assert deviance == pytest.approx(sigmas**2, abs=0.1)
+        assert varies.coordinates(theta)[best] == pytest.approx(at[best])
