@@ -115,7 +115,6 @@ class Hypothesis:
         valid_below_bound: parameters that describe the effect only below their upper bound. A fit
             that ends at the bound describes another effect, such as a mass for an appendage.
         is_modelled: whether a fit with the Parts, or the corrected campaign, contains the effect.
-        members: hypotheses of a set of several; empty for a single one.
         spring: joint direction of a law that depends on the level: its Parts are scored, but a
             refit fits the law itself (``diagnosis.levels``).
         movable: how its fitted values start the same effect at other bodies; None if they do not.
@@ -142,7 +141,6 @@ class Hypothesis:
     believed: Mapping[str, float] = field(default_factory=dict)
     valid_below_bound: tuple[str, ...] = ()
     is_modelled: bool = True
-    members: tuple["Hypothesis", ...] = ()
     spring: "JointDirection | None" = None
     movable: Movable | None = None
     state: Callable[[Mapping[str, float]], dict[str, Value]] = state_nothing

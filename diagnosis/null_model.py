@@ -117,7 +117,7 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
         null = restore_fit(kept, varies, schedule)
     session = replace(session, parametrisation=null.parametrisation)
     return complete_refit(
-        describe_fit(session, null, schedule.stride, find_lags(scene)), None, session
+        describe_fit(session, null, schedule.stride, find_lags(scene)), (), session
     )
 
 
@@ -131,8 +131,8 @@ def refit_from(
     Args:
         refit_with_causes: refit with causes.
     """
-    start = find_start(refit_with_causes, null.session, None)
+    start = find_start(refit_with_causes, null.session)
     (refit,) = run_refits(
-        scene, [RefitTask(None, null.session, start, null.floor)], settings.schedule
+        scene, [RefitTask((), null.session, start, null.floor)], settings.schedule
     )
     return min(null, refit, key=lambda candidate: candidate.objective)

@@ -64,7 +64,7 @@ def estimate_gaps_by_level(
         return rows, None
     middle = levels[len(levels) // 2]
     calls: list[Call] = [
-        (foretell_level, (replace(held.refit, hypothesis=None), middle)) for held in (before, after)
+        (foretell_level, (replace(held.refit, causes=()), middle)) for held in (before, after)
     ]
     retuned, with_causes = run_in_parallel(calls, scene.jobs)
     return rows, _build_row(middle, unit, retuned, with_causes)

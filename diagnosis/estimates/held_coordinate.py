@@ -40,7 +40,7 @@ def find_deviance(
 
         def refit_at(held: Parametrisation, start: Real) -> tuple[float, Real]:
             session = replace(refit.session, parametrisation=held)
-            task = RefitTask(refit.hypothesis, session, start, refit.floor)
+            task = RefitTask(refit.causes, session, start, refit.floor)
             (end,) = run_refits(scene, [task], settings.schedule)
             return 2 * count * (end.objective - refit.objective), end.fit.theta
 

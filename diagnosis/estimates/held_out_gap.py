@@ -11,10 +11,9 @@ from scipy.special import stdtrit
 
 from diagnosis.estimates.intervals import FittedParameters, fit_parameters
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.null_model import Baseline, fit_null_model
 from diagnosis.refits.refit import Refit
-from diagnosis.refits.refitting import RefitTask, add_hypothesis, find_start, run_refits
+from diagnosis.refits.refitting import RefitTask, add_hypotheses, find_start, run_refits
 from diagnosis.settings import DiagnosisSettings
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from tuning import (
@@ -142,7 +141,7 @@ def estimate_gaps(
     if not last.causes:
         return GapEstimates(hold_out(scene, null), None, None)
     factor, settings = scene.stride_factor, scene.settings
-    first_alone, last_alone = (replace(refit, hypothesis=None) for refit in (null, last))
+    first_alone, last_alone = (replace(refit, causes=()) for refit in (null, last))
     calls: list[Call] = [
         (_fit_folds, (last_alone, factor, settings)),
         (fit_parameters, (last_alone, factor, settings)),
@@ -176,10 +175,8 @@ def _refit_whole(
     if not causes:
         return None
     whole = replace(whole, parametrisation=scene.session.parametrisation)
-    joined = join_hypotheses(causes)
-    session = add_hypothesis(whole, joined)
-    new = join_hypotheses(proven) if proven else None
-    task = RefitTask(joined, session, find_start(best, session, new), best.floor)
+    session = add_hypotheses(whole, *causes)
+    task = RefitTask(causes, session, find_start(best, session, *proven), best.floor)
     (refit,) = run_refits(scene, [task], settings.schedule)
     return refit
 

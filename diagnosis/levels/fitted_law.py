@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from diagnosis.hypothesis import JointDirection, Scene
-from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.levels.law_alone import LawStart
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_hypothesis import LawPart, build_law_hypothesis, plan_simulation
@@ -23,7 +22,7 @@ from diagnosis.levels.tested_joint import TestedJoint
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.refits.refitting import (
     RefitTask,
-    add_hypothesis,
+    add_hypotheses,
     estimate_start_error,
     find_start,
 )
@@ -134,8 +133,8 @@ def _build_task(current: Refit, point: LawPoint, table: LawTable, radius: float)
     law = build_law_hypothesis(
         scene, start.joint, start.family, start.theta, point.hits, table=table, radius=radius
     )
-    session = add_hypothesis(current.session, law)
-    causes = join_hypotheses((*current.causes, law))
+    session = add_hypotheses(current.session, law)
+    causes = (*current.causes, law)
     return RefitTask(causes, session, find_start(scene, session, law), start.floor)
 
 
@@ -170,10 +169,7 @@ def renew_laws(scene: Scene, refit: Refit) -> RefitTask:
         beside = [each for each in causes if each is not causes[number]]
         if part is None or cause.dof is None:
             continue
-        about = scene
-        if beside:
-            session = add_hypothesis(scene.session, join_hypotheses(beside))
-            about = replace(scene, session=session)
+        about = replace(scene, session=add_hypotheses(scene.session, *beside))
         family = part.table.family
         causes[number] = build_law_hypothesis(
             replace(about, theta=read_values(refit, about)),
@@ -182,6 +178,5 @@ def renew_laws(scene: Scene, refit: Refit) -> RefitTask:
             tuple(fitted[f"{part.spring}.{family.effect}.{name}"] for name, _ in family.parameters),
             {name: fitted[name] for name in cause.believed},
         )
-    renewed = join_hypotheses(causes)
-    session = add_hypothesis(scene.session, renewed)
-    return RefitTask(renewed, session, find_start(refit, session, None), refit.floor)
+    session = add_hypotheses(scene.session, *causes)
+    return RefitTask(tuple(causes), session, find_start(refit, session), refit.floor)

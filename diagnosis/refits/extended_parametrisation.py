@@ -1,7 +1,8 @@
-"""Parametrisation of a session with a hypothesis: releases, ties, bounds and priors."""
+"""Parametrisation of a session with hypotheses: releases, ties, bounds and priors."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,45 +11,49 @@ from identification.words import Real
 from mbmodel import Model
 from tuning import Parametrisation, Session, parametrise
 
+_Value = TypeVar("_Value", str, float)
+
 
 def extend_parametrisation(
-    varies: Parametrisation, model: Model, session: Session, hypothesis: Hypothesis
+    varies: Parametrisation, model: Model, session: Session, hypotheses: Sequence[Hypothesis]
 ) -> Parametrisation:
-    """Return the coordinates that vary under a hypothesis.
+    """Return the coordinates that vary under some hypotheses.
 
     Args:
-        varies: coordinates without the hypothesis.
-        model: model with its Parts.
+        varies: coordinates without the hypotheses.
+        model: model with their Parts.
         session: session with the tolerances.
     """
     extended = (
         varies.extend(parametrise(model, session.campaign.tolerance))
-        if hypothesis.parts
+        if any(each.parts for each in hypotheses)
         else varies
     )
     free = (
-        extended.tie_parameters(hypothesis.follow)
-        .release_priors(hypothesis.release)
-        .vary_linearly(hypothesis.linear)
+        extended.tie_parameters(merge_values(each.follow for each in hypotheses))
+        .release_priors(tuple(name for each in hypotheses for name in each.release))
+        .vary_linearly(tuple(name for each in hypotheses for name in each.linear))
     )
-    fixed = free.fixed.copy()
+    fixed, begin = free.fixed.copy(), merge_values(each.begin for each in hypotheses)
     for k, parameter in enumerate(free.parameters):
         # A parameter that a user has fixed stays at the value that the data checks prove.
-        if parameter.name in hypothesis.begin and free.coordinate_of[k] < 0:
-            fixed[k] = hypothesis.begin[parameter.name]
+        if parameter.name in begin and free.coordinate_of[k] < 0:
+            fixed[k] = begin[parameter.name]
     lower, upper = free.lower.copy(), free.upper.copy()
     scale, is_tolerance = free.scale.copy(), free.is_tolerance.copy()
     precision = free.precision.copy()
-    for member in hypothesis.members or (hypothesis,):
-        if member.signed:
-            sizes = np.isin(np.array(free.names), member.coordinates)
+    for hypothesis in hypotheses:
+        if hypothesis.signed:
+            sizes = np.isin(np.array(free.names), hypothesis.coordinates)
             lower = np.where(sizes, 0.0, lower)
         for k, name in enumerate(free.names):
-            if name in member.bounds:
-                ends = member.bounds[name]
-                lower[k], upper[k] = _find_ends(free, k, ends) if name in member.release else ends
-            if name in member.believed:
-                deviation = member.believed[name]
+            if name in hypothesis.bounds:
+                ends = hypothesis.bounds[name]
+                lower[k], upper[k] = (
+                    _find_ends(free, k, ends) if name in hypothesis.release else ends
+                )
+            if name in hypothesis.believed:
+                deviation = hypothesis.believed[name]
                 scale[free.coordinate_of == k] = deviation
                 is_tolerance[k], precision[k] = True, 1.0
                 lower[k], upper[k] = lower[k] / deviation, upper[k] / deviation
@@ -62,14 +67,17 @@ def extend_parametrisation(
         precision=precision,
     )
     held = {
-        name: member.bounds[name][0]
-        for member in hypothesis.members or (hypothesis,)
-        for name in member.held
+        name: hypothesis.bounds[name][0] for hypothesis in hypotheses for name in hypothesis.held
     }
     if not held:
         return whole
     values = np.array([held.get(parameter.name, 0.0) for parameter in whole.parameters])
     return hold_parameters(whole, values, tuple(held))
+
+
+def merge_values(values: Iterable[Mapping[str, _Value]]) -> dict[str, _Value]:
+    """Return what several hypotheses say of parameters, by their names."""
+    return {name: value for each in values for name, value in each.items()}
 
 
 def _find_ends(

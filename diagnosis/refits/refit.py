@@ -28,13 +28,13 @@ class Refit:
     """Fit with a set of causes, at its own model-error floor.
 
     Args:
-        hypothesis: the set of causes; None for the null model.
+        causes: causes of the set; none for the null model.
         session: campaign corrected for the causes, model with their Parts.
         fit: fitted parameters.
         summary: plain numbers of the fit, as the evidence keeps them.
     """
 
-    hypothesis: Hypothesis | None
+    causes: tuple[Hypothesis, ...]
     session: Session
     fit: Fit
     summary: FittedSet
@@ -58,13 +58,6 @@ class Refit:
     def objective(self) -> float:
         """Objective of the fit per value [nats]."""
         return self.summary.objective
-
-    @property
-    def causes(self) -> tuple[Hypothesis, ...]:
-        """Causes of the set."""
-        if self.hypothesis is None:
-            return ()
-        return self.hypothesis.members or (self.hypothesis,)
 
     def state_parameters(self, cause: Hypothesis) -> dict[str, Value]:
         """Return the parameters of a cause as the verdict states them."""
@@ -166,7 +159,7 @@ def describe_fit(session: Session, fit: Fit, stride: int, lags: Sequence[int]) -
         level_excess=excess,
         **vars(statistics),
     )
-    return Refit(None, session, fit, summary)
+    return Refit((), session, fit, summary)
 
 
 def mean_shared_part(campaign: Campaign) -> float:

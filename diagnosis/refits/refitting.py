@@ -16,10 +16,9 @@ from itertools import islice
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.calibration import find_variance_source, load_calibration
 from diagnosis.refit_record import RefitRecord, restore_fit
-from diagnosis.refits.extended_parametrisation import extend_parametrisation
+from diagnosis.refits.extended_parametrisation import extend_parametrisation, merge_values
 from diagnosis.refits.refit import Refit, describe_fit
 from diagnosis.settings import DiagnosisSettings
 from identification.words import Real
@@ -46,50 +45,52 @@ class RefitTask:
     """Refit to be made.
 
     Args:
-        hypothesis: set of causes; None for the null model.
+        causes: set of causes; none for the null model.
         session: session with the causes.
         start: start values [SI]; (n_parameter,); None for the nominal model.
         floor: relative model error that the first fit tolerates.
         first_stages: stages before the first fit.
     """
 
-    hypothesis: Hypothesis | None
+    causes: tuple[Hypothesis, ...]
     session: Session
     start: Real | None
     floor: float
     first_stages: tuple[Stage, ...] = ()
 
 
-def add_hypothesis(session: Session, hypothesis: Hypothesis) -> Session:
-    """Return a session with the Parts, corrections and released tolerances of a hypothesis."""
-    model = session.model
-    if hypothesis.reform is not None:
-        model = rebuild_for_machine(model, hypothesis.reform(model.machine))
-    model = Model(model.machine, (*model.parts, *hypothesis.parts))
-    correct = hypothesis.correct
-    return replace(
-        session,
-        model=model,
-        campaign=session.campaign if correct is None else correct(session.campaign),
-        parametrisation=extend_parametrisation(session.parametrisation, model, session, hypothesis),
-    )
+def add_hypotheses(session: Session, *hypotheses: Hypothesis) -> Session:
+    """Return a session with the Parts, corrections and released tolerances of hypotheses.
+
+    Only the first reform of the machine is used: that of a body that bends adds the modes of all
+    bodies that bend.
+    """
+    model, campaign = session.model, session.campaign
+    reform = next((each.reform for each in hypotheses if each.reform is not None), None)
+    if reform is not None:
+        model = rebuild_for_machine(model, reform(model.machine))
+    model = Model(model.machine, (*model.parts, *(p for each in hypotheses for p in each.parts)))
+    for hypothesis in hypotheses:
+        campaign = campaign if hypothesis.correct is None else hypothesis.correct(campaign)
+    varies = extend_parametrisation(session.parametrisation, model, session, hypotheses)
+    return replace(session, model=model, campaign=campaign, parametrisation=varies)
 
 
-def find_start(base: Refit | Scene, session: Session, hypothesis: Hypothesis | None) -> Real:
+def find_start(base: Refit | Scene, session: Session, *hypotheses: Hypothesis) -> Real:
     """Return the start of a session from the end of a fit; (n_parameter,).
 
     Args:
         base: fit, or scene with its theta.
-        session: session with the hypothesis.
-        hypothesis: hypothesis with the start values of new parameters.
+        session: session with the hypotheses.
+        hypotheses: hypotheses with start values of new parameters.
     """
     theta = base.theta if isinstance(base, Scene) else base.fit.theta
     parameters = base.session.model.parameters
     fitted = dict(zip((p.name for p in parameters), theta.tolist(), strict=True))
     names = [parameter.name for parameter in session.model.parameters]
-    starts = {} if hypothesis is None else {**fitted, **hypothesis.begin}
-    follow = {} if hypothesis is None else hypothesis.follow
-    values = [starts.get(name, fitted.get(name, 0.0)) for name in names]
+    starts = merge_values((fitted, *(each.begin for each in hypotheses)))
+    follow = merge_values(each.follow for each in hypotheses)
+    values = [starts.get(name, 0.0) for name in names]
     for k, name in enumerate(names):
         if name in follow:
             values[k] = values[names.index(follow[name])]
@@ -100,10 +101,9 @@ def add_cause(
     base: Refit, hypothesis: Hypothesis, first_stages: tuple[Stage, ...] = ()
 ) -> RefitTask:
     """Return the task of a refit with one more cause, from the end of a refit."""
-    session = add_hypothesis(base.session, hypothesis)
+    session = add_hypotheses(base.session, hypothesis)
     start = find_start(base, session, hypothesis)
-    causes = join_hypotheses((*base.causes, hypothesis))
-    return RefitTask(causes, session, start, base.floor, first_stages)
+    return RefitTask((*base.causes, hypothesis), session, start, base.floor, first_stages)
 
 
 def limit_floor(task: RefitTask, stride: int) -> RefitTask:
@@ -142,7 +142,7 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
     names = [record.next_name(_name_causes(task)) for task in tasks]
     finished = [record.recall(name) for name in names]
     calls: list[Call] = [
-        (_refit, (replace(task, hypothesis=None), schedule, threads, lags))
+        (_refit, (replace(task, causes=()), schedule, threads, lags))
         if kept is None
         else (_describe_kept, (task.session, kept, schedule, lags))
         for task, kept in zip(tasks, finished, strict=True)
@@ -154,7 +154,7 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
             record.keep(name, refit.fit)
         results.append(refit)
     return [
-        complete_refit(refit, task.hypothesis, task.session)
+        complete_refit(refit, task.causes, task.session)
         for task, refit in zip(tasks, results, strict=True)
     ]
 
@@ -164,10 +164,10 @@ def find_lags(scene: Scene) -> tuple[int, ...]:
     return scene.settings.serial_lags if scene.has_independent_lines else ()
 
 
-def complete_refit(refit: Refit, hypothesis: Hypothesis | None, session: Session) -> Refit:
-    """Return a refit with its hypothesis and session, and what follows from these."""
+def complete_refit(refit: Refit, causes: tuple[Hypothesis, ...], session: Session) -> Refit:
+    """Return a refit with its causes and session, and what follows from these."""
     fit = replace(refit.fit, parametrisation=session.parametrisation)
-    refit = replace(refit, hypothesis=hypothesis, session=session, fit=fit)
+    refit = replace(refit, causes=causes, session=session, fit=fit)
     numbers = {
         "keys": refit.keys,
         "prior": float(fit.x @ (fit.parametrisation.precision * fit.x) / 2),
@@ -180,10 +180,7 @@ def complete_refit(refit: Refit, hypothesis: Hypothesis | None, session: Session
 
 def _name_causes(task: RefitTask) -> str:
     """Return the causes of a refit in words."""
-    if task.hypothesis is None:
-        return "no cause"
-    causes = task.hypothesis.members or (task.hypothesis,)
-    return " + ".join(cause.words for cause in causes)
+    return " + ".join(cause.words for cause in task.causes) or "no cause"
 
 
 def _describe_kept(
@@ -223,7 +220,7 @@ def admit_outliers(
         wide = widen_outliers(refit.session.parametrisation, refit.fit.x, sigma)
         if wide is not None:
             session = replace(refit.session, parametrisation=wide)
-            tasks.append(RefitTask(refit.hypothesis, session, refit.fit.theta, refit.floor))
+            tasks.append(RefitTask(refit.causes, session, refit.fit.theta, refit.floor))
             chosen.append(number)
     admitted = list(refits)
     for number, wider in zip(chosen, run_refits(scene, tasks, settings.schedule), strict=True):

@@ -17,13 +17,12 @@ from dataclasses import replace
 from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import (
     RefitTask,
     add_cause,
-    add_hypothesis,
+    add_hypotheses,
     find_start,
     limit_floor,
     run_refits,
@@ -122,10 +121,9 @@ def _leave_out(
     """
     tasks = []
     for causes in sets:
-        kept = join_hypotheses(causes)
-        session = add_hypothesis(scene.session, kept)
-        start = find_start(best, session, None)
-        task = hold_law(RefitTask(kept, session, start, search.null.floor))
+        session = add_hypotheses(scene.session, *causes)
+        start = find_start(best, session)
+        task = hold_law(RefitTask(tuple(causes), session, start, search.null.floor))
         tasks.append(limit_floor(task, settings.score_stride * scene.stride_factor))
     return run_refits(scene, tasks, settings.schedule)
 

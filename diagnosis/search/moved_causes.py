@@ -13,12 +13,11 @@ import numpy as np
 
 from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.evidence import Key
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.refits.refitting import (
     RefitTask,
-    add_hypothesis,
+    add_hypotheses,
     find_start,
     limit_floor,
     run_refits,
@@ -87,13 +86,13 @@ def _list_moves(
     """
     for cause in causes:
         kept = [stays for stays in fitted.causes if stays is not cause]
-        session = add_hypothesis(scene.session, join_hypotheses(kept)) if kept else scene.session
+        session = add_hypotheses(scene.session, *kept)
         for moved in _list_moved(scene, fitted, cause):
             if frozenset((*(stays.key for stays in kept), moved.key)) in visited:
                 continue
-            whole = add_hypothesis(session, moved)
+            whole = add_hypotheses(session, moved)
             start = find_start(fitted, whole, moved)
-            yield RefitTask(join_hypotheses((*kept, moved)), whole, start, floor)
+            yield RefitTask((*kept, moved), whole, start, floor)
 
 
 def _list_moved(scene: Scene, fitted: Refit, cause: Hypothesis) -> Iterator[Hypothesis]:

@@ -24,7 +24,7 @@ from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import (
     RefitTask,
     add_cause,
-    add_hypothesis,
+    add_hypotheses,
     find_start,
     run_refits,
 )
@@ -56,7 +56,7 @@ class CauseSearch:
         """Return the search for one more cause beside a set."""
         if not has_law(current):
             return cls(scene, current, current, settings)
-        task = RefitTask(current.hypothesis, current.session, current.fit.theta, current.floor)
+        task = RefitTask(current.causes, current.session, current.fit.theta, current.floor)
         (seen,) = run_refits(scene, [hold_law(task)], settings.schedule)
         return cls(scene, current, seen, settings)
 
@@ -106,9 +106,9 @@ class CauseSearch:
         """
         tasks = []
         for refit in select_listed(self.seen, refits, hypotheses, small_faults, self.settings):
-            session = add_hypothesis(self.current.session, refit.causes[-1])
-            start = find_start(refit, session, None)
-            tasks.append(RefitTask(refit.hypothesis, session, start, refit.floor))
+            session = add_hypotheses(self.current.session, refit.causes[-1])
+            start = find_start(refit, session)
+            tasks.append(RefitTask(refit.causes, session, start, refit.floor))
         tasks += [
             add_cause(self.current, hypothesis, stages)
             for hypothesis, stages in trials
@@ -195,9 +195,9 @@ def refit_on_all_levels(
     """Return refits on all levels, where those beside a law begin at their fits to one."""
     tasks = []
     for refit in refits:
-        if has_law(refit) and refit.hypothesis is not None:
-            session = add_hypothesis(scene.session, refit.hypothesis)
-            start = find_start(refit, session, None)
-            tasks.append(RefitTask(refit.hypothesis, session, start, refit.floor))
+        if has_law(refit):
+            session = add_hypotheses(scene.session, *refit.causes)
+            start = find_start(refit, session)
+            tasks.append(RefitTask(refit.causes, session, start, refit.floor))
     on_all = iter(run_refits(scene, tasks, settings.schedule))
     return [next(on_all) if has_law(refit) else refit for refit in refits]

@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.refits.refit import Refit, map_values
-from diagnosis.refits.refitting import add_hypothesis, find_start
+from diagnosis.refits.refitting import add_hypotheses, find_start
 from diagnosis.search.linearised_fit import Gained, find_signed, maximise_gain
 from diagnosis.search.score_test import Score, extend_model, rank_scores
 from identification.words import Campaign, Real
@@ -123,7 +123,7 @@ def _rank(hypotheses: Sequence[Hypothesis], ends: Sequence["_End"], null: "_End"
 
 def _fit_hypothesis(base: Refit, hypothesis: Hypothesis, stride: int, steps: int) -> "_End":
     """Return the best end of fits with a hypothesis, from its start and its alternative ones."""
-    session = add_hypothesis(base.session, hypothesis)
+    session = add_hypotheses(base.session, hypothesis)
     added = {p.name for part in hypothesis.parts for p in part.parameters}
     names = (*hypothesis.release, *(added - {*hypothesis.follow, *hypothesis.held}))
     ends = []

@@ -8,7 +8,7 @@ import pytest
 
 from diagnosis import EFFECTS, build_verdict, diagnose
 from diagnosis.known_cause_bound import refit_true_cause
-from diagnosis.refits.refitting import add_hypothesis
+from diagnosis.refits.refitting import add_hypotheses
 from identification import Fault, estimate_bending_shape
 from tests.helpers.drawn import drawn
 from tuning import predict, rebuild_for_machine
@@ -79,7 +79,7 @@ def test_causes_of_the_machine_before_stay_on_the_wider_machine(case, effect):
     found, _ = case
     (bending,) = found.present.causes
     cause = next(each for each in EFFECTS[effect](found.scene) if each.parts)
-    session = add_hypothesis(found.scene.session, cause)
+    session = add_hypotheses(found.scene.session, cause)
     theta = np.array([p.drawn or 0.3 for p in session.model.parameters])
     wider = rebuild_for_machine(session.model, bending.reform(session.model.machine))
     assert wider.parameters == session.model.parameters

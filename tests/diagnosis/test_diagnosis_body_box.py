@@ -9,7 +9,7 @@ import pytest
 from diagnosis import EFFECTS, Scene
 from diagnosis.effects.body_box import find_box
 from diagnosis.effects.scales import GAIN_ENDS
-from diagnosis.refits.refitting import add_hypothesis
+from diagnosis.refits.refitting import add_hypotheses
 from diagnosis.search.score_test import scores
 from mbmodel import Model, load_machine, release_rigid_directions, transport
 from tests.helpers.drawn import drawn
@@ -85,7 +85,7 @@ def test_every_place_that_a_fit_may_reach_is_in_the_box(virtual):
     random = np.random.default_rng(3)
     for effect in ("appendage", "parallel_path", "hammer_position"):
         for hypothesis in EFFECTS[effect](virtual):
-            varies = add_hypothesis(virtual.session, hypothesis).parametrisation
+            varies = add_hypotheses(virtual.session, hypothesis).parametrisation
             ends = np.maximum(varies.lower, -1e3), np.minimum(varies.upper, 1e3)
             names = [parameter.name for parameter in varies.parameters]
             for _ in range(3):
@@ -161,7 +161,7 @@ def test_what_nothing_shows_does_not_vary_in_a_fit(virtual, tmp_path):
     scene = see(virtual, load(tmp_path))
     hypothesis = next(iter(EFFECTS["mass_error"](scene)))
     moved = replace(hypothesis, begin=dict.fromkeys(hypothesis.held, 3.0))
-    varies = add_hypothesis(virtual.session, replace(moved, parts=hypothesis.parts)).parametrisation
+    varies = add_hypotheses(virtual.session, replace(moved, parts=hypothesis.parts)).parametrisation
     names = [parameter.name for parameter in varies.parameters]
     theta = dict(zip(names, varies.theta(np.ones(varies.size)), strict=True))
     assert not {*hypothesis.held} & {*varies.names}
@@ -171,7 +171,7 @@ def test_what_nothing_shows_does_not_vary_in_a_fit(virtual, tmp_path):
 def test_gains_and_offsets_are_bounded_in_their_own_units(virtual):
     for effect in ("sensor_gain", "sensor_position"):
         hypothesis = next(iter(EFFECTS[effect](virtual)))
-        varies = add_hypothesis(virtual.session, hypothesis).parametrisation
+        varies = add_hypotheses(virtual.session, hypothesis).parametrisation
         names, name = [parameter.name for parameter in varies.parameters], hypothesis.release[0]
         low, high = (varies.theta(x)[names.index(name)] for x in (varies.lower, varies.upper))
         assert (low, high) == pytest.approx(hypothesis.bounds[name])

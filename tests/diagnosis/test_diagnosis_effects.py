@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.hypothesis_set import join_hypotheses
-from diagnosis.refits.refitting import add_hypothesis
+from diagnosis.refits.refitting import add_hypotheses
 from diagnosis.scene_points import are_joined
 from diagnosis.settings import SETTINGS
 from identification.words import Condition, Dof
@@ -254,15 +253,16 @@ def test_a_hit_turned_about_itself_stays_within_tolerance(scene):
 def test_several_at_once_release_correct_and_add_what_each_does(scene):
     polarity = next(iter(EFFECTS["sensor_polarity"](scene)))
     others = [next(iter(EFFECTS[name](scene))) for name in ("sensor_gain", "gyroscopic")]
-    whole = join_hypotheses([polarity, *others])
-    assert whole.key == polarity.key
-    assert whole.release == others[0].release
-    assert whole.parts == others[1].parts
-    campaign = scene.session.campaign
-    one, other = whole.correct(campaign), polarity.correct(campaign)
-    for test, expected in zip(one.tests, other.tests, strict=True):
+    whole = add_hypotheses(scene.session, polarity, *others)
+    own = np.isin(np.array(whole.parametrisation.names), others[0].release)
+    assert not whole.parametrisation.precision[own].any()
+    assert whole.model.parts == (*scene.session.model.parts, *others[1].parts)
+    corrected = polarity.correct(scene.session.campaign)
+    for test, expected in zip(whole.campaign.tests, corrected.tests, strict=True):
         assert np.array_equal(test.estimate.frf.values, expected.estimate.frf.values)
-    assert join_hypotheses([polarity]) is polarity
+    assert (
+        add_hypotheses(scene.session).parametrisation.names == scene.session.parametrisation.names
+    )
 
 
 ROTOR = """<mujoco><option gravity="0 0 0"/><worldbody>
@@ -309,7 +309,7 @@ def test_what_moves_along_one_axis_has_that_direction(scene):
 
 def test_levers_of_supports_are_believed_to_be_what_the_hinges_say(scene):
     one = next(iter(EFFECTS["support_loss"](scene)))
-    parametrisation = add_hypothesis(scene.session, one).parametrisation
+    parametrisation = add_hypotheses(scene.session, one).parametrisation
     names = [parameter.name for parameter in parametrisation.parameters]
     for name in one.believed:
         k, place = parametrisation.names.index(name), names.index(name)

@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.refits.refitting import add_hypothesis
+from diagnosis.refits.refitting import add_hypotheses
 from mbmodel import Model
 from tests.helpers.drawn import drawn, line_by_line
 from tuning import open_session
@@ -35,7 +35,7 @@ def test_a_slide_without_stiffness_couples_nothing(tmp_path):
         "stage3_tz.stiffness",
     ]
     for one in made.values():
-        add_hypothesis(scene.session, one)
+        add_hypotheses(scene.session, one)
 
 
 def test_a_free_drive_with_a_damper_couples_by_that(tmp_path):

@@ -20,7 +20,7 @@ from diagnosis.levels.law_simulation import (
 )
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
 from diagnosis.refits.level_dependence import measure_level_dependence
-from diagnosis.refits.refitting import add_hypothesis
+from diagnosis.refits.refitting import add_hypotheses
 from diagnosis.search.refit_round import _add_directions, _select_promising
 from diagnosis.search.score_test import Score
 from diagnosis.settings import SETTINGS
@@ -242,7 +242,7 @@ def test_set_ups_of_one_level_have_one_part_and_one_evaluation(block):
     for number, test in enumerate(campaign.tests):
         acting = [part.acts(test.condition) for part in law.parts]
         assert acting == [float(k == number % 6) for k in range(6)]
-    batches = batch_tests(add_hypothesis(session, law).model, campaign)
+    batches = batch_tests(add_hypotheses(session, law).model, campaign)
     assert [batch.tests for batch in batches] == [(k, k + 6) for k in range(6)]
 
 

@@ -153,8 +153,7 @@ def test_the_best_rival_and_those_that_a_verdict_would_list_are_chosen(beside_la
     best, other = search.refit([(right, ()), (wrong, ())])
     assert select_listed(search.seen, [other, best], 50, (), SETTINGS) == [best]
     assert select_listed(search.seen, [other], 50, (), SETTINGS) == [other]
-    rivals = replace(best.hypothesis, members=(*best.causes[:-1], wrong))
-    again = complete_refit(best, rivals, best.session)
+    again = complete_refit(best, (*best.causes[:-1], wrong), best.session)
     assert select_listed(search.seen, [best, again, best], 50, (), SETTINGS) == [best, again]
 
 

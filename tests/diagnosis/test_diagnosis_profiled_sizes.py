@@ -16,7 +16,7 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.null_model import fit_null_model
 from diagnosis.refits.extended_parametrisation import hold_parameters
 from diagnosis.refits.refit import map_values
-from diagnosis.refits.refitting import add_hypothesis, find_start
+from diagnosis.refits.refitting import add_hypotheses, find_start
 from diagnosis.settings import SETTINGS
 from tests.helpers.drawn import drawn
 
@@ -63,7 +63,7 @@ def refits(monkeypatch):
         monkeypatch.setattr(profiled_sizes, "hold_parameters", lambda _, theta, held: (theta, held))
         refit = SimpleNamespace(
             fit=SimpleNamespace(parametrisation=varies, x=fitted),
-            hypothesis=None,
+            causes=(),
             session=Session(varies),
             floor=0.01,
             objective=1.0,
@@ -149,7 +149,7 @@ def test_every_effect_has_a_state_without_itself(tmp_path):
     scene = Scene(session, session.model.drawn)
     for effect in EFFECTS.values():
         for hypothesis in list(effect(scene))[:1]:
-            whole = add_hypothesis(session, hypothesis)
+            whole = add_hypotheses(session, hypothesis)
             varies = whole.parametrisation
             x = varies.coordinates(find_start(scene, whole, hypothesis))
             is_own = np.isin(np.array(varies.names), hypothesis.coordinates)

@@ -17,7 +17,7 @@ from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import (
     RefitTask,
     add_cause,
-    add_hypothesis,
+    add_hypotheses,
     admit_outliers,
     find_start,
     run_refits,
@@ -52,7 +52,7 @@ def only(scene, effect):
 def test_a_stiffness_that_follows_another_has_its_value_and_moves_with_it(case):
     scene, *_ = case
     for one in only(scene, "joint_coupling"):
-        session = add_hypothesis(scene.session, one)
+        session = add_hypotheses(scene.session, one)
         varies = session.parametrisation
         assert varies.size == scene.session.parametrisation.size + 3
         x = np.random.default_rng(3).uniform(-0.2, 0.2, varies.size)
@@ -179,7 +179,7 @@ def test_the_score_is_the_gain_of_the_quadratic_model_where_all_else_is_tuned(ca
     inner = replace(scene, session=null.session, theta=null.fit.theta)
     (score,) = scores(inner, null.fit, [cause], floor, stride)
     # The slower twin: the whole normal equations, and the coordinates that no bound holds.
-    session = add_hypothesis(null.session, cause)
+    session = add_hypotheses(null.session, cause)
     varies = session.parametrisation
     x = varies.coordinates(find_start(null, session, cause))
     thin = thin_lines(session.campaign, stride)
@@ -244,7 +244,7 @@ def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tm
     # The axes of acc11 are off by 3.2 standard deviations.
     session, _ = drawn(tmp_path, 72_200, None, lines=161)
     scene = early_scene(session)
-    (null,) = run_refits(scene, [RefitTask(None, session, None, 0.1)], SETTINGS.schedule)
+    (null,) = run_refits(scene, [RefitTask((), session, None, 0.1)], SETTINGS.schedule)
     assert null.gap > 0.5
     assert refit_null(scene).gap < 0.1  # admits them itself
     (admitted,) = admit_outliers(scene, [null], SETTINGS)
@@ -283,7 +283,7 @@ def test_how_far_released_tolerances_are_off_counts_how_many_they_are(case):
         for name, value in values.items():
             x[names == name] = value
         ended = Ended(x, scene.session.parametrisation)
-        return Refit(None, scene.session, ended, null.summary)
+        return Refit((), scene.session, ended, null.summary)
 
     def shift(values, cause):
         return shifted(values).tolerance_shift(cause)
@@ -302,13 +302,13 @@ def test_how_far_released_tolerances_are_off_counts_how_many_they_are(case):
 def test_an_appendage_that_ends_without_a_peak_is_another_effect(case):
     scene, null, *_ = case
     hypothesis = only(scene, "appendage")[-1]
-    session = add_hypothesis(scene.session, hypothesis)
+    session = add_hypotheses(scene.session, hypothesis)
     varies = session.parametrisation
     frequency, damping = (np.array(varies.names) == name for name in hypothesis.valid_below_bound)
 
     def ends(x):
         ended = Ended(x, varies)
-        refit = Refit(hypothesis, session, ended, null.summary)
+        refit = Refit((hypothesis,), session, ended, null.summary)
         return refit.shows_another_effect
 
     inside = np.clip(np.zeros(varies.size), varies.lower, varies.upper)
@@ -323,14 +323,14 @@ def test_a_cause_has_as_many_parameters_as_its_fit_moves_freely(case):
     scene, null, coupled, _ = case
     assert coupled.count_parameters(coupled.causes[0]) == 3  # stiffness and damping follow others
     link = only(scene, "parallel_path")[0]
-    session = add_hypothesis(scene.session, link)
+    session = add_hypotheses(scene.session, link)
     varies = session.parametrisation
     first = scene.session.parametrisation.size
     x = np.zeros(varies.size)
 
     def count(values):
         ended = Ended(np.append(x[:first], values), varies)
-        refit = Refit(link, session, ended, null.summary)
+        refit = Refit((link,), session, ended, null.summary)
         return refit.count_parameters(link)
 
     strut = np.zeros(12)

@@ -5,7 +5,7 @@ import pytest
 from drawn import drawn
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.refits.refitting import add_hypothesis
+from diagnosis.refits.refitting import add_hypotheses
 from identification.words import InputError
 from mbmodel import Model
 from mbw.results.stored_causes import read_causes, read_fitted_values, store_causes
@@ -32,7 +32,7 @@ def proposals(scene, effect):
 
 def fitted(scene, cause, seed):
     """Session with the cause, and parameters at which it is not small."""
-    session, random = add_hypothesis(scene.session, cause), np.random.default_rng(seed)
+    session, random = add_hypotheses(scene.session, cause), np.random.default_rng(seed)
     values = {p.name: p.drawn * 1.05 for p in scene.model.parameters}
     for part in cause.parts:
         for parameter in part.parameters:
