@@ -114,10 +114,11 @@ def drop_undetermined(middle: Mapping[str, Value], intervals: dict[str, Ends]) -
 
 def find_scaled(effect: str, middle: Mapping[str, Value]) -> Real:
     """Return the numbers that scale with the calibration of a test, zero for all others."""
-    without = {"damping"} if effect in DAMPING_RATIO_EFFECTS else set()
     return np.concatenate(
-        [
-            flatten_values({name: value}) * (name in _SCALED and name not in without)
-            for name, value in middle.items()
-        ]
+        [flatten_values({name: value}) * is_scaled(effect, name) for name, value in middle.items()]
     )
+
+
+def is_scaled(effect: str, name: str) -> bool:
+    """Return whether a stated number scales with the calibration: a mass, not a frequency."""
+    return name in _SCALED and (name != "damping" or effect not in DAMPING_RATIO_EFFECTS)

@@ -7,7 +7,8 @@
 
 A tendon between sites half a length before and behind a point p, along the unit vector e, stretches
 by e.(motion of the second body at p - motion of the first). A shift along e adds nothing, as
-e.(w x e) = 0. Its free length is its drawn length, so that nothing is strained at rest.
+e.(w x e) = 0. Its free length is that at the machine's static equilibrium, so that nothing is
+strained there.
 """
 
 from collections.abc import Callable
@@ -98,14 +99,20 @@ def _fixed_tendon(name: str, machine: Machine, row: Real, kind: str, size: float
         kind: ``stiffness`` or ``damping``.
         size: its value.
     """
+    coupled, drawn = np.flatnonzero(np.abs(row) > _MIN_RELATIVE_STIFFNESS), machine.drawing.joints
+    names = [machine.coordinates[k] for k in coupled]
+    free = row[coupled] @ [drawn[joint].at_rest if joint in drawn else 0.0 for joint in names]
+    row = row * (1.0 if free >= 0 else -1.0)  # MuJoCo computes a free length of -1 itself
     children = tuple(
-        Element(
-            "joint",
-            {"joint": machine.written_name(machine.coordinates[k]), "coef": float(row[k])},
-        )
-        for k in np.flatnonzero(np.abs(row) > _MIN_RELATIVE_STIFFNESS)
+        Element("joint", {"joint": machine.written_name(joint), "coef": factor})
+        for joint, factor in zip(names, row[coupled].tolist(), strict=True)
     )
-    values: Values = {"name": name, **_NO_TENDON_DEFAULTS, kind: size}
+    values: Values = {
+        "name": name,
+        **_NO_TENDON_DEFAULTS,
+        "springlength": abs(float(free)),
+        kind: size,
+    }
     return Addition(name, "tendon", Element("fixed", values, children))
 
 
@@ -268,7 +275,8 @@ def _spatial_tendon(name: str, **sizes: float) -> Addition:
         sizes: its stiffness [N/m], damping [N s/m] or armature [kg].
     """
     sites = tuple(Element("site", {"site": f"{name}.{which}"}) for which in "ab")
-    values: Values = {"name": name, **_NO_TENDON_DEFAULTS, **sizes}
+    free: Values = {"springlength": _TENDON_LENGTH_M}
+    values: Values = {"name": name, **_NO_TENDON_DEFAULTS, **free, **sizes}
     return Addition(name, "tendon", Element("spatial", values, sites))
 
 

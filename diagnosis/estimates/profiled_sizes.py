@@ -28,7 +28,7 @@ from diagnosis.levels.law_hypothesis import LawPart
 from diagnosis.refits.extended_parametrisation import hold_parameters
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.settings import DiagnosisSettings
-from diagnosis.stated_values import Ends, Value, end_at, list_components, list_pairs
+from diagnosis.stated_values import Ends, Value, end_at, is_scaled, list_components, list_pairs
 from identification.words import Real
 from tuning import NORMAL_QUANTILE_95, Fit, Parametrisation
 
@@ -71,15 +71,19 @@ def find_named_size(
     fitted, intervals = parameters.state_parameters(cause), parameters.estimate_intervals(cause)
     # An effect that is not there may state nothing, as a rigid mounting has no frequency.
     at_zero = map_values(parameters.parametrisation, _remove(parameters, cause))
-    without = fitted | cause.state(at_zero)
-    size = next(iter(fitted), None)
+    nothing = cause.state(at_zero)
+    without, size = fitted | nothing, next(iter(fitted), None)
+    if _is_one_sided(parameters.parametrisation, cause):
+        intervals |= {
+            name: end_at(nothing[name], fitted[name], ends)
+            for name, ends in intervals.items()
+            if name in nothing and is_scaled(cause.effect, name)
+        }
     is_law = any(isinstance(part, LawPart) for part in cause.parts)
     if size not in intervals or is_law or not _differs(fitted[size], without[size]):
         return NamedSize(intervals, excludes_no_effect=True)
     if _excludes(intervals[size], without[size]):
         return NamedSize(intervals, excludes_no_effect=True)
-    if _is_one_sided(parameters.parametrisation, cause):
-        intervals |= {size: end_at(without[size], fitted[size], intervals[size])}
     profile = _Profile.along(scene, refit, parameters, cause, size, settings)
     if profile is None or not profile.shows_size:
         return NamedSize(intervals, excludes_no_effect=False)

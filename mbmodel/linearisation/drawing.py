@@ -14,6 +14,8 @@ from mbmodel.mjcf.names import joint_name
 from mbmodel.mjcf.stages import stage_members
 from mbmodel.spatial import spatial_inertia
 
+_ONE_COORDINATE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)  # one coordinate each
+
 
 @dataclass(frozen=True, eq=False)
 class DrawnElement:
@@ -26,6 +28,7 @@ class DrawnElement:
         position: in that frame [m]; (3,).
         axes: in that frame, in columns: three of a site, one of a joint; (3, 3) or (3, 1).
         armature: rotor inertia of a joint [kg, kg m^2]; 0 of a site.
+        at_rest: displacement of a slide or hinge at rest [m, rad]; 0 of others.
     """
 
     name: str
@@ -33,6 +36,7 @@ class DrawnElement:
     position: Real
     axes: Real
     armature: float = 0.0
+    at_rest: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +98,9 @@ def read_drawing(
             model.jnt_pos[k].copy(),
             model.jnt_axis[k].reshape(3, 1).copy(),
             float(model.dof_armature[model.jnt_dofadr[k]]),
+            float(data.qpos[model.jnt_qposadr[k]])
+            if mujoco.mjtJoint(model.jnt_type[k]) in _ONE_COORDINATE
+            else 0.0,
         )
         for k in range(model.njnt)
     }

@@ -114,6 +114,8 @@ _FREQUENCY_RATIOS = (0.3, 1.0, 3.0)
 _OFF_AXIS = 0.5 + 1j  # s over its frequency: no resonance lies there
 # Of points and motors of a hung or preloaded machine: both sides search for its rest, to 1e-8 rad.
 _MAX_DIFFERENCE_AT_REST = 1e-7
+# Of closed chains, where a tuned mass shifts the rest by a little of the sag: all follows the pose.
+_MAX_DIFFERENCE_OF_CHAINS = 1e-6
 # Masses that MuJoCo and our compilation give: it keeps the vertices of meshes in single precision.
 _MAX_MASS_DIFFERENCE = 1e-6
 
@@ -205,16 +207,12 @@ def compare_machines(model: Model, theta: Real, written: Machine) -> Difference 
             for name, column in memory.motor_columns().items()
         ),
     ]
-    is_found_anew = memory.machine.pose is not None
-    excesses = [
-        difference.relative
-        / (
-            _MAX_DIFFERENCE_AT_REST
-            if is_found_anew and difference.what in ("point", "motor")
-            else MAX_RELATIVE_DIFFERENCE
-        )
-        for difference in differences
-    ]
+    limits = dict.fromkeys((each.what for each in differences), MAX_RELATIVE_DIFFERENCE)
+    if memory.machine.pose is not None:
+        limits |= {"point": _MAX_DIFFERENCE_AT_REST, "motor": _MAX_DIFFERENCE_AT_REST}
+    if memory.machine.tree is not None:
+        limits = dict.fromkeys(limits, _MAX_DIFFERENCE_OF_CHAINS)
+    excesses = [difference.relative / limits[difference.what] for difference in differences]
     worst = int(np.argmax(excesses))
     return None if excesses[worst] <= 1.0 else differences[worst]
 

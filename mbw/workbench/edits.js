@@ -1,4 +1,4 @@
-// What if: masses, springs, appendages and delays, each with sliders for its sizes.
+// What if: masses, springs, struts, appendages and delays, each with sliders for its sizes.
 
 import {create, fourDigits} from "./sliders.js";
 
@@ -7,9 +7,11 @@ const AXES = {x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1]};
 const ROUND = value => Number(value.toPrecision(1));
 
 // Kinds with their sizes: name, unit, the first value for a body's mass and the middle of the band [Hz], and the largest one.
+const STIFFNESS = [["stiffness", "N/m", (mass, hertz) => ROUND(0.1 * mass * (2 * Math.PI * hertz) ** 2)], ["damping", "N s/m", (mass, hertz) => ROUND(0.004 * mass * 2 * Math.PI * hertz)]];
 const KINDS = {
   mass: {label: "Mass", sizes: [["mass", "kg", mass => ROUND(0.05 * mass)]]},
-  spring: {label: "Spring", sizes: [["stiffness", "N/m", (mass, hertz) => ROUND(0.1 * mass * (2 * Math.PI * hertz) ** 2)], ["damping", "N s/m", (mass, hertz) => ROUND(0.004 * mass * 2 * Math.PI * hertz)]]},
+  spring: {label: "Spring", sizes: STIFFNESS, ends: () => ({to: "world", axis: AXES.z})},
+  strut: {label: "Strut", sizes: STIFFNESS, ends: bodies => ({to: bodies.length > 1 ? bodies[0] : "world", end: [0, 0, 0]})},
   appendage: {label: "Appendage", sizes: [["mass", "kg", mass => ROUND(0.05 * mass)], ["frequency", "Hz", (_, hertz) => Number(hertz.toPrecision(2))], ["damping", "", () => 0.03, 0.99]]},
   delay: {label: "Delay", sizes: [["delay", "s", () => 0.001]]},
 };
@@ -18,7 +20,7 @@ export function createEdits(place, adders, session, onPut, onPreview, onRemove) 
   const bodies = Object.keys(session.masses), middle = Math.sqrt(Math.max(session.freq[0], session.freq.at(-1) / 100) * session.freq.at(-1));
   let shown = [];
 
-  for (const [kind, {label, sizes}] of Object.entries(KINDS)) {
+  for (const [kind, {label, sizes, ends}] of Object.entries(KINDS)) {
     if (kind === "delay" && !session.loops.length) continue;
     const button = create("button", {type: "button", textContent: "+ " + label});
     button.onclick = () => {
@@ -27,7 +29,7 @@ export function createEdits(place, adders, session, onPut, onPreview, onRemove) 
       while (taken(kind + number)) number++;
       const body = bodies.at(-1), first = Object.fromEntries(sizes.map(([name, , start]) => [name, start(session.masses[body], middle)]));
       const where = kind === "delay" ? {loop: session.loops[0]} : {body, point: [0, 0, 0]};
-      onPut({kind, name: kind + number, ...where, ...(kind === "spring" ? {to: "world", axis: AXES.z} : {}), ...first});
+      onPut({kind, name: kind + number, ...where, ...ends?.(bodies), ...first});
     };
     adders.append(button);
   }
@@ -47,26 +49,29 @@ export function createEdits(place, adders, session, onPut, onPreview, onRemove) 
     remove.onclick = () => onRemove(edit.name);
     const words = edit.kind === "delay" ? [" in ", select(edit, "loop", session.loops, "loop", onPut)]
       : [" at ", select(edit, "body", bodies, "body", onPut)];
-    if (edit.kind === "spring") {
+    if (edit.to) {
       words.push(" from ", select(edit, "to", ["world", ...bodies.filter(name => name !== edit.body)], "other end", onPut));
-      words.push(" along ", select(edit, "axis", Object.keys(AXES), "axis", onPut, name => AXES[name], axis => Object.keys(AXES).find(name => AXES[name].every((v, k) => v === axis[k])) ?? "z"));
+      if (edit.axis) words.push(" along ", select(edit, "axis", Object.keys(AXES), "axis", onPut, name => AXES[name], axis => Object.keys(AXES).find(name => AXES[name].every((v, k) => v === axis[k])) ?? "z"));
     }
     const line = create("div", {className: "edit"}, create("div", {className: "words"}, create("strong", {textContent: edit.name}), ...words, remove));
-    if (edit.point) {
-      const fields = edit.point.map((value, k) => {
-        const field = create("input", {type: "text", inputMode: "decimal", value: fourDigits(value), autocomplete: "off"});
-        field.setAttribute("aria-label", `${edit.name}: ${"xyz"[k]} from the centre of mass in m`);
-        field.onchange = () => {
-          const number = Number(field.value.replace(",", "."));
-          if (Number.isFinite(number)) onPut({...edit, point: edit.point.map((v, n) => n === k ? number : v)});
-          else field.value = fourDigits(value);
-        };
-        return create("label", {}, "xyz"[k] + " ", field);
-      });
-      line.append(create("div", {className: "words soft"}, ...fields, "m from its centre of mass"));
-    }
+    if (edit.point) addPoint(line, edit, "point", edit.end ? `m from the centre of mass of ${edit.body}` : "m from its centre of mass");
+    if (edit.end) addPoint(line, edit, "end", edit.to === "world" ? "m from the world's origin" : `m from the centre of mass of ${edit.to}`);
     for (const size of KINDS[edit.kind].sizes) line.append(addSize(edit, ...size));
     return line;
+  }
+
+  function addPoint(line, edit, key, origin) {
+    const fields = edit[key].map((value, k) => {
+      const field = create("input", {type: "text", inputMode: "decimal", value: fourDigits(value), autocomplete: "off"});
+      field.setAttribute("aria-label", `${edit.name}, ${key}: ${"xyz"[k]} in ${origin}`);
+      field.onchange = () => {
+        const number = Number(field.value.replace(",", "."));
+        if (Number.isFinite(number)) onPut({...edit, [key]: edit[key].map((v, n) => n === k ? number : v)});
+        else field.value = fourDigits(value);
+      };
+      return create("label", {}, "xyz"[k] + " ", field);
+    });
+    line.append(create("div", {className: "words soft"}, ...fields, origin));
   }
 
   function addSize(edit, name, unit, start, largest = Infinity) {

@@ -1,10 +1,11 @@
-"""Masses, springs, appendages and delays that a state adds to the machine.
+"""Masses, springs, struts, appendages and delays that a state adds to the machine.
 
 Each edit is written into a copy of the machine's MJCF, which is then read like any other. So
 statics, modes, ports, plant and saved files follow it without a rule of their own.
 
     mass        a point mass m, welded to its body
     spring      a tendon of stiffness k and damping c, along an axis through a point of two bodies
+    strut       such a spring between a point of each of two bodies, along the line of both
     appendage   a point mass m on three slides, each with k = m w0^2 and c = 2 zeta w0 m
     delay       exp(-s tau) behind the controller of a loop
 
@@ -14,12 +15,12 @@ Points count from the centre of mass of the body along the axes of the world [m]
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from identification.words import ConvergenceError, InputError, Loop, UsageError
+from identification.words import ConvergenceError, InputError, Loop, Real, UsageError
 from mbmodel import (
     WORLD,
     Addition,
@@ -70,27 +71,69 @@ class AddedMass(_AtBody):
         return (Addition(self.name, self.body, element),)
 
 
-class AddedSpring(_AtBody):
+class _AlongLine(_AtBody):
     """A spring [N/m] and damper [N s/m] from another body, or the ground, to a body."""
 
-    kind: Literal["spring"] = "spring"
     to: str = WORLD
-    axis: Triple
     stiffness: _Size
     damping: Annotated[float, Field(ge=0, le=1e15, allow_inf_nan=False)] = 0.0
 
     def list_additions(self, machine: Machine) -> tuple[Addition, ...]:
-        """Return a tendon between two sites along the axis."""
-        pose = find_pose(machine, self.body, self.point)  # refuses a body that is not there
+        """Return a tendon between two sites along the line."""
         if self.to not in (WORLD, *machine.layout.bodies) or self.to == self.body:
             raise UsageError(f"{self.name}: {self.to} is no other body: choose another end")
-        length = float(np.linalg.norm(self.axis))
+        point = _find_place(machine, self.body, self.point)
+        direction = self._find_direction(machine, point)
+        length = float(np.linalg.norm(direction))
         if not length > 0:
-            raise UsageError(f"{self.name}: give the axis a direction, such as 0, 0, 1")
-        drawn = machine.drawing.bodies[self.body]
-        along = drawn.origin + drawn.frame @ pose.position, np.array(self.axis) / length
+            raise UsageError(f"{self.name}: {self._no_direction}")
         sizes = np.array([self.stiffness, self.damping])
-        return link_elements(self.name, machine, (self.to, self.body), along, sizes)
+        ends = (self.to, self.body)
+        return link_elements(self.name, machine, ends, (point, direction / length), sizes)
+
+    _no_direction: ClassVar[str]
+
+    def _find_direction(self, machine: Machine, point: Real) -> Real:
+        """Return the direction of the line through a point, both in the world's axes; (3,)."""
+        raise NotImplementedError
+
+
+class AddedSpring(_AlongLine):
+    """A spring along an axis through a point that two bodies share."""
+
+    kind: Literal["spring"] = "spring"
+    axis: Triple
+
+    _no_direction: ClassVar[str] = "give the axis a direction, such as 0, 0, 1"
+
+    def _find_direction(self, machine: Machine, point: Real) -> Real:
+        del machine, point
+        return np.array(self.axis)
+
+
+class AddedStrut(_AlongLine):
+    """A strut without preload between a point of a body and one of another, or of the ground.
+
+    The end on the ground counts from the origin of the world.
+    """
+
+    kind: Literal["strut"] = "strut"
+    end: Triple
+
+    _no_direction: ClassVar[str] = "its two ends are one point: move one of them"
+
+    def _find_direction(self, machine: Machine, point: Real) -> Real:
+        is_ground = self.to == WORLD
+        end = np.array(self.end) if is_ground else _find_place(machine, self.to, self.end)
+        return point - end
+
+
+def _find_place(machine: Machine, body: str, offset: Triple) -> Real:
+    """Return a point of a body in the world's axes [m]; (3,)."""
+    pose = find_pose(machine, body, offset)  # refuses a body that is not there
+    drawn = machine.drawing.bodies[body]
+    place: Real = drawn.origin + drawn.frame @ pose.position
+    return place
 
 
 class AddedAppendage(_AtBody):
@@ -134,7 +177,7 @@ class AddedDelay(_Named):
 
 
 MachineEdit = Annotated[
-    AddedMass | AddedSpring | AddedAppendage | AddedDelay, Field(discriminator="kind")
+    AddedMass | AddedSpring | AddedStrut | AddedAppendage | AddedDelay, Field(discriminator="kind")
 ]
 
 
@@ -149,7 +192,7 @@ def edit_machine(machine: Machine, edits: Sequence[MachineEdit], folder: Path) -
     Raises:
         InputError: a body that the machine does not have, or a file that cannot be read.
         ConvergenceError: the machine has no static equilibrium.
-        UsageError: an end or an axis of a spring that cannot be.
+        UsageError: an end or an axis of a spring or strut that cannot be.
     """
     changes = [
         addition
@@ -180,7 +223,7 @@ def _check_sizes(machine: Machine, edited: Machine, edits: Sequence[MachineEdit]
     asked = sum(edit.mass for edit in edits if isinstance(edit, AddedMass | AddedAppendage))
     before, after = (np.diag(each.body_mass)[::6].sum() for each in (machine, edited))
     stiffness = {spring.name: spring.stiffness for spring in edited.springs}
-    wanted = {edit.name: edit.stiffness for edit in edits if isinstance(edit, AddedSpring)} | {
+    wanted = {edit.name: edit.stiffness for edit in edits if isinstance(edit, _AlongLine)} | {
         f"{edit.name}_x": edit.mass * (2 * np.pi * edit.frequency) ** 2
         for edit in edits
         if isinstance(edit, AddedAppendage)

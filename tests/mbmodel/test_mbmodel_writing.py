@@ -24,10 +24,13 @@ from mbmodel import (
     refuse_difference,
     sensor_parts,
     spring_parts,
+    transport,
     write_copy,
+    write_mjcf,
     write_model,
     write_nonlinear_joints,
 )
+from mbmodel.additions import joint_coupling_elements, link_elements
 from mbmodel.mjcf import written_file
 from mbmodel.writing.written_model import compare_machines
 
@@ -236,3 +239,39 @@ def test_the_page_lists_every_kind_that_no_mjcf_holds_and_no_other():
     page = (Path(__file__).parents[2] / "docs" / "reference" / "mjcf.md").read_text("utf-8")
     rows = page.partition("the reason that is listed |")[2].partition("\n\n")[0].splitlines()[2:]
     assert [row.split(" | ")[1].removesuffix(" |") for row in rows] == list(MjcfLack)
+
+
+def sag(tmp_path):
+    """A mass that sinks and leans under its weight, off its springs."""
+    path = tmp_path / "sag.xml"
+    path.write_text(
+        '<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="a" pos="0 0 1">'
+        '<joint name="z" type="slide" axis="0 0 1" stiffness="3e4" damping="20"/>'
+        '<joint name="x" type="slide" axis="1 0 0" stiffness="3e4" damping="20"/>'
+        '<joint name="ry" axis="0 1 0" stiffness="900" damping="1"/>'
+        '<inertial pos="0.2 0 0.1" mass="8" diaginertia="0.1 0.2 0.3"/><site name="acc1"/>'
+        "</body></worldbody></mujoco>",
+        encoding="utf-8",
+    )
+    return load_machine(path)
+
+
+@pytest.mark.parametrize("kind", ["link", "coupling"])
+def test_what_is_added_to_a_machine_that_sags_carries_none_of_its_weight(tmp_path, kind):
+    machine, target = sag(tmp_path), tmp_path / "tuned.xml"
+    assert np.abs(machine.layout.centres[0] - [0.2, 0.0, 1.1]).max() > 1e-3
+    if kind == "link":
+        axis = np.array([0.6, 0.0, 0.8])
+        point = machine.layout.centres[0] + [0.1, 0.0, 0.2]
+        added = link_elements("k", machine, ("world", "a"), (point, axis), np.array([5e4, 7.0]))
+        row = axis @ transport(np.array([0.1, 0.0, 0.2]))[:3] @ machine.jacobian[:6]
+        change = 5e4 * np.outer(row, row)
+    else:
+        row = np.array([1.0, 0.5, -0.3])
+        change = 5e4 * np.outer(row, row)
+        added = joint_coupling_elements("k", machine, change, np.zeros((3, 3)))
+    assert write_mjcf(machine.source, target, list(added)) == ()
+    read = load_machine(target)
+    np.testing.assert_allclose(read.layout.centres, machine.layout.centres, atol=1e-12)
+    before, after = (as_drawn(each).matrices(as_drawn(each).drawn) for each in (machine, read))
+    np.testing.assert_allclose(after.stiffness, before.stiffness + change, rtol=1e-9, atol=1e-4)

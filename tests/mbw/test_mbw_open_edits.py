@@ -21,7 +21,7 @@ from mbmodel import AddedPart, Change, Model, Parameter, transport
 from mbw.command import app
 from mbw.output_folder import ResultOptions
 from mbw.workbench.edited_makers import EditedMakers
-from mbw.workbench.edits import AddedAppendage, AddedDelay, AddedMass, AddedSpring
+from mbw.workbench.edits import AddedAppendage, AddedDelay, AddedMass, AddedSpring, AddedStrut
 from mbw.workbench.opening import open_subject
 from mbw.workbench.saving import save_state
 from mbw.workbench.state import (
@@ -46,6 +46,11 @@ SPRING = AddedSpring(
     name="spring1", body="head", to="base", point=POINT, axis=(1, 2, 2), stiffness=4e6, damping=300
 )
 GROUNDED = SPRING.model_copy(update={"to": "world"})
+END = (-0.2, 0.1, 0.05)
+STRUT = AddedStrut(
+    name="strut1", body="head", to="base", point=POINT, end=END, stiffness=4e6, damping=300
+)
+PROPPED = STRUT.model_copy(update={"to": "world"})
 APPENDAGE = AddedAppendage(
     name="appendage1", body="head", point=POINT, mass=2.0, frequency=60.0, damping=0.04
 )
@@ -84,6 +89,15 @@ def column(layout, body):
     return frame, transport(np.array(POINT))[:3] @ frame.T
 
 
+def find_axis(edit, layout):
+    """The direction of a spring, or of the line between the ends of a strut."""
+    axis = np.array(getattr(edit, "axis", END))
+    if edit in (STRUT, PROPPED):
+        head, base = (layout.centres[layout.bodies.index(name)] for name in ("head", "base"))
+        axis = head + POINT - axis - (base if edit is STRUT else 0.0)
+    return axis / np.linalg.norm(axis)
+
+
 def change_of(edit, layout):
     """The edit's equation by hand: a core at s^0, s^1, s^2 on the motions of all bodies."""
     eye, core = np.eye(6 * len(layout.bodies)), np.zeros((3, *2 * (6 * len(layout.bodies),)))
@@ -91,7 +105,7 @@ def change_of(edit, layout):
     if edit in (MASS, APPENDAGE):
         core[2 if edit is MASS else 0] = edit.mass * at_head.T @ at_head
     else:
-        axis = np.array(edit.axis) / np.linalg.norm(edit.axis)
+        axis = find_axis(edit, layout)
         apart = axis @ at_head
         if edit.to == "base":
             arm = layout.centres[layout.bodies.index("head")] + POINT
@@ -105,7 +119,9 @@ def change_of(edit, layout):
     return Change("body", eye, eye, core, shape=shape)
 
 
-@pytest.mark.parametrize("edit", [MASS, SPRING, GROUNDED, APPENDAGE], ids=lambda e: f"{e.kind}")
+@pytest.mark.parametrize(
+    "edit", [MASS, SPRING, GROUNDED, STRUT, PROPPED, APPENDAGE], ids=lambda e: f"{e.kind}"
+)
 def test_an_edit_is_its_equation_added_to_the_bodies(makers, edit):
     """Read from the MJCF, it changes FRFs as the same term in the equation of motion does."""
     subject = makers.plain.subject
@@ -160,8 +176,10 @@ def test_a_port_of_what_was_added_has_no_curve_as_drawn(makers):
         (MASS.model_copy(update={"body": "arm"}), "no moving body 'arm'"),
         (SPRING.model_copy(update={"to": "head"}), "choose another end"),
         (SPRING.model_copy(update={"axis": (0.0, 0.0, 0.0)}), "give the axis a direction"),
+        (STRUT.model_copy(update={"to": "head", "end": POINT}), "choose another end"),
+        (STRUT.model_copy(update={"body": "arm"}), "no moving body 'arm'"),
     ],
-    ids=["body", "end", "axis"],
+    ids=["body", "end", "axis", "strut", "strut's body"],
 )
 def test_what_cannot_be_added_is_refused_in_a_sentence(makers, edit, words):
     state = makers.plain.subject.first_state().add(edit)
