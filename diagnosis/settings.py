@@ -24,7 +24,8 @@ class DiagnosisSettings:
         max_refits: hypotheses of each round that are refitted, one for each effect and place.
         max_variants: refits of the best hypothesis of a round from distant starts, where a strong
             effect may be found that the null model hides in stiff springs; and as many of its
-            further directions and shapes. Also the causes that replace an earlier one at most.
+            further directions and shapes. Also the causes that replace an earlier one at most, and
+            the sets that begin anew from the drawing.
         bending_start_ratios: starts of the frequency of a body's mode, relative to that of its
             highest peak: free bodies resonate higher than those that carry others.
         min_proven_probability: probability from which the data checks prove a fault.

@@ -12,6 +12,7 @@ from diagnosis.levels.law_hypothesis import LawPart
 from diagnosis.levels.refit_laws import refit_laws
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
+from diagnosis.search.drawn_starts import refit_from_drawing
 from diagnosis.search.free_force import fit_free_forces
 from diagnosis.search.local_gap import acts_at, list_further_peaks
 from diagnosis.search.one_level import CauseSearch, Trial
@@ -93,6 +94,8 @@ def refit_round(
     ]
     refits = search.refit(trials)
     if not search.is_on_one_level:
+        if not current.causes:
+            refits += refit_from_drawing(scene, refits, settings)
         refits += refit_laws(scene, base.null, current, laws, refits, settings)
     best = min(refits, key=lambda refit: refit.objective, default=None)
     if best is not None and is_gap_visible(best.gap):
