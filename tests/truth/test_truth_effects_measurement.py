@@ -7,17 +7,24 @@ import pytest
 from effect_rigs import FREQ, OCCASIONS, chain, frf_of, machine_of, random_of, scene_of
 
 from truth.effects import Scene
-from truth.effects.hammer_delay import HammerDelay
-from truth.effects.hammer_gain import HammerGain
-from truth.effects.hammer_misalignment import HammerMisalignment, draw_hammer_misalignment
-from truth.effects.hammer_position import HammerPosition
+from truth.effects.hammer_errors import (
+    HammerDelay,
+    HammerGain,
+    HammerMisalignment,
+    HammerPosition,
+    draw_hammer_misalignment,
+)
 from truth.effects.mount_resonance import MountResonance, draw_mount_resonance
-from truth.effects.sensor_delay import SensorDelay
-from truth.effects.sensor_gain import SensorGain, draw_sensor_gain
-from truth.effects.sensor_misalignment import SensorMisalignment
-from truth.effects.sensor_polarity import SensorPolarity
-from truth.effects.sensor_position import SensorPosition
-from truth.effects.sensor_swap import SensorSwap, draw_sensor_swap
+from truth.effects.sensor_errors import (
+    SensorDelay,
+    SensorGain,
+    SensorMisalignment,
+    SensorPolarity,
+    SensorPosition,
+    SensorSwap,
+    draw_sensor_gain,
+    draw_sensor_swap,
+)
 from truth.effects.sensors import outputs
 from truth.errors import TruthError
 from truth.machine.station import HitPoint

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from effect_rigs import chain, machine_of, random_of, rig_of
+from effect_rigs import chain, machine_of, random_of, rig_of, scene_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,11 +11,11 @@ from truth.effects.places import direction_of as direction
 from truth.effects.places import (
     draw_direction,
     draw_location,
-    draw_sensor,
     draw_spring_stage,
     draw_stage,
 )
 from truth.effects.rows import body_motion, joint_stretch, relative_motion, springs
+from truth.effects.sensor_errors import draw_sensor_delay
 from truth.errors import TruthError
 from truth.machine.station import Joint
 
@@ -107,7 +107,8 @@ def test_a_direction_is_drawn_among_those_that_can_be_used():
 
 
 def test_sensors_and_springs_are_found():
-    nodes = {draw_sensor(random_of(s), chain(), None).node for s in range(99)}
+    drawn = [draw_sensor_delay(random_of(s), scene_of(chain()), None) for s in range(99)]
+    nodes = {effect.node for effect in drawn}
     assert nodes == set(range(1, 13))
     assert {draw_spring_stage(random_of(s), chain(), None) for s in range(30)} == {
         "base",

@@ -9,9 +9,7 @@ from scipy.integrate import solve_ivp
 from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests, pulse_spectra
 from truth.campaign.protocol import Protocol, takes
-from truth.effects.backlash import Backlash, Play
-from truth.effects.friction import Friction, Jenkins
-from truth.effects.hardening import Cubic, Hardening
+from truth.effects.joint_laws import Backlash, Cubic, Friction, Hardening, Jenkins, Play
 from truth.effects.outside.rocking_contact import Rocking
 from truth.effects.places import StageDirection
 from truth.errors import TruthError

@@ -21,8 +21,8 @@ from truth.effects.parallel_path import draw_parallel_path
 from truth.effects.sensors import outputs
 from truth.effects.structural_damping import StructuralDamping
 from truth.errors import TruthError
-from truth.machine.rig import Filter, Occasion, Prepared, Rig
-from truth.machine.station import Complex, Joint, Real, StageBody, Station
+from truth.machine.rig import Filter, Occasion, Prepared, Rig, respond_late
+from truth.machine.station import Real, StageBody, Station
 from truth.random_streams import stream
 
 # Sizes at scale 1.
@@ -186,16 +186,11 @@ class ChannelDelays(Sized):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with a filter on each channel."""
-        del occasion
         filters = tuple(
-            Filter((row,), partial(_delay_response, share * self.size))
+            Filter((row,), partial(respond_late, share * self.size))
             for row, share in zip(outputs(tested.station, self.node), self.shares, strict=True)
         )
         return replace(rig, filters=(*rig.filters, *filters))
-
-
-def _delay_response(delay: float, s: Complex) -> Complex:
-    return np.asarray(np.exp(-s * delay))
 
 
 @dataclass(frozen=True)
@@ -221,15 +216,10 @@ class AskewGuides(Sized):
 
     def to_machine(self, tested: Prepared, occasion: Occasion) -> Prepared:
         """Return the machine with the axes turned."""
-        del occasion
         index = tested.station.index(self.stage)
-        stages = list(tested.station.stages)
+        stage = tested.station.stages[index]
         joints = tuple(
-            self._turn_joint(joint, turn)
-            for joint, turn in zip(stages[index].joints, self.turns, strict=True)
+            replace(joint, axis=joint.axis + self.size * np.cross(turn, joint.axis))
+            for joint, turn in zip(stage.joints, self.turns, strict=True)
         )
-        stages[index] = replace(stages[index], joints=joints)
-        return replace(tested, station=replace(tested.station, stages=tuple(stages)))
-
-    def _turn_joint(self, joint: Joint, turn: tuple[float, float, float]) -> Joint:
-        return replace(joint, axis=joint.axis + self.size * np.cross(turn, joint.axis))
+        return tested.with_stage(index, replace(stage, joints=joints))

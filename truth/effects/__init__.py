@@ -4,32 +4,34 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from truth.effects.appendage import draw_appendage
-from truth.effects.backlash import draw_backlash
 from truth.effects.drift import draw_drift
 from truth.effects.effect import Answer, Draw, Effect, Scene
 from truth.effects.feedback_delay import draw_feedback_delay
 from truth.effects.flexible_body import draw_flexible_body
-from truth.effects.friction import draw_friction
 from truth.effects.gyroscopic import draw_gyroscopic
-from truth.effects.hammer_delay import draw_hammer_delay
-from truth.effects.hammer_gain import draw_hammer_gain
-from truth.effects.hammer_misalignment import draw_hammer_misalignment
-from truth.effects.hammer_position import draw_hammer_position
-from truth.effects.hardening import draw_hardening
+from truth.effects.hammer_errors import (
+    draw_hammer_delay,
+    draw_hammer_gain,
+    draw_hammer_misalignment,
+    draw_hammer_position,
+)
 from truth.effects.inertance import draw_inertance
 from truth.effects.joint_coupling import draw_joint_coupling
+from truth.effects.joint_laws import draw_backlash, draw_friction, draw_hardening
 from truth.effects.level_drift import draw_level_drift
 from truth.effects.mass_error import draw_mass_error
 from truth.effects.missing_dof import draw_missing_dof
 from truth.effects.mount_resonance import draw_mount_resonance
 from truth.effects.null import draw_nothing
 from truth.effects.parallel_path import draw_parallel_path
-from truth.effects.sensor_delay import draw_sensor_delay
-from truth.effects.sensor_gain import draw_sensor_gain
-from truth.effects.sensor_misalignment import draw_sensor_misalignment
-from truth.effects.sensor_polarity import draw_sensor_polarity
-from truth.effects.sensor_position import draw_sensor_position
-from truth.effects.sensor_swap import draw_sensor_swap
+from truth.effects.sensor_errors import (
+    draw_sensor_delay,
+    draw_sensor_gain,
+    draw_sensor_misalignment,
+    draw_sensor_polarity,
+    draw_sensor_position,
+    draw_sensor_swap,
+)
 from truth.effects.structural_damping import draw_structural_damping
 from truth.effects.support_loss import draw_support_loss
 from truth.effects.viscoelastic import draw_viscoelastic

@@ -68,7 +68,6 @@ class Appendage(Sized):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with one coordinate more, the mass's displacement."""
-        del occasion
         added = rig.with_coordinate()
         omega, mass = 2 * np.pi * self.frequency, self.size * self.body_mass
         index = tested.station.index(self.body)

@@ -5,8 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import StageDirection, draw_direction
+from truth.effects.effect import Scene
+from truth.effects.places import AtDirection, draw_direction
 from truth.effects.stability import longest_delay
 from truth.machine.rig import FrequencyLaw, Occasion, Prepared, Rig, build
 from truth.machine.station import Complex, Joint
@@ -17,7 +17,7 @@ LONGEST = 0.02  # s
 
 
 @dataclass(frozen=True)
-class FeedbackDelay(Sized):
+class FeedbackDelay(AtDirection):
     r"""One spring becomes k exp(-s tau): the dynamic stiffness gains z(s) = k (exp(-s tau) - 1).
 
     To first order that is a damper of -k tau, and up to tau = c/k it takes no more than the joint's
@@ -29,26 +29,20 @@ class FeedbackDelay(Sized):
         longest: delay that leaves the machine stable [s].
     """
 
-    direction: StageDirection
     longest: float
+    effect = "feedback_delay"
 
     @property
     def limits(self) -> tuple[float, float]:
         """Return smallest and largest delay [s]."""
         return SMALLEST * self.longest, self.longest
 
-    def answer(self) -> Answer:
-        """Return what is to be found."""
-        return Answer(
-            "feedback_delay",
-            location=self.direction.location,
-            dof=self.direction.dof,
-            parameters={"delay": self.size},
-        )
+    def parameters(self) -> dict[str, float]:
+        """Return the delay [s]."""
+        return {"delay": self.size}
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the late spring."""
-        del occasion
         row = self.direction.stretch(rig, tested)
         stiffness = self.direction.joint(tested.station).stiffness
         law = FrequencyLaw(row, row, partial(_late, stiffness, self.size))

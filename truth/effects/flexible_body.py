@@ -109,7 +109,6 @@ class FlexibleBody(Sized):
 
     def to_machine(self, tested: Prepared, occasion: Occasion) -> Prepared:
         """Return the machine with the stage's mode."""
-        del occasion
         index = tested.station.index(self.body)
         bending = tuple(self.size * coefficient for coefficient in self.bending)
         flex = Flex(

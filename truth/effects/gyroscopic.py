@@ -52,7 +52,6 @@ class Gyroscopic(Sized):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the rotor's torques."""
-        del occasion
         damping = np.zeros_like(rig.equations.damping)
         start = 6 * tested.station.index(self.body) + 3
         turning = slice(start, start + 3)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from truth.effects.chance import log_uniform
-from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import StageDirection, draw_direction
+from truth.effects.effect import Scene
+from truth.effects.places import AtDirection, draw_direction
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import GROUND, Joint
 
@@ -15,7 +15,7 @@ LIMITS = (1e-3, 5.0)
 
 
 @dataclass(frozen=True)
-class Inertance(Sized):
+class Inertance(AtDirection):
     """A force b times the relative acceleration along one joint direction: M gains b g g^T.
 
     Args:
@@ -24,22 +24,16 @@ class Inertance(Sized):
         reference: that mass [kg] or moment [kg m2].
     """
 
-    direction: StageDirection
     reference: float
+    effect = "inertance"
     limits = LIMITS
 
-    def answer(self) -> Answer:
-        """Return what is to be found: b [kg] or [kg m2]."""
-        return Answer(
-            "inertance",
-            location=self.direction.location,
-            dof=self.direction.dof,
-            parameters={"inertance": self.size * self.reference},
-        )
+    def parameters(self) -> dict[str, float]:
+        """Return b [kg] or [kg m2]."""
+        return {"inertance": self.size * self.reference}
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the inertance."""
-        del occasion
         row = self.direction.stretch(rig, tested)
         return rig.with_matrices(mass=self.size * self.reference * np.outer(row, row))
 

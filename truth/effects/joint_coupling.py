@@ -42,7 +42,6 @@ class JointCoupling(Vector):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the joint's springs and dampers elsewhere."""
-        del occasion
         index = tested.station.index(self.stage)
         joints = tested.station.stages[index].joints
         displaced = _displace_joints(tested, index, np.array(self.vector))
@@ -56,12 +55,9 @@ class JointCoupling(Vector):
 
 
 def _displace_joints(tested: Prepared, index: int, offset: Real) -> Prepared:
-    stages = list(tested.station.stages)
-    joints = tuple(
-        replace(joint, position=joint.position + offset) for joint in stages[index].joints
-    )
-    stages[index] = replace(stages[index], joints=joints)
-    return replace(tested, station=replace(tested.station, stages=tuple(stages)))
+    stage = tested.station.stages[index]
+    joints = tuple(replace(joint, position=joint.position + offset) for joint in stage.joints)
+    return tested.with_stage(index, replace(stage, joints=joints))
 
 
 def draw_joint_coupling(

@@ -44,11 +44,9 @@ class MassError(Sized):
 
     def to_machine(self, tested: Prepared, occasion: Occasion) -> Prepared:
         """Return the machine with a heavier body."""
-        del occasion
         index = tested.station.index(self.body)
-        stages = list(tested.station.stages)
-        stages[index] = _ballast(stages[index], self.size * self.body_mass, np.array(self.position))
-        return replace(tested, station=replace(tested.station, stages=tuple(stages)))
+        stage, added = tested.station.stages[index], self.size * self.body_mass
+        return tested.with_stage(index, _ballast(stage, added, np.array(self.position)))
 
 
 def _ballast(stage: StageBody, mass: float, position: Real) -> StageBody:

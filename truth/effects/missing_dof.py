@@ -51,19 +51,17 @@ class MissingDof(Sized):
 
     def to_machine(self, tested: Prepared, occasion: Occasion) -> Prepared:
         """Return the machine with one joint more."""
-        del occasion
         index = tested.station.index(self.stage)
-        stages = list(tested.station.stages)
+        stage = tested.station.stages[index]
         joint = Joint(
             name=f"{self.stage}_{self.dof}",
             kind="slide" if self.dof[0] == "t" else "hinge",
             axis=np.eye(3)["xyz".index(self.dof[1])],
-            position=_point(stages[index]),
+            position=_point(stage),
             stiffness=self.stiffness,
             damping=self.stiffness * self.time_constant,
         )
-        stages[index] = replace(stages[index], joints=(*stages[index].joints, joint))
-        return replace(tested, station=replace(tested.station, stages=tuple(stages)))
+        return tested.with_stage(index, replace(stage, joints=(*stage.joints, joint)))
 
 
 def draw_missing_dof(

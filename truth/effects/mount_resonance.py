@@ -7,8 +7,7 @@ import numpy as np
 
 from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import draw_sensor
-from truth.effects.sensors import filter_readings
+from truth.effects.sensors import AtSensor, draw_at, filter_readings, list_sensors, outputs
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import Complex
 
@@ -20,7 +19,7 @@ LIMITS = ((REFERENCE_HZ / HIGHEST_HZ) ** 2, (REFERENCE_HZ / LOWEST_HZ) ** 2)
 
 
 @dataclass(frozen=True)
-class MountResonance(Sized):
+class MountResonance(AtSensor, Sized):
     r"""A sensor's mass on the spring and damper of its mount, too light to be felt by the machine.
 
         reading / motion = (1 + 2 zeta s / w0) / (1 + 2 zeta s / w0 + s^2 / w0^2)
@@ -29,11 +28,9 @@ class MountResonance(Sized):
 
     Args:
         size: (100 Hz / f0)^2.
-        node: of the sensor.
         damping: ratio zeta.
     """
 
-    node: int
     damping: float
     limits = LIMITS
 
@@ -50,13 +47,12 @@ class MountResonance(Sized):
     def answer(self) -> Answer:
         """Return what is to be found."""
         parameters = {"frequency": self.frequency, "damping": self.damping}
-        return Answer("mount_resonance", f"sensor:acc{self.node}", parameters=parameters)
+        return Answer("mount_resonance", self.location, parameters=parameters)
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the sensor on its mount."""
-        del occasion
         mount = partial(_mount, 2 * np.pi * self.frequency, self.damping)
-        return filter_readings(rig, tested, self.node, mount)
+        return filter_readings(rig, outputs(tested.station, self.node), mount)
 
 
 def _mount(omega: float, damping: float, s: Complex) -> Complex:
@@ -64,16 +60,12 @@ def _mount(omega: float, damping: float, s: Complex) -> Complex:
     return np.asarray(follows / (follows + (s / omega) ** 2))
 
 
-def draw_mount_resonance(
-    random: np.random.Generator, scene: Scene, place: str | None
-) -> MountResonance | None:
+@draw_at(list_sensors)
+def draw_mount_resonance(random: np.random.Generator, scene: Scene, node: int) -> MountResonance:
     """Draw sensor, frequency and damping."""
-    sensor = draw_sensor(random, scene.station, place)
-    if sensor is None:
-        return None
     frequency = log_uniform(random, FREQUENCY_HZ)
     return MountResonance(
-        node=sensor.node,
+        node=node,
         damping=log_uniform(random, DAMPING_RATIO),
         size=(REFERENCE_HZ / frequency) ** 2,
     )

@@ -61,7 +61,6 @@ class ParallelPath(Sized):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the link."""
-        del occasion
         station = tested.station
         moving = [station.index(name) for name in (self.upper, self.lower) if name != WORLD]
         middle = np.mean([station.stages[index].com for index in moving], axis=0)

@@ -1,16 +1,17 @@
 """Where an effect sits: a location drawn, or named by the user as in the answer, ``joint:ty``."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from truth.effects.chance import choose
-from truth.effects.effect import Scene
+from truth.effects.effect import Answer, Parameter, Sized
 from truth.effects.rows import joint_stretch
 from truth.errors import NoPlaceError, TruthError
 from truth.machine.rig import Prepared, Rig
-from truth.machine.station import AXES, Joint, Real, Sensor, Station
+from truth.machine.station import AXES, Joint, Real, Station
 
 DIRECTIONS = tuple(kind + axis for kind in "tr" for axis in AXES)
 _N_LISTED = 12  # locations in a sentence
@@ -74,25 +75,6 @@ def draw_location(
     raise NoPlaceError(f"{place!r} cannot have this effect; these can: {possible}")
 
 
-def draw_sensor(random: np.random.Generator, station: Station, place: str | None) -> Sensor | None:
-    """Draw a sensor, at ``sensor:acc<node>``; None if there is none."""
-    sensors = [sensor for _, sensor in station.sensors()]
-    number = draw_location(random, place, [f"sensor:acc{sensor.node}" for sensor in sensors])
-    return None if number is None else sensors[number]
-
-
-def draw_hammer(random: np.random.Generator, scene: Scene, place: str | None) -> str | None:
-    """Return the site by which the one hammer is named, that of the first hit; None without hits.
-
-    A random number is spent as if there were several hammers.
-    """
-    if any(occasion.node < 0 for occasion in scene.occasions):
-        return None  # motors have force channels of their own
-    sites = [hammer_site(scene.station, occasion.node) for occasion in scene.occasions[:1]]
-    number = draw_location(random, place, [f"hammer:{site}" for site in sites])
-    return None if number is None else sites[number]
-
-
 def direction_of(joint: Joint) -> str:
     """Return tx ... rz of a joint: as its name ends, else by the largest part of its axis."""
     ending = joint.name.rpartition("_")[2]
@@ -128,6 +110,29 @@ class StageDirection:
         """Return how far the joint moves, in all coordinates of the rig; (n,)."""
         row: Real = joint_stretch(rig, tested, tested.station.index(self.stage))[self.number]
         return row
+
+
+@dataclass(frozen=True)
+class AtDirection(Sized):
+    """An effect on one direction of a joint.
+
+    Attributes:
+        effect: name in the catalogue, ``unexplained`` outside of it.
+        kind: name outside the catalogue.
+    """
+
+    direction: StageDirection
+    effect: ClassVar[str]
+    kind: ClassVar[str] = ""
+
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Return what describes it, by name, in SI units."""
+        raise NotImplementedError
+
+    def answer(self) -> Answer:
+        """Return what is to be found."""
+        place = self.direction
+        return Answer(self.effect, place.location, place.dof, self.parameters(), self.kind)
 
 
 def has_spring(joint: Joint) -> bool:

@@ -47,7 +47,6 @@ class StructuralDamping(Sized):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with one law for every joint direction."""
-        del occasion
         index = tested.station.index(self.stage)
         joints, rows = tested.station.stages[index].joints, joint_stretch(rig, tested, index)
         laws = tuple(

@@ -64,7 +64,6 @@ class SupportLoss(Sized):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig without what the supports have lost."""
-        del occasion
         index = tested.station.index(self.stage)
         joints = tested.station.stages[index].joints
         motion = relative_motion(rig, tested, index, joints[0].position)

@@ -52,7 +52,6 @@ class Viscoelastic(Sized):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with one law for each joint direction that has a branch."""
-        del occasion
         index = tested.station.index(self.stage)
         joints, rows = tested.station.stages[index].joints, joint_stretch(rig, tested, index)
         laws = tuple(

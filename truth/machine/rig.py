@@ -25,7 +25,7 @@ from truth.machine.dynamics import (
     sensor_rows,
 )
 from truth.machine.springs import ClosedLoop
-from truth.machine.station import Complex, Hammer, Real, Station
+from truth.machine.station import Complex, Hammer, Real, StageBody, Station
 
 Response = Callable[[Complex], Complex]
 
@@ -93,6 +93,14 @@ class Restoring(Protocol):
         ...
 
 
+class Memoryless:
+    """Base of forces whose inner state at rest is 0, or that have none."""
+
+    def start(self, count: int) -> Real:
+        """Return zeros; (count,)."""
+        return np.zeros(count)
+
+
 @dataclass(frozen=True, eq=False)
 class NonlinearJoint:
     """A restoring force that acts on a row of coordinates; (n,)."""
@@ -108,6 +116,12 @@ class Prepared:
     station: Station
     hammers: tuple[Hammer, ...]
     flexes: tuple[Flex, ...] = ()
+
+    def with_stage(self, index: int, stage: StageBody) -> "Prepared":
+        """Return the machine with another stage at an index."""
+        stages = list(self.station.stages)
+        stages[index] = stage
+        return replace(self, station=replace(self.station, stages=tuple(stages)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +184,7 @@ def build(tested: Prepared) -> Rig:
         hammer_columns(station, tested.hammers, flexes),
         laws=tuple(_close_loop(tested, loop) for loop in station.loops),
         filters=tuple(
-            Filter((3 * number + axis,), partial(_late, float(sensor.delay[axis])))
+            Filter((3 * number + axis,), partial(respond_late, float(sensor.delay[axis])))
             for number, (_, sensor) in enumerate(station.sensors())
             for axis in range(3)
             if sensor.delay[axis]
@@ -186,8 +200,9 @@ def _close_loop(tested: Prepared, loop: ClosedLoop) -> FrequencyLaw:
     return FrequencyLaw(drive_column(station, ((loop.joint, 1.0),), flexes), column, loop.stiffness)
 
 
-def _late(delay: float, s: Complex) -> Complex:
-    return np.asarray(np.exp(-s * delay))
+def respond_late(delay: float, s: Complex) -> Complex:
+    """Return exp(-s tau), the response of readings that come late by tau [s]; like s."""
+    return np.asarray(np.exp(-s * delay), np.complex128)
 
 
 def null_basis(equations: Equations) -> Real:

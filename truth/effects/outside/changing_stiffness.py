@@ -6,8 +6,7 @@ import numpy as np
 
 from truth.effects.chance import sign
 from truth.effects.effect import Scene
-from truth.effects.outside.unexplained import Unexplained
-from truth.effects.places import draw_direction
+from truth.effects.places import AtDirection, draw_direction
 from truth.machine.rig import Occasion, Prepared, Rig
 
 LOG_FACTOR = (0.1, 0.5)
@@ -16,7 +15,7 @@ STEPS = 4  # of the change, so that five machines arise
 
 
 @dataclass(frozen=True)
-class ChangingStiffness(Unexplained):
+class ChangingStiffness(AtDirection):
     """The stiffness of one joint direction is k exp(sign size t), t from 0 to 1 in each column.
 
     The time goes in quarters: five machines in all.
@@ -28,6 +27,7 @@ class ChangingStiffness(Unexplained):
     """
 
     sign: int
+    effect = "unexplained"
     kind = "changing_stiffness"
     limits = LIMITS
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from truth.effects.chance import choose, sign
 from truth.effects.effect import Scene
-from truth.effects.outside.unexplained import Unexplained
-from truth.effects.places import StageDirection, direction_of, draw_direction
+from truth.effects.places import AtDirection, StageDirection, direction_of, draw_direction
 from truth.effects.stability import largest_coupling
 from truth.machine.rig import Occasion, Prepared, Rig, build
 from truth.machine.station import Joint
@@ -18,7 +17,7 @@ LARGEST = 20.0
 
 
 @dataclass(frozen=True)
-class Crosstalk(Unexplained):
+class Crosstalk(AtDirection):
     r"""A force along one joint direction from the speed of another stage's: C gains d a b^T.
 
     C is unsymmetric then, and FRFs are not reciprocal. With the dampers c_a and c_b of the two
@@ -37,6 +36,7 @@ class Crosstalk(Unexplained):
     source: StageDirection
     coupling: float
     largest: float
+    effect = "unexplained"
     kind = "crosstalk"
 
     @property
@@ -50,7 +50,6 @@ class Crosstalk(Unexplained):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the feedback."""
-        del occasion
         acts, feels = self.direction.stretch(rig, tested), self.source.stretch(rig, tested)
         return rig.with_matrices(damping=self.size * self.coupling * np.outer(acts, feels))
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from truth.effects.chance import log_uniform
 from truth.effects.effect import Scene
-from truth.effects.outside.unexplained import Unexplained
-from truth.effects.places import draw_direction
+from truth.effects.places import AtDirection, draw_direction
 from truth.machine.rig import FrequencyLaw, Occasion, Prepared, Rig
 from truth.machine.station import Complex
 
@@ -19,7 +18,7 @@ REFERENCE_HZ = 50.0
 
 
 @dataclass(frozen=True)
-class FractionalDamper(Unexplained):
+class FractionalDamper(AtDirection):
     r"""A force c d^alpha x / dt^alpha along one joint direction: z(s) = c s^alpha, alpha < 1.
 
     The principal value of s^alpha has a positive real part on the right half plane: passive.
@@ -33,6 +32,7 @@ class FractionalDamper(Unexplained):
 
     stiffness: float
     order: float
+    effect = "unexplained"
     kind = "fractional_damper"
     limits = LIMITS
 
@@ -52,7 +52,6 @@ class FractionalDamper(Unexplained):
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the damper."""
-        del occasion
         row = self.direction.stretch(rig, tested)
         law = FrequencyLaw(row, row, partial(_power, self.coefficient, self.order))
         return replace(rig, laws=(*rig.laws, law))

@@ -1,22 +1,22 @@
 """A stage that stands on its edges: tilted far enough, a part of its support lets go."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from truth.effects.amplitude import peak_stretch
 from truth.effects.chance import log_uniform
 from truth.effects.effect import Scene
-from truth.effects.outside.unexplained import Unexplained
+from truth.effects.joint_laws import JointLaw
 from truth.effects.places import draw_direction, has_spring
-from truth.machine.rig import NonlinearJoint, Occasion, Prepared, Rig
+from truth.machine.rig import Memoryless
 from truth.machine.station import Joint, Real
 
 SHARE = (0.05, 0.4)
 
 
 @dataclass(frozen=True)
-class Rocking:
+class Rocking(Memoryless):
     """The rest -loss (x - clip(x, edge)): beyond the edge the support is so much softer.
 
     Args:
@@ -27,10 +27,6 @@ class Rocking:
     loss: float
     edge: float
 
-    def start(self, count: int) -> Real:
-        """Nothing is remembered."""
-        return np.zeros(count)
-
     def force(self, stretch: Real, state: Real) -> tuple[Real, Real]:
         """Return the moment that is lost."""
         return -self.loss * (
@@ -39,31 +35,26 @@ class Rocking:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RockingContact(Unexplained):
+class RockingContact(JointLaw):
     """A tilting stiffness that falls from k to (1 - size) k beyond an angle.
 
     Args:
-        direction: of the joint, a rotation.
-        spring: its stiffness k [N m/rad].
         edge: angle at which a part of the contact lifts [rad].
         size: part of the stiffness that is lost.
     """
 
-    spring: float
     edge: float
     limits = (1e-3, 0.95)
+    effect = "unexplained"
     kind = "rocking_contact"
 
     def parameters(self) -> dict[str, float]:
         """Return the angle [rad] and the part of the stiffness that is lost beyond."""
         return {"edge": self.edge, "lost": self.size}
 
-    def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
-        """Return the rig with the contact in its joint."""
-        del occasion
-        law = Rocking(self.size * self.spring, self.edge)
-        joint = NonlinearJoint(self.direction.stretch(rig, tested), law)
-        return replace(rig, joints=(*rig.joints, joint))
+    def law(self) -> Rocking:
+        """Return the moment that is lost beyond the edge."""
+        return Rocking(self.size * self.spring, self.edge)
 
 
 def draw_rocking_contact(
