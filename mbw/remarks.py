@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from html import escape
 
-from identification.words import TOLERANCE_BOUND_SIGMA, Campaign, NominalGain, percent_text
+from identification.words import TOLERANCE_BOUND_SIGMA, NominalGain, percent_text
 from identification.words.signal import FLOOR
 from mbw.page.numbers import format_percent
 from tuning import TunedFile
@@ -188,28 +188,6 @@ def _count(number: int, what: str) -> str:
 
 _MIN_SHOWN_DELAY_S = 1e-5  # half of the default tolerance
 _MAX_LISTED_GAINS = 12  # in a sentence of the terminal; pages and files list all
-
-
-def unknown_gain_sentences(campaign: Campaign) -> list[str]:
-    """Return what unknown gains mean for a modal model, which is identified without them."""
-    unknown, sentences = campaign.unknown_gains, list[str]()
-    how = (
-        "are divided by an estimate from the nominal model"
-        if unknown.nominal
-        else "stand as they were read"
-    )
-    if unknown.sensors:
-        sentences.append(
-            f"the gain of {', '.join(sorted(unknown.sensors))} is unknown: its FRFs {how}, and the "
-            "check of solid bodies leaves it out; mbw tune finds the gain"
-        )
-    if unknown.hammers:
-        sentences.append(
-            f"the gain of the force channel {', '.join(sorted(unknown.hammers))} is unknown: its "
-            f"FRFs {how}, so that the scale of mode shapes is not measured, and no drive point is "
-            "checked; mbw tune finds the gain"
-        )
-    return sentences
 
 
 def gain_sentence(rows: Sequence[ChannelGainRow]) -> str:

@@ -3,8 +3,12 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from identification.modal import ModeCriteria, modal_state_space
 from identification.modal import identify as identify_campaign
-from identification.modal import modal_state_space
+from identification.result.collect import check_measurement, collect_result
+from identification.result.reference_shapes import no_reference_modes
+from identification.result.remarks import list_findings
+from identification.roving_hammer import shape_points
 from identification.words import ModalModel, Real, UsageError, shorten_names
 from mbworkbench.campaign import MeasuredCampaign, read_campaign, select_band
 from mbworkbench.labels import AnyPath
@@ -24,12 +28,15 @@ class IdentifiedModel(Shown):
         model: poles, shapes, participation, residuals and standard deviations; the modes inside
             the band come first.
         count: number of modes inside the band.
+        remarks: what limits the model, and findings on bodies, set-ups and levels, one sentence
+            each, as ``mbw identify`` gives them.
     """
 
     campaign: str
     band: tuple[float, float]
     model: ModalModel
     count: int
+    remarks: tuple[str, ...]
 
     @property
     def freq_hz(self) -> Real:
@@ -52,12 +59,13 @@ class IdentifiedModel(Shown):
         )
 
     def __repr__(self) -> str:
-        """Return the number of modes and their frequencies in one line."""
+        """Return the modes in one line, and the first remarks below, nine at most."""
         listed = shorten_names([f"{value:.4g}" for value in self.freq_hz])
-        return (
+        head = (
             f"{self.count} modes of {self.campaign} in {self.band[0]:g}..{self.band[1]:g} Hz: "
             f"{listed} Hz"
         )
+        return "\n".join((head, *(f"  {remark}" for remark in self.remarks[:9])))
 
     def table(self) -> Table:
         """Return a table of the modes with standard deviations."""
@@ -101,8 +109,19 @@ def identify(
         if variant not in chosen.variants:
             raise UsageError(f"{variant!r} is no variant of the campaign: {chosen.variants} are")
         chosen = chosen.select_variant(variant)
-    model, identified, _ = identify_campaign(chosen)
-    freq = chosen.freq_hz
+    identified = identify_campaign(chosen)
+    result = collect_result(
+        chosen,
+        identified,
+        ModeCriteria(),
+        reference=no_reference_modes(shape_points(chosen)),
+        source="",
+        checks=check_measurement(chosen, identified),
+    )
     return IdentifiedModel(
-        campaign.name, (float(freq[0]), float(freq[-1])), model, int(identified.inside.sum())
+        campaign.name,
+        (float(chosen.freq_hz[0]), float(chosen.freq_hz[-1])),
+        identified[0],
+        len(result.summary.modes),
+        tuple(list_findings(result)),
     )

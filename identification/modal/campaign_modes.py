@@ -21,12 +21,15 @@ from identification.words import (
     Campaign,
     Complex,
     Dof,
+    Frf,
+    FrfEstimate,
     Input,
     InputError,
     Integers,
     Mask,
     ModalModel,
     Output,
+    Quantity,
     Real,
     thinning_step,
 )
@@ -74,6 +77,17 @@ class MeasuredFrfs:
     def laplace(self) -> Complex:
         """Laplace variable ``s = decay + i w`` of every line [rad/s]; (n_freq,)."""
         return np.asarray(self.decay + 2j * np.pi * self.freq_hz, np.complex128)
+
+    @property
+    def quantity(self) -> Quantity:
+        """Quantity of the FRFs, such as ``accelerance``."""
+        return next(name for name, order in DERIVATIVE_ORDER.items() if order == self.order)
+
+    @property
+    def estimate(self) -> FrfEstimate:
+        """The FRFs with their variance."""
+        frf = Frf(self.freq_hz, self.values, self.outputs, self.inputs, self.quantity)
+        return FrfEstimate(frf, self.variance, "differences", self.measured)
 
     def transpose(self) -> "MeasuredFrfs":
         """Return the FRFs with inputs and outputs exchanged, by reciprocity H_oi = H_io.

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from identification.result.stored_result import IdentificationResult
 from identification.words import UsageError
 from mbmodel import Machine, machine_geometry
 from mbw.animation.draw import ModeScene, SensorMotion, draw_mode, outline_words
@@ -11,7 +12,6 @@ from mbw.animation.files import check_picture_target, write_pictures
 from mbw.identify.files import nodes_of
 from mbw.identify.page import body_motion, sensor_spokes
 from mbw.messages import SCREEN
-from mbw.results.identified_files import IdentificationResult
 
 
 @dataclass(frozen=True)

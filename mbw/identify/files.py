@@ -13,12 +13,17 @@ import numpy as np
 import scipy.io
 
 from identification import reduce_to_bodies, reduction_covariance
-from identification.modal import MeasuredFrfs, ScaledModes, full_matrix_model, modal_state_space
+from identification.modal import ScaledModes, full_matrix_model, modal_state_space
 from identification.readers.result_files import write_result_arrays
 from identification.readers.uff_frfs_write import number_bodies, write_uff_frfs
 from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
+from identification.result.stored_result import (
+    BODY_NPZ,
+    MODES_JSON,
+    MODES_NPZ,
+    IdentificationResult,
+)
 from identification.words import (
-    DERIVATIVE_ORDER,
     Dof,
     Frf,
     FrfEstimate,
@@ -30,9 +35,8 @@ from identification.words import (
 from identification.words.csv_cells import write_csv
 from mbw.identify.tips import TIPS_JSON, TIPS_PAGE
 from mbw.page.numbers import frf_unit
-from mbw.results.identified_files import MODES_JSON, MODES_NPZ, IdentificationResult
 
-BODY_NPZ, BODY_MAT, BODY_UFF = "body_frfs.npz", "body_frfs.mat", "body_frfs.uff"
+BODY_MAT, BODY_UFF = "body_frfs.mat", "body_frfs.uff"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +50,6 @@ class BodyFrfs:
 
     estimate: FrfEstimate
     covariance: Real
-
-
-def measured_estimate(measured: MeasuredFrfs) -> FrfEstimate:
-    """Return the FRFs of all tests, combined in one matrix, with their variance."""
-    quantity = next(name for name, order in DERIVATIVE_ORDER.items() if order == measured.order)
-    frf = Frf(measured.freq_hz, measured.values, measured.outputs, measured.inputs, quantity)
-    return FrfEstimate(frf, measured.variance, "differences", measured.measured)
 
 
 def reduce_to_centres(estimate: FrfEstimate, layout: Layout) -> BodyFrfs | None:

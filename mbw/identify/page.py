@@ -4,24 +4,32 @@ Motion of a machine's bodies in its measured modes, for pictures.
 """
 
 from html import escape
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from identification.modal import UNIT_MASS
-from identification.words import DERIVATIVE_ORDER, Complex, Dof, Quantity
-from mbmodel import MachineGeometry
+from identification.result.remarks import lead, list_notes, list_remarks
+from identification.result.schema import IdentifiedModesFile
+from identification.result.stored_result import IdentificationResult, read_result
+from identification.words import DERIVATIVE_ORDER, Complex, Dof, Quantity, WorkbenchError
+from mbmodel import MachineGeometry, load_machine, machine_geometry
 from mbmodel.geometry.surfaces import TendonLine
 from mbw.identify.files import nodes_of
 from mbw.identify.hits import hits_data, hits_section
-from mbw.identify.levels import level_data, level_section
-from mbw.identify.remarks import lead, list_notes, list_remarks
 from mbw.identify.solid import solid_data
-from mbw.page.html import fill_template, pack_complex, pack_integers, pack_real, warning_boxes
+from mbw.messages import SCREEN
+from mbw.page.html import (
+    fill_template,
+    pack_complex,
+    pack_integers,
+    pack_real,
+    read_asset,
+    warning_boxes,
+)
 from mbw.page.numbers import force_unit, motion_unit
 from mbw.page.picture import picture_data
-from mbw.results.identified_files import IdentificationResult
-from mbw.results.identified_schema import IdentifiedModesFile
 
 
 def render(result: IdentificationResult, geometry: MachineGeometry | None) -> str:
@@ -48,7 +56,7 @@ def render(result: IdentificationResult, geometry: MachineGeometry | None) -> st
         compared=escape(summary.compared_with),
         column="as drawn" if summary.compared_with.endswith("as drawn") else "reference",
         hits=hits_section(summary.hits),
-        levels=level_section(summary.levels),
+        levels="" if summary.levels is None else read_asset("identify/levels.html"),
         body_frfs=escape(
             f" The FRFs at the centres of mass are in {summary.body_frfs}."
             if summary.body_frfs
@@ -60,6 +68,25 @@ def render(result: IdentificationResult, geometry: MachineGeometry | None) -> st
         ],
         styles=["identify/style.css"],
     )
+
+
+def render_result(path: Path) -> str:
+    """Return the page of a result folder, or of its modes.json.
+
+    Raises:
+        InputError: the folder holds no result.
+    """
+    result = read_result(path)
+    model, geometry = result.summary.model, None
+    try:
+        geometry = (
+            machine_geometry(load_machine(Path(model), key=result.summary.keyframe))
+            if model
+            else None
+        )
+    except WorkbenchError:
+        SCREEN.say(f"{model} cannot be read: the page shows sensors alone")
+    return render(result, geometry)
 
 
 def _force_units(summary: IdentifiedModesFile) -> list[str]:
@@ -117,7 +144,7 @@ def _data(result: IdentificationResult, geometry: MachineGeometry | None) -> dic
         },
         "solid": [solid_data(row) for row in summary.solid],
         "hits": hits_data(summary.hits, arrays),
-        "levels": level_data(summary.levels),
+        "levels": None if summary.levels is None else summary.levels.model_dump(),
     }
 
 

@@ -1,11 +1,11 @@
-"""Rigid-body checks of sensors, for the files and the page of ``mbw identify``."""
+"""Rigid-body checks of sensors on the page of ``mbw identify``."""
 
 import numpy as np
 
-from identification import BodyCheck, Fault
+from identification import Fault
+from identification.result.schema import SolidRow
 from identification.words import DIRECTIONS, Real
 from mbw.page.html import pack_real
-from mbw.results.identified_schema import SolidRow
 
 _FAULT_NAMES = {
     "sensor_gain": "gain",
@@ -28,24 +28,6 @@ _FAULT_UNITS = {  # factor from SI and unit on the page
     "frequency": (1.0, " Hz"),
     "damping": (100.0, " %"),
 }
-
-
-def solid_row(check: BodyCheck) -> SolidRow:
-    """Return a body's row of ``modes.json``."""
-    kept = np.isfinite(check.deviation)
-    return SolidRow(
-        body=check.body,
-        channels=len(check.channels),
-        spare=check.redundant,
-        solid_to=check.solid_to_hz,
-        words=check.sentence,
-        frequency=check.freq_hz[kept].tolist(),
-        deviation=check.deviation[kept].tolist(),
-        faults=list(check.faults),
-        more=check.has_unexplained,
-        twins=list(check.confounded),
-        unseen=list(check.unidentifiable),
-    )
 
 
 def solid_data(row: SolidRow) -> dict[str, object]:

@@ -8,17 +8,22 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from identification import check_bodies
-from identification.checks.setups import compare_setups
-from identification.level_check import check_hits, check_levels
 from identification.modal import ModeChoices, ModeCriteria, identify
+from identification.result.collect import check_measurement, collect_result
+from identification.result.reference_shapes import (
+    ReferenceModes,
+    no_reference_modes,
+    read_reference_modes,
+)
+from identification.result.remarks import list_findings
+from identification.result.schema import IdentifiedModesFile
+from identification.result.stored_result import IdentificationResult
 from identification.roving_hammer import (
-    exchange_hits_and_channels,
     is_roving_hammer,
     shape_points,
 )
-from identification.words import Campaign, UsageError, WorkbenchError
-from mbmodel import Machine, load_machine, machine_geometry
+from identification.words import Campaign, Output, UsageError
+from mbmodel import Machine, as_drawn, machine_geometry, model_modes, shapes_at
 from mbw.any_campaign import open_any_campaign
 from mbw.band import check_band
 from mbw.files import write_json
@@ -30,20 +35,11 @@ from mbw.identify.animate import (
 )
 from mbw.identify.files import NAMES, PAGE, write_files, write_full_matrix
 from mbw.identify.page import render
-from mbw.identify.reference_shapes import (
-    ReferenceModes,
-    compute_nominal_modes,
-    no_reference_modes,
-    read_reference_modes,
-)
-from mbw.identify.remarks import list_remarks
-from mbw.identify.result import MeasurementChecks, collect_result
 from mbw.identify.tips import TIPS_PAGE, TipComparison, compare_tips, write_tips
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
-from mbw.results.identified_files import IdentificationResult, read_result
-from mbw.results.identified_schema import IdentifiedModesFile
 
+_MODEL_BAND_FACTOR = 1.3  # highest compared frequency of the model, over the band's highest line
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9.=_]+")  # of folders
 
 
@@ -201,7 +197,8 @@ def _run_machine(
         write_json(result.summary.model_dump_json(indent=1), outputs.json)
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
         _print(result.summary)
-    _say(result)
+    for text in list_findings(result):
+        SCREEN.say(text)
     _say_tips(comparison, output.path, has_page=outputs.pictures)
     SCREEN.say(f"modal model in {output.path}")
     if outputs.pictures:
@@ -216,20 +213,13 @@ def _identify(
     reference = _reference_modes(choices.against, machine, campaign)
     with SCREEN.status("poles, shapes, refinement"):
         identified = identify(campaign, choices.tolerances, choices.modes)
-    with SCREEN.status("bodies and set-ups"):
-        is_roving = is_roving_hammer(campaign)
-        if is_roving and machine is not None and machine.loops:
-            SCREEN.say(
-                "the hammer roved while a control loop was closed: shapes assume reciprocity, "
-                "which a machine in a loop does not have"
-            )
-        solid = check_bodies(exchange_hits_and_channels(campaign) if is_roving else campaign)
-        setups = compare_setups(campaign)
-    with SCREEN.status("modes at each level"):
-        model, modes, _ = identified
-        inside = np.arange(len(model.poles)) < int(modes.inside.sum())
-        levels = check_levels(campaign) or check_hits(campaign, model, inside)
-        checks = MeasurementChecks(solid, setups, levels)
+    if machine is not None and machine.loops and is_roving_hammer(campaign):
+        SCREEN.say(
+            "the hammer roved while a control loop was closed: shapes assume reciprocity, which a "
+            "machine in a loop does not have"
+        )
+    with SCREEN.status("bodies, set-ups, modes at each level"):
+        checks = check_measurement(campaign, identified)
     source = "" if machine is None else str(machine.source.absolute())
     return collect_result(
         campaign,
@@ -254,6 +244,29 @@ def _reference_modes(
     return no_reference_modes(outputs)
 
 
+def compute_nominal_modes(
+    machine: Machine, outputs: tuple[Output, ...], highest_hz: float
+) -> ReferenceModes:
+    """Compute the oscillating modes of the nominal model, as the MJCF describes the machine.
+
+    Args:
+        machine: machine with the campaign's layout.
+        outputs: measured channels.
+        highest_hz: highest frequency of the band [Hz].
+    """
+    model = as_drawn(machine)
+    modes = model_modes(model, model.drawn)
+    kept = (modes.poles.imag > 0) & (modes.freq_hz <= _MODEL_BAND_FACTOR * highest_hz)
+    shapes = shapes_at(model, model.drawn, modes, outputs)[:, kept]
+    return ReferenceModes(
+        f"{machine.name} as drawn",
+        modes.freq_hz[kept],
+        modes.damping[kept],
+        shapes,
+        np.ones(len(outputs), bool),
+    )
+
+
 def _compare_tips(
     campaign: Campaign, compared: tuple[Path, ...], band: tuple[float, float] | None
 ) -> TipComparison | None:
@@ -270,25 +283,6 @@ def _say_tips(comparison: TipComparison | None, folder: Path, *, has_page: bool)
         SCREEN.say(text)
     if has_page:
         SCREEN.say(f"hammer tips in {(folder / TIPS_PAGE).absolute().as_uri()}")
-
-
-def render_result(path: Path) -> str:
-    """Return the page of a result folder, or of its modes.json.
-
-    Raises:
-        InputError: the folder holds no result.
-    """
-    result = read_result(path)
-    model, geometry = result.summary.model, None
-    try:
-        geometry = (
-            machine_geometry(load_machine(Path(model), key=result.summary.keyframe))
-            if model
-            else None
-        )
-    except WorkbenchError:
-        SCREEN.say(f"{model} cannot be read: the page shows sensors alone")
-    return render(result, geometry)
 
 
 def parse_forced_modes(texts: list[str]) -> tuple[tuple[float, float], ...]:
@@ -313,15 +307,6 @@ def parse_forced_modes(texts: list[str]) -> tuple[tuple[float, float], ...]:
             )
         modes.append((frequency, percent / 100))
     return tuple(modes)
-
-
-def _say(result: IdentificationResult) -> None:
-    for text in (
-        *list_remarks(result),
-        *(row.words for row in result.summary.solid),
-        *(() if result.summary.levels is None else (result.summary.levels.words,)),
-    ):
-        SCREEN.say(text)
 
 
 def _print(summary: IdentifiedModesFile) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from identification.result.stored_result import MODES_JSON
 from identification.words import InputError, UsageError, WorkbenchError
 from identification.words.file_access import real_path
 from mbw.blind import page as graded
@@ -13,14 +14,13 @@ from mbw.excite import page as excited
 from mbw.excite.schema import EXCITATION_JSON
 from mbw.files import check_json_target, page_path, write_json
 from mbw.identify.files import PAGE as MODES_PAGE
-from mbw.identify.verb import render_result as modes_page
+from mbw.identify.page import render_result as modes_page
 from mbw.match import result as matched
 from mbw.match.page import render as match_page
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputRequest, open_output_folder, source_of
 from mbw.predict import page as predicted
 from mbw.results import diagnosed_files as diagnosed
-from mbw.results.identified_files import MODES_JSON
 from mbw.tune import page as tuned
 from mbw.tune.mode_table_page import MODE_TABLE_PAGE
 from mbw.tune.mode_table_page import render as mode_table_page

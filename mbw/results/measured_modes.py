@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.result.stored_result import read_result
 from identification.words import Campaign, Dof, InputError, ModalModel
-from mbw.results.identified_files import read_result
 from tuning import select_modes
 
 _MODAL_ARRAYS = ("poles", "shapes", "participation", "lower", "upper", "freq_sd", "damping_sd")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.campaign_toml import find_campaign_file
+from identification.result.stored_result import MODES_JSON
 from identification.words import (
     InputError,
     Tolerance,
@@ -15,7 +16,6 @@ from identification.words.file_access import real_path
 from mbmodel import load_machine, machine_model, mjcf_files, model_modes
 from mbw.output_folder import folder_beside, source_of
 from mbw.results.diagnosed_files import read_result as read_diagnosis
-from mbw.results.identified_files import MODES_JSON
 from mbw.results.measured_modes import read_measured_modes
 from mbw.workbench.causes import ShownVerdict
 from mbw.workbench.subject import StoredFrfs, WorkbenchSubject, hash_rows

@@ -13,11 +13,11 @@ from campaign_folder import write_folder
 from typer.testing import CliRunner
 
 from identification.modal import mac
+from identification.result.stored_result import read_result
 from identification.words import Dof, ModalModel
 from mbmodel import as_drawn, load_machine, model_modes, shapes_at
 from mbw.command import app
 from mbw.identify.files import write_full_matrix
-from mbw.results.identified_files import read_result
 
 RUNNER = CliRunner()
 

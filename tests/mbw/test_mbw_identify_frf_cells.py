@@ -7,7 +7,7 @@ import pytest
 from campaign_folder import write_folder
 
 from identification.modal.campaign_modes import combine_tests
-from mbw.identify.arrays import compute_frf_cells
+from identification.result.arrays import compute_frf_cells
 from tuning import open_campaign
 
 LOST = ("acc3:+tx", "acc4:+tz", "acc6:+ty")  # of nine channels on the head: six are left

@@ -11,11 +11,11 @@ from hammer_records import Hammer, System, channel_functions, strike
 from small_machine import MJCF
 from typer.testing import CliRunner
 
+from identification.result.hits import _average_neighbours
+from identification.result.stored_result import read_result
 from identification.words import Dof
 from mbmodel import as_drawn, load_machine, model_modes, shapes_at
 from mbw.command import app
-from mbw.identify.hits import _average_neighbours
-from mbw.results.identified_files import read_result
 from tuning import open_campaign
 
 RUNNER = CliRunner()

@@ -6,7 +6,7 @@ import pytest
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
-import mbw.identify.verb
+import mbw.identify.page
 from mbmodel import load_machine
 from mbw.command import app
 
@@ -41,6 +41,6 @@ def test_the_page_is_made_again_at_the_stated_keyframe(keyed, tmp_path, monkeypa
         loaded.append(load_machine(path, **options))
         return loaded[-1]
 
-    monkeypatch.setattr(mbw.identify.verb, "load_machine", record)
-    mbw.identify.verb.render_result(out)
+    monkeypatch.setattr(mbw.identify.page, "load_machine", record)
+    mbw.identify.page.render_result(out)
     assert [machine.keyframe for machine in loaded] == ["far"]

@@ -9,12 +9,12 @@ from campaign_folder import write_folder
 from typer.testing import CliRunner
 
 from identification.level_check import check_levels
+from identification.result.collect import level_row
+from identification.result.remarks import list_remarks
+from identification.result.stored_result import IdentificationResult, read_result
 from mbmodel import as_drawn, load_machine
 from mbw.command import app
-from mbw.identify.levels import level_row, level_section
 from mbw.identify.page import render
-from mbw.identify.remarks import list_remarks
-from mbw.results.identified_files import IdentificationResult, read_result
 from tests.helpers.nonlinear_mass import MJCF, level_campaign
 
 LEVELS_N = (20.0, 100.0, 200.0)
@@ -86,7 +86,6 @@ def test_modes_of_levels_that_differ_are_said_to_be_of_all_levels(result, check)
 
 def test_a_campaign_of_one_level_has_no_section(result):
     assert result.summary.levels is None
-    assert level_section(None) == ""
     page = render(result, None)
     assert 'id="level-plot"' not in page
     assert data_of(page)["levels"] is None

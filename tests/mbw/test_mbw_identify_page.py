@@ -13,12 +13,12 @@ from typer.testing import CliRunner
 
 from identification import Fault
 from identification.modal import ScaledModes, full_matrix_model
+from identification.result.schema import SolidRow
+from identification.result.stored_result import IdentificationResult, read_result
 from mbmodel import load_machine, machine_geometry
 from mbw.command import app
 from mbw.identify.files import _modal_model
 from mbw.identify.page import render
-from mbw.results.identified_files import IdentificationResult, read_result
-from mbw.results.identified_schema import SolidRow
 
 RUNNER = CliRunner()
 PROBE = """<script>

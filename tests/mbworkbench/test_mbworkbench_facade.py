@@ -15,8 +15,12 @@ import pytest
 
 import mbworkbench as mb
 from diagnosis.settings import SETTINGS
+from identification.modal import ModeChoices, ModeCriteria
 from identification.words import Dof
 from mbmodel import FrfRequest, as_drawn, linearise, load_machine
+from mbw.identify.verb import IdentifyChoices
+from mbw.identify.verb import run as run_identify
+from mbw.output_folder import ResultOptions
 from mbworkbench.campaign import open_together
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -162,6 +166,20 @@ def test_identified_modes_lie_in_the_band_and_their_number_is_said(campaign):
     assert ((modes.freq_hz > 20) & (modes.freq_hz < 70)).all()
     assert len(modes.freq_hz) == len(modes.damping) == modes.count > 2
     assert f"{modes.count} modes of two_bodies" in repr(modes)
+
+
+def test_identified_modes_have_the_sentences_of_the_command(every_result, tmp_path, capsys):
+    modes = every_result["identified"]
+    run_identify(
+        CAMPAIGN,
+        ResultOptions(tmp_path / "modes"),
+        IdentifyChoices(ModeCriteria(), ModeChoices(), None),
+        None,
+    )
+    said = capsys.readouterr().err.splitlines()
+    assert len(modes.remarks) > 1
+    assert set(modes.remarks) <= set(said)
+    assert repr(modes).splitlines()[1:] == [f"  {text}" for text in modes.remarks[:9]]
 
 
 def test_a_tuned_model_has_parameters_and_a_gap_and_can_be_written(tuned, tmp_path):

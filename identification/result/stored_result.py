@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from identification.readers.result_files import read_result_arrays, read_result_json
+from identification.result.schema import IdentifiedModesFile
 from identification.words import InputError, Layout
-from mbw.results.identified_schema import IdentifiedModesFile
 
-MODES_JSON, MODES_NPZ = "modes.json", "modes.npz"
+MODES_JSON, MODES_NPZ, BODY_NPZ = "modes.json", "modes.npz", "body_frfs.npz"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification import BodyCheck, check_reciprocity, reduce_to_bodies
+from identification.checks.reciprocity import check_reciprocity
 from identification.checks.reciprocity_findings import ChannelRatio
-from identification.checks.setups import SetupCheck
-from identification.level_check import LevelCheck
+from identification.checks.setups import SetupCheck, compare_setups
+from identification.level_check import LevelCheck, check_hits, check_levels
 from identification.modal import (
     IdentifiedModes,
     MeasuredFrfs,
@@ -19,23 +19,23 @@ from identification.modal import (
     mpc,
     mpd,
 )
-from identification.roving_hammer import is_roving_hammer
-from identification.unknown_gains import leave_out_unknown_gains
-from identification.words import Campaign, ModalModel, Port, Real
-from mbw.identify.arrays import collect_arrays
-from mbw.identify.files import BODY_NPZ, measured_estimate
-from mbw.identify.hits import hits_rows
-from mbw.identify.levels import level_row
-from mbw.identify.reference_shapes import ReferenceModes
-from mbw.identify.result_parts import MAX_NOISE_RATIO, ResultParts, derive_parts
-from mbw.identify.solid import solid_row
-from mbw.remarks import unknown_gain_sentences
-from mbw.results.identified_files import IdentificationResult
-from mbw.results.identified_schema import (
+from identification.result.arrays import collect_arrays
+from identification.result.hits import hits_rows
+from identification.result.parts import MAX_NOISE_RATIO, ResultParts, derive_parts
+from identification.result.reference_shapes import ReferenceModes
+from identification.result.schema import (
     IdentifiedModeRow,
     IdentifiedModesFile,
+    LevelCheckRow,
+    LevelTrendRow,
     SingleModeRow,
+    SolidRow,
 )
+from identification.result.stored_result import BODY_NPZ, IdentificationResult
+from identification.roving_hammer import exchange_hits_and_channels, is_roving_hammer
+from identification.solid import BodyCheck, check_bodies, reduce_to_bodies
+from identification.unknown_gains import leave_out_unknown_gains, unknown_gain_sentences
+from identification.words import Campaign, ModalModel, Port, Real
 
 _MAX_REFINEMENT_SHIFT = 0.02  # relative distance of a pole before and after its refinement
 
@@ -53,6 +53,24 @@ class MeasurementChecks:
     solid: Sequence[BodyCheck] = ()
     setups: Sequence[SetupCheck] = ()
     levels: LevelCheck | None = None
+
+
+def check_measurement(
+    campaign: Campaign, identified: tuple[ModalModel, IdentifiedModes, MeasuredFrfs]
+) -> MeasurementChecks:
+    """Check the bodies, the set-ups and the modes at each level of an identified campaign.
+
+    Args:
+        identified: return value of ``identification.modal.identify``.
+    """
+    model, modes, _ = identified
+    inside = np.arange(len(model.poles)) < int(modes.inside.sum())
+    is_roving = is_roving_hammer(campaign)
+    return MeasurementChecks(
+        check_bodies(exchange_hits_and_channels(campaign) if is_roving else campaign),
+        compare_setups(campaign),
+        check_levels(campaign) or check_hits(campaign, model, inside),
+    )
 
 
 def collect_result(
@@ -90,7 +108,7 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
         model=source,
         band=(float(measured.freq_hz[0]), float(measured.freq_hz[-1])),
         lines=len(measured.freq_hz),
-        quantity=parts.quantity,
+        quantity=measured.quantity,
         outputs=[str(dof) for dof in measured.outputs],
         inputs=[str(dof) for dof in measured.inputs],
         input_units=_input_units(parts.campaign, measured.inputs),
@@ -145,8 +163,7 @@ def _reciprocity_rows(campaign: Campaign) -> list[ChannelRatio]:
 
 def _body_frf_file(parts: ResultParts) -> str | None:
     """Return the file of the FRFs at the centres of mass; None if no motion is determined."""
-    estimate = measured_estimate(parts.measured)
-    first_line = estimate.select_lines(slice(0, 1))
+    first_line = parts.measured.estimate.select_lines(slice(0, 1))
     return BODY_NPZ if reduce_to_bodies(first_line, parts.campaign.layout).frf.outputs else None
 
 
@@ -198,3 +215,49 @@ def _count_orders(pole: complex, identified: IdentifiedModes) -> int | None:
         if abs(cluster.pole - pole) < _MAX_REFINEMENT_SHIFT * abs(pole)
     ]
     return max(counts) if counts else None
+
+
+def level_row(check: LevelCheck | None) -> LevelCheckRow | None:
+    """Return the row of modes.json; None for a campaign of one level."""
+    if check is None:
+        return None
+    modes = [
+        LevelTrendRow(
+            frequency=trend.freq_hz.tolist(),
+            frequency_sd=trend.freq_sd.tolist(),
+            damping=trend.damping.tolist(),
+            damping_sd=trend.damping_sd.tolist(),
+            frequency_changes=frequency_changes,
+            damping_changes=damping_changes,
+        )
+        for trend, (frequency_changes, damping_changes) in zip(
+            check.trends, check.changed, strict=True
+        )
+    ]
+    return LevelCheckRow(
+        level=check.level_n.tolist(),
+        unit=check.unit,
+        effects=[] if check.is_constant else None,
+        words=check.sentence,
+        returns=check.returns,
+        within_tests=check.is_within_tests,
+        modes=modes,
+    )
+
+
+def solid_row(check: BodyCheck) -> SolidRow:
+    """Return a body's row of ``modes.json``."""
+    kept = np.isfinite(check.deviation)
+    return SolidRow(
+        body=check.body,
+        channels=len(check.channels),
+        spare=check.redundant,
+        solid_to=check.solid_to_hz,
+        words=check.sentence,
+        frequency=check.freq_hz[kept].tolist(),
+        deviation=check.deviation[kept].tolist(),
+        faults=list(check.faults),
+        more=check.has_unexplained,
+        twins=list(check.confounded),
+        unseen=list(check.unidentifiable),
+    )

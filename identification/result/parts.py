@@ -22,8 +22,8 @@ from identification.modal import (
     synthesis_error,
     synthesise_frfs,
 )
-from identification.words import DERIVATIVE_ORDER, Campaign, Complex, Mask, ModalModel, Real
-from mbw.identify.reference_shapes import ReferenceModes, ShapeComparison, compare_shapes
+from identification.result.reference_shapes import ReferenceModes, ShapeComparison, compare_shapes
+from identification.words import Campaign, Complex, Mask, ModalModel, Real
 
 MAX_NOISE_RATIO = 0.3  # noise of a channel over its FRF; noisier channels do not count
 
@@ -66,13 +66,6 @@ class ResultParts:
     comparison: ShapeComparison
     is_measured: Mask
     doubts: tuple[tuple[str, ...], ...]
-
-    @property
-    def quantity(self) -> str:
-        """Quantity of the FRFs, such as ``accelerance``."""
-        return next(
-            name for name, order in DERIVATIVE_ORDER.items() if order == self.measured.order
-        )
 
     @property
     def thinning_remark(self) -> str:

@@ -1,4 +1,4 @@
-"""Reference shapes for the measured modes: those of the nominal model, or those of a file."""
+"""Reference shapes for the measured modes, such as those of a file, and their comparison."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,9 +8,7 @@ import numpy as np
 from identification.modal import mac, pair_shapes, signed_comac
 from identification.readers.uff_modes_read import read_uff_modes
 from identification.words import Complex, InputError, Layout, Mask, Output, Real
-from mbmodel import Machine, as_drawn, model_modes, shapes_at
 
-_MODEL_BAND_FACTOR = 1.3  # highest compared frequency of the model, over the band's highest line
 _MIN_PAIR_MAC = 0.3  # lowest MAC of a measured and a reference mode that count as a pair
 
 
@@ -75,29 +73,6 @@ def no_reference_modes(outputs: tuple[Output, ...]) -> ReferenceModes:
     """Return an empty set of reference modes."""
     n_out, empty = len(outputs), np.zeros(0)
     return ReferenceModes("", empty, empty, np.zeros((n_out, 0), complex), np.zeros(n_out, bool))
-
-
-def compute_nominal_modes(
-    machine: Machine, outputs: tuple[Output, ...], highest_hz: float
-) -> ReferenceModes:
-    """Compute the oscillating modes of the nominal model, as the MJCF describes the machine.
-
-    Args:
-        machine: machine with the campaign's layout.
-        outputs: measured channels.
-        highest_hz: highest frequency of the band [Hz].
-    """
-    model = as_drawn(machine)
-    modes = model_modes(model, model.drawn)
-    kept = (modes.poles.imag > 0) & (modes.freq_hz <= _MODEL_BAND_FACTOR * highest_hz)
-    shapes = shapes_at(model, model.drawn, modes, outputs)[:, kept]
-    return ReferenceModes(
-        f"{machine.name} as drawn",
-        modes.freq_hz[kept],
-        modes.damping[kept],
-        shapes,
-        np.ones(len(outputs), bool),
-    )
 
 
 def read_reference_modes(path: Path, outputs: tuple[Output, ...], layout: Layout) -> ReferenceModes:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from identification import reconstruct, reduce_to_bodies
 from identification.modal import (
     IdentifiedModes,
     MeasuredFrfs,
@@ -20,11 +19,11 @@ from identification.modal import (
     select_reciprocal_modes,
     signed_comac,
 )
+from identification.result.hits import hits_arrays
+from identification.result.parts import MAX_NOISE_RATIO, ResultParts
 from identification.roving_hammer import is_roving_hammer
+from identification.solid import reconstruct, reduce_to_bodies
 from identification.words import Campaign, Complex, Layout, Mask, Real, Signal
-from mbw.identify.files import measured_estimate
-from mbw.identify.hits import hits_arrays
-from mbw.identify.result_parts import MAX_NOISE_RATIO, ResultParts
 
 
 def collect_arrays(parts: ResultParts, tolerances: ModeCriteria) -> dict[str, Any]:
@@ -60,7 +59,7 @@ def _model_arrays(parts: ResultParts) -> dict[str, Any]:
         "normalisation": np.array(parts.scaled.normalisation),
         "outputs": np.array([str(dof) for dof in model.outputs]),
         "inputs": np.array([str(dof) for dof in model.inputs]),
-        "quantity": np.array(parts.quantity),
+        "quantity": np.array(measured.quantity),
         "freq_hz": measured.freq_hz,
         "decay": np.array(measured.decay),
         "measured": measured.values,
@@ -207,7 +206,7 @@ def _solid(measured: MeasuredFrfs, layout: Layout) -> tuple[Complex, Mask]:
     A body needs at least one redundant channel: with six channels the reconstruction equals the
     measurement whatever the body does.
     """
-    reduced = reduce_to_bodies(measured_estimate(measured), layout)
+    reduced = reduce_to_bodies(measured.estimate, layout)
     values, has_solid = np.zeros_like(measured.values), np.zeros_like(measured.measured)
     bodies = np.array([layout.owner_name(dof) for dof in measured.outputs])
     for body in layout.bodies:

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from identification import exchange_phrase
 from identification.modal import UNIT_MASS, missing_drive_point_sentence
+from identification.result.schema import IdentifiedModeRow, IdentifiedModesFile
+from identification.result.stored_result import IdentificationResult
+from identification.solid import exchange_phrase
 from identification.words import percent_text
-from mbw.results.identified_files import IdentificationResult
-from mbw.results.identified_schema import IdentifiedModeRow, IdentifiedModesFile
 
 _MIN_LOOKALIKE_MAC = 0.9  # of two measured shapes that the sensors may not distinguish
 _MAX_LOOKALIKE_SHIFT = 0.05  # relative difference of their frequencies
@@ -107,6 +107,16 @@ def list_remarks(result: IdentificationResult) -> list[str]:
         )
     sentences += list_notes(summary)
     return [*sentences, *_exchanged_channels(summary), *_reversed_channels(result)]
+
+
+def list_findings(result: IdentificationResult) -> list[str]:
+    """Return the remarks, and what the checks say of each body and of the levels."""
+    levels = result.summary.levels
+    return [
+        *list_remarks(result),
+        *(row.words for row in result.summary.solid),
+        *(() if levels is None else (levels.words,)),
+    ]
 
 
 def list_notes(summary: IdentifiedModesFile) -> list[str]:
