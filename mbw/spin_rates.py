@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from identification.words import UsageError
+from identification.words import UsageError, read_number
 
 
 def parse_spin_rates(texts: Sequence[str]) -> dict[str, float]:
@@ -15,10 +15,7 @@ def parse_spin_rates(texts: Sequence[str]) -> dict[str, float]:
     rates: dict[str, float] = {}
     for text in texts:
         joint, equals, number = text.rpartition("=")
-        try:
-            rate = float(number)
-        except ValueError:
-            rate = math.nan
+        rate = read_number(number)
         if not (equals and joint and math.isfinite(rate)):
             raise UsageError(f"--spin {text!r}: write JOINT=RATE in rad/s, such as spindle_rz=6.28")
         if joint in rates:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from identification.readers.csv_tables import read_csv_rows
-from identification.words import DIRECTIONS, MAX_FREQUENCY_HZ, InputError
+from identification.words import DIRECTIONS, MAX_FREQUENCY_HZ, InputError, read_number
 
 _TABLE_REMEDY = "give a table with the columns frequency, damping, body, direction"
 _MIN_TABLE_FREQUENCY_HZ = 1e-6  # a lower one is a motion at rest
@@ -202,10 +202,7 @@ def _number(where: str, quantity: str, cell: str, factor: float) -> float | None
     """Return the number of a cell times a factor; None for an empty cell."""
     if not cell:
         return None
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
+    value = read_number(cell)
     if not math.isfinite(value):
         raise InputError(
             f"{where}: {quantity} {cell!r} is no number: write one with a point, or leave the cell "

@@ -45,7 +45,7 @@ from identification.words.hits import (
 )
 from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import HasPoles, ModalModel, drive_point_scale, modal_sum
-from identification.words.names import percent_text, shorten_names
+from identification.words.names import percent_text, read_number, shorten_names
 from identification.words.records import Records
 from identification.words.signal import (
     JOINT_PREFIX,
@@ -116,6 +116,7 @@ __all__ = [
     "parse_port",
     "percent_text",
     "poles_in_s",
+    "read_number",
     "sampling_period",
     "settle_port",
     "shorten_names",

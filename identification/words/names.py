@@ -1,5 +1,6 @@
-"""Lists of names, and shares in per cent, as text."""
+"""Lists of names, and shares in per cent, as text; numbers of a text."""
 
+import math
 from collections.abc import Sequence
 
 
@@ -14,6 +15,14 @@ def shorten_names(names: Sequence[object], longest: int = 6) -> str:
     if len(texts) > longest:
         texts = [*texts[: longest - 1], f"... ({len(texts)} in all)"]
     return ", ".join(texts)
+
+
+def read_number(text: str) -> float:
+    """Return the number that a text states; nan where it is another text."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def percent_text(share: float, digits: int = 2) -> str:

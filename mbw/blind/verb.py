@@ -13,7 +13,7 @@ import typer
 
 from diagnosis import load_catalogue
 from diagnosis.next_test.smallest_sizes import SmallestSize
-from identification.words import UsageError
+from identification.words import UsageError, read_number
 from mbw.band import check_band
 from mbw.blind.case_files import BlindCase
 from mbw.blind.chosen_cases import (
@@ -231,10 +231,6 @@ def _read_size(text: str | None) -> tuple[str, float] | None:
     if text is None:
         return None
     name, _, value = text.partition("=")
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
+    if not math.isfinite(number := read_number(value)):
         raise UsageError(f"--size {text!r}: give parameter=value, such as mass=5")
     return name, number

@@ -3,6 +3,7 @@
 Causes that a diagnosis has left open, for which an excitation is designed.
 """
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -18,7 +19,7 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.verdict.schema import CauseRow
 from identification import correct_layout
 from identification.readers.result_files import read_result_json
-from identification.words import UsageError
+from identification.words import UsageError, read_number
 from mbmodel.parts import AttachedPart
 from mbw.excite.folder import folder_names, write_folder
 from mbw.excite.page import PAGE, render
@@ -121,10 +122,9 @@ def _read_numbers(option: str, texts: Sequence[str]) -> dict[str, float]:
     numbers = {}
     for text in texts:
         label, _, number = text.rpartition("=")
-        try:
-            numbers[label] = float(number)
-        except ValueError as error:
-            raise UsageError(f"{option} {text!r}: write LABEL=NUMBER in SI") from error
+        numbers[label] = read_number(number)
+        if math.isnan(numbers[label]):
+            raise UsageError(f"{option} {text!r}: write LABEL=NUMBER in SI")
     return numbers
 
 

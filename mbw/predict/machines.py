@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from identification import read_settings
-from identification.words import InputError, Loop, UsageError
+from identification.words import InputError, Loop, UsageError, read_number
 from identification.words.file_access import real_path, temporary_folder
 from mbmodel import (
     COMBINED_NAME,
@@ -98,8 +98,8 @@ def _parse_mass(text: str) -> PointMass:
     """Return the point mass of a text ``BODY=KG@x,y,z``."""
     body, equals, rest = text.partition("=")
     number, at, spot = rest.partition("@")
-    mass = _number(number)
-    if not (equals and at and body and spot) or mass is None:
+    mass = read_number(number)
+    if not (equals and at and body and spot and math.isfinite(mass)):
         raise UsageError(
             f"--add-mass {text!r}: write BODY=KG@x,y,z (in m from the body's centre of mass), such "
             "as hexapod=12.5@0,0,0.1"
@@ -118,22 +118,12 @@ def _offset(option: str, text: str) -> Offset:
         option: option with its value, for messages.
         text: the numbers [m].
     """
-    numbers = [_number(word) for word in text.split(",")]
-    if len(numbers) != 3 or None in numbers:
+    numbers = tuple(map(read_number, text.split(",")))
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
         raise UsageError(f"{option}: {text!r} is no place: write three numbers x,y,z in m")
-    x, y, z = (float(number or 0.0) for number in numbers)
-    if not all(abs(value) <= _MAX_OFFSET_M for value in (x, y, z)):
+    if not all(abs(value) <= _MAX_OFFSET_M for value in numbers):
         raise InputError(f"{option}: give x,y,z in m, up to {_MAX_OFFSET_M:g} m")
-    return x, y, z
-
-
-def _number(text: str) -> float | None:
-    """Return a finite number, or None."""
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
+    return numbers
 
 
 @dataclass(frozen=True)

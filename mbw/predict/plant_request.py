@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import InputError, Real, UsageError
+from identification.words import InputError, Real, UsageError, read_number
 from mbw.files import check_json_target
 from tuning.plant import ReductionMethod
 
@@ -124,12 +124,8 @@ class PlantRequest:
         delays = np.zeros(len(inputs))
         for text in self.delays:
             name, _, number = text.rpartition("=")
-            try:
-                value = float(number)
-            except ValueError as error:
-                raise UsageError(
-                    f"--input-delay {text!r}: write SECONDS or INPUT=SECONDS"
-                ) from error
+            if math.isnan(value := read_number(number)):
+                raise UsageError(f"--input-delay {text!r}: write SECONDS or INPUT=SECONDS")
             if not 0 <= value <= _MAX_INPUT_DELAY_S:
                 raise InputError(f"--input-delay {text}: give 0 to {_MAX_INPUT_DELAY_S:g} s")
             if name and name not in inputs:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.io
 import typer
 
-from identification.readers.csv_tables import read_csv_rows
+from identification.readers.csv_tables import read_number_table
 from identification.readers.result_files import ResultFile, ResultRow, write_result_arrays
 from identification.words import UsageError
 from mbw.files import write_json
@@ -76,8 +76,7 @@ def parse_grid(poses: Sequence[str], spin: Sequence[str]) -> list[GridPoint]:
         InputError: a file cannot be read.
     """
     axes = [
-        _read_poses(Path(text)) if "=" not in text else _parse_range("--poses", text)
-        for text in poses
+        _parse_range("--poses", text) if "=" in text else _read_poses(Path(text)) for text in poses
     ]
     ranged = [text for text in spin if ":" in text.rpartition("=")[2]]
     rates = [_parse_range("--spin", text) for text in ranged]
@@ -115,14 +114,8 @@ def _parse_range(option: str, text: str) -> list[dict[str, float]]:
 
 def _read_poses(path: Path) -> list[dict[str, float]]:
     """Return the rows of a CSV of poses."""
-    header, *rows = [row for row in read_csv_rows(path, "give a .csv table of poses") if any(row)]
-    joints = [cell.strip() for cell in header]
-    if not rows or any(len(row) != len(joints) for row in rows):
-        raise UsageError(f"{path}: below its header, give rows of {len(joints)} numbers [m, rad]")
-    try:
-        return [dict(zip(joints, map(float, row), strict=True)) for row in rows]
-    except ValueError as error:
-        raise UsageError(f"{path}: {error}: give a number [m, rad] for each joint") from error
+    joints, table = read_number_table(path, "give a CSV of poses [m, rad], a joint a column")
+    return [dict(zip(joints, row, strict=True)) for row in table.tolist()]
 
 
 def predict_poses(

@@ -9,7 +9,7 @@ from identification.readers.campaign_toml import (
     MAX_LAW_TIME_S,
     MAX_LOSS_FACTOR,
 )
-from identification.words import InputError, UsageError, shorten_names
+from identification.words import InputError, UsageError, read_number, shorten_names
 from mbmodel import (
     ConstantLoss,
     LateForce,
@@ -82,10 +82,7 @@ def parse_laws(
 def _numbers_of(option: str, text: str, form: str, count: int) -> tuple[str, list[float]]:
     """Return name and numbers of a text ``NAME=number@number``."""
     name, _, numbers = text.rpartition("=")
-    try:
-        values = [float(word) for word in numbers.split("@")]
-    except ValueError:
-        values = []
+    values = [read_number(word) for word in numbers.split("@")]
     if not name or len(values) != count or not all(map(math.isfinite, values)):
         raise UsageError(f"--{option} {text!r}: write JOINT={form} with a joint, tendon or stage")
     return name, values

@@ -1,11 +1,12 @@
 """Texts ``JOINT:EFFECT:NAME=VALUE,...`` of nonlinear joints, and the machine that has them."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from identification.words import UsageError, WorkbenchError, shorten_names
+from identification.words import UsageError, WorkbenchError, read_number, shorten_names
 from identification.words.file_access import temporary_folder
 from mbmodel import (
     DryFriction,
@@ -116,12 +117,9 @@ def _parse_numbers(text: str, effect: str, list_of_numbers: str) -> dict[str, fl
     numbers: dict[str, float] = {}
     for part in filter(None, list_of_numbers.split(",")):
         name, _, value = part.partition("=")
-        try:
-            numbers[name.strip()] = float(value)
-        except ValueError as error:
-            raise UsageError(
-                f"--law {text!r}: {part!r} is no NAME=VALUE: write a number"
-            ) from error
+        numbers[name.strip()] = number = read_number(value)
+        if math.isnan(number):
+            raise UsageError(f"--law {text!r}: {part!r} is no NAME=VALUE: write a number")
     unknown = [name for name in numbers if name not in needed + optional]
     missing = [name for name in needed if name not in numbers]
     if unknown or missing:

@@ -1,6 +1,6 @@
 """Signals that ``mbw simulate`` plays: from a CSV, or step, move, chirp, noise; their responses."""
 
-import csv
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +9,17 @@ import numpy as np
 import scipy.io
 from scipy.interpolate import CubicSpline
 
+from identification.readers.csv_tables import read_number_table
 from identification.readers.result_files import write_result_arrays
-from identification.words import DERIVATIVE_ORDER, InputError, Quantity, Real, UsageError
+from identification.words import (
+    DERIVATIVE_ORDER,
+    InputError,
+    Quantity,
+    Real,
+    UsageError,
+    read_number,
+)
 from identification.words.csv_cells import write_csv
-from identification.words.file_access import check_file
 from mbmodel.export.linear_response import even_step
 from mbmodel.simulation.signals import (
     chirp_signal,
@@ -203,11 +210,8 @@ def _make_signal(
 
 def _parse_limits(text: str | None) -> list[float]:
     """Return the largest derivatives of a move."""
-    try:
-        values = [float(part) for part in (text or "").split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in _MOVE_ORDERS:
+    values = [read_number(part) for part in (text or "").split(",")]
+    if len(values) not in _MOVE_ORDERS or any(map(math.isnan, values)):
         raise UsageError(
             f"--limits {text or ''!r}: write the largest velocity, acceleration and jerk of the "
             "move, and perhaps its snap, such as 0.1,1,50,1e4"
@@ -217,27 +221,10 @@ def _parse_limits(text: str | None) -> list[float]:
 
 def _read_table(path: Path) -> tuple[tuple[str, ...], Real]:
     """Return the labels of a CSV's columns from the second on, and its numbers; (n, n_column)."""
-    check_file(path, "a CSV with a header and columns of numbers is needed")
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path} cannot be read ({error}): save it as CSV") from error
-    if len(rows) < 3 or len(rows[0]) < 2:
+    header, table = read_number_table(path, "give a CSV with a header and columns of numbers")
+    if len(table) < 2 or len(header) < 2:
         raise InputError(f"{path}: give a header, then rows of at least two columns")
-    width = len(rows[0])
-    numbers = []
-    for line, row in enumerate(rows[1:], start=2):
-        try:
-            numbers.append([float(cell) for cell in row])
-        except ValueError as error:
-            raise InputError(f"{path}, row {line}: {error}: write numbers") from error
-        if len(row) != width:
-            raise InputError(f"{path}, row {line} has {len(row)} columns, the header {width}")
-    table = np.array(numbers)
-    if not np.isfinite(table).all():
-        raise InputError(f"{path} holds NaN or infinite numbers: correct them")
-    return tuple(cell.strip() for cell in rows[0][1:]), table
+    return tuple(header[1:]), table
 
 
 def write_response(target: Path, time_s: Real, columns: Sequence[tuple[str, str, Real]]) -> None:

@@ -8,7 +8,7 @@ import typer
 
 from identification.readers.mode_table import read_mode_table
 from identification.readers.result_files import json_text
-from identification.words import UsageError
+from identification.words import UsageError, read_number
 from identification.words.file_access import check_file
 from mbmodel import load_machine, refuse_difference
 from mbw.files import write_json
@@ -95,10 +95,7 @@ def run_options(  # noqa: PLR0913  # one for each option
 def _parse_prior(text: str) -> tuple[str, float]:
     """Return the pattern and the standard deviation of a text ``NAME=SD``."""
     name, equals, number = text.rpartition("=")
-    try:
-        deviation = float(number)
-    except ValueError:
-        deviation = math.nan
+    deviation = read_number(number)
     if not (equals and name and math.isfinite(deviation) and deviation >= 0):
         raise UsageError(
             f"--prior {text!r}: write NAME=SD, such as '*.stiffness=0.5', with SD of 0 or more"

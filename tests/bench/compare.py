@@ -27,12 +27,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from diagnosis import build_verdict, diagnose
+from tests.bench.beside_background import LIKELY, truth_is_first, wrong_causes
 from tests.bench.kept import cases, of
 from tests.bench.scorecard import core_seconds, describe_engine
 from tests.bench.scorecard_draws import SIZED, TREE, Design, plan_campaign
 from truth import TruthError, VirtualCampaign, draw_visits, write_campaign
 from truth.grade.answer import Truth, answer_from
-from truth.grade.beside_background import LIKELY, truth_is_first, wrong_causes
 from truth.grade.rates import rate_of
 from truth.grade.read_verdict import verdict_from
 from truth.grade.verdict import NOTHING_SAID, StatedVerdict

@@ -19,12 +19,12 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from statistics import fmean, median
 
+from tests.bench.beside_background import all_found, is_right, probability_on, right_first
+from tests.bench.beside_background import wrong_causes as wrong_causes_of
 from tests.bench.scorecard_draws import Design
 from truth import TruthError
 from truth.effects.outside import OUTSIDE
 from truth.grade.answer import Truth, answer_from
-from truth.grade.beside_background import all_found, is_right, probability_on, right_first
-from truth.grade.beside_background import wrong_causes as wrong_causes_of
 from truth.grade.rates import Diagram, Rate, diagram_of, rate_of
 from truth.grade.read_verdict import verdict_from
 from truth.grade.sizes import Sizes, estimates_of, sizes_of

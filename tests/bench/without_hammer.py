@@ -26,15 +26,15 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis import build_verdict, diagnose
 from identification.words import Complex, Real
+from tests.bench.beside_background import truth_is_first, wrong_causes
 from tests.bench.kept import cases, only_kept
 from tests.helpers.drawn_drives import add_ports
+from tests.helpers.truth_ports import joint_row, plant_receptance
 from truth import Cause, Plan, Protocol, TruthError, Wanted, write_campaign
 from truth.campaign.virtual_test import Subject, draw_subject, measure_subject
 from truth.grade.answer import answer_from
-from truth.grade.beside_background import truth_is_first, wrong_causes
 from truth.grade.rates import rate_of
 from truth.grade.read_verdict import verdict_from
-from truth.machine.ports import joint_row, plant_receptance
 from truth.machine.random_tree import draw_tree
 from truth.random_streams import stream
 from tuning import open_session

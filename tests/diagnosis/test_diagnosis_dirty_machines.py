@@ -8,12 +8,12 @@ from dataclasses import asdict
 
 import pytest
 
+from tests.bench.beside_background import right_first
 from tests.bench.scorecard import diagnosed
 from tests.bench.scorecard_draws import Design, Stored
 from tests.bench.scorecard_rates import graded
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
 from truth.campaign.draw import REAL_INSTRUMENTS, Tolerances
-from truth.grade.beside_background import right_first
 from truth.machine.random_tree import draw_tree
 
 

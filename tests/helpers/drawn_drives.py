@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Real
+from tests.helpers.truth_ports import joint_row, plant_receptance
 from truth import Plan, write_campaign
 from truth.campaign.virtual_test import Subject, draw_subject, measure_subject
-from truth.machine.ports import joint_row, plant_receptance
 from truth.machine.station import Station
 from truth.random_streams import stream
 

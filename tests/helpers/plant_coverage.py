@@ -10,10 +10,10 @@ from diagnosis import diagnose
 from identification.words import Real
 from mbmodel import FrfRequest, load_machine, machine_model
 from mbw.diagnose.augmented import write_augmented
+from tests.helpers.truth_ports import joint_row, plant_receptance, point_row
 from truth import Plan, write_campaign
 from truth.campaign.virtual_test import Subject, draw_subject, measure_subject
 from truth.machine.dynamics import motion_row
-from truth.machine.ports import joint_row, plant_receptance, point_row
 from truth.machine.rig import Prepared
 from truth.machine.station import Complex, Station
 from truth.random_streams import stream

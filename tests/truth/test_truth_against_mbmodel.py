@@ -5,11 +5,11 @@ import pytest
 
 from identification.words import Dof
 from mbmodel import FrfRequest, as_drawn, linearise, load_machine
+from tests.helpers.truth_ports import joint_row, plant_receptance, point_row
 from truth.campaign.draw import NO_TOLERANCE, draw_basis, draw_drawing, draw_hammers, draw_rigid
 from truth.campaign.file_formats import model_xml
 from truth.errors import TruthError
 from truth.machine.mjcf_reader import read_station
-from truth.machine.ports import joint_row, plant_receptance, point_row
 from truth.machine.random_tree import draw_tree
 from truth.machine.rig import Prepared, accelerance, build
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from truth.grade.answer import TrueCause, Truth, answer_from
-from truth.grade.beside_background import (
+from tests.bench.beside_background import (
     all_found,
     is_established,
     probability_on,
@@ -11,6 +10,7 @@ from truth.grade.beside_background import (
     truth_is_first,
     wrong_causes,
 )
+from truth.grade.answer import TrueCause, Truth, answer_from
 from truth.grade.marks import marks_of
 from truth.grade.read_verdict import verdict_from
 from truth.grade.verdict import PARTLY, Row, StatedVerdict, first_of
