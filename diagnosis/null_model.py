@@ -19,8 +19,7 @@ from diagnosis.settings import DiagnosisSettings
 from identification import lines_are_independent
 from mbmodel import RigidDirection
 from tuning import Checkpoint, Session
-from tuning.fitting.machine_fit import count_starts, fit_first_stages, settle_floor
-from tuning.fitting.outlying_tolerances import admit_shifts
+from tuning.fitting.machine_fit import admit_shifts, count_starts, fit_first_stages, settle_floor
 
 
 @dataclass(frozen=True, eq=False)

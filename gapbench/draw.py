@@ -36,7 +36,7 @@ from truth.effects.other_packages import known_effects
 from truth.errors import NoPlaceError, TruthError
 from truth.grade.answer import TrueCause, answer_from
 from truth.grade.baselines import list_places
-from truth.grade.names import CATALOGUE, canonical
+from truth.grade.verdict import CATALOGUE, canonical
 from truth.machine.random_tree import draw_tree
 from truth.machine.station import GROUND, Real, Station
 from truth.random_streams import stream

@@ -28,14 +28,13 @@ from identification.readers.campaign_toml import (
     port_key,
     stated_channels,
 )
-from identification.readers.coherence import check_coherence
 from identification.readers.file_kinds import (
     array_description,
     is_arrays,
     is_universal,
 )
 from identification.readers.frequency_lines import keep_common_lines, leave_out_lines
-from identification.readers.frf_table import FrfTable, set_zero_line
+from identification.readers.frf_table import FrfTable, check_coherence, set_zero_line
 from identification.readers.frf_units import parse_frf_units, refuse_signals_of_known_gain
 from identification.readers.instrument_toml import SensorSettings
 from identification.readers.several_inputs import CoherenceKind, resolve_several_inputs
@@ -64,7 +63,7 @@ from identification.words import (
     node_number,
     settle_port,
 )
-from identification.words.signal import FLOOR
+from identification.words.ports import FLOOR
 
 _MIN_LINES_OF_PHASE = 4  # a static test of one to three lines may well be real
 

@@ -1,9 +1,12 @@
-"""Meaning of a path: the model of a campaign or of a fit, and the tests of a campaign."""
+"""Meaning of a path: the model of a campaign or of a fit, and the tests of a campaign.
+
+Check of the frequency band that a user states.
+"""
 
 from pathlib import Path
 
 from identification import correct_layout, read_campaign, read_layout, read_settings, select_band
-from identification.words import Campaign, InputError
+from identification.words import Campaign, InputError, UsageError
 from mbmodel import Machine
 from tuning import open_campaign
 from tuning.files.plant_folder import plant_file
@@ -53,3 +56,16 @@ def find_model(path: Path, key: str | None = None) -> tuple[Path, Path, str | No
             "a campaign"
         )
     return mjcf, mjcf, key
+
+
+def check_band(band: tuple[float, float] | None) -> None:
+    """Refuse a band whose limits are exchanged or equal.
+
+    Args:
+        band: lowest and highest frequency [Hz]; None where the user states none.
+
+    Raises:
+        UsageError: the first limit is not below the second.
+    """
+    if band is not None and not band[0] < band[1]:  # true for NaN, too
+        raise UsageError(f"--band {band[0]:g} {band[1]:g}: give the lower frequency first")

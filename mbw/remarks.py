@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from html import escape
 
 from identification.words import TOLERANCE_BOUND_SIGMA, NominalGain, percent_text
-from identification.words.signal import FLOOR
+from identification.words.ports import FLOOR
 from mbw.page.numbers import format_percent
 from tuning import TunedFile
 from tuning.files.result import TUNED_JSON
 from tuning.files.schema import ChannelGainRow, FitRow
-from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
+from tuning.fitting.machine_fit import PLAUSIBLE_PULL_SIGMA
 
 # What instruments have and an MJCF has not: how a sentence calls it, parts of parameters' names
 # that mark it, and the instrument.

@@ -43,11 +43,10 @@ from mbworkbench.budgets import (
     margins,
     simulate_budget,
 )
-from mbworkbench.campaign import MeasuredCampaign, read_campaign
+from mbworkbench.campaign import IdentifiedModel, MeasuredCampaign, identify, read_campaign
 from mbworkbench.comparison import ComparisonResult, compare
 from mbworkbench.diagnosis import DiagnosisResult, diagnose
 from mbworkbench.excitation import ExcitationResult, excite
-from mbworkbench.identified import IdentifiedModel, identify
 from mbworkbench.model import MachineModel, ModelModes, read_model
 from mbworkbench.plant import TunedPlant, predict_poses, read_plant
 from mbworkbench.plots import plot

@@ -9,11 +9,10 @@ from plotly.subplots import make_subplots
 
 from identification.words import Complex, Dof, Frf, FrfEstimate, Real, Test
 from mbworkbench.budgets import ErrorBudgetResult, MarginsResult, SimulatedBudget
-from mbworkbench.campaign import MeasuredCampaign
+from mbworkbench.campaign import IdentifiedModel, MeasuredCampaign
 from mbworkbench.comparison import ComparisonResult
 from mbworkbench.diagnosis import DiagnosisResult
 from mbworkbench.excitation import ExcitationResult
-from mbworkbench.identified import IdentifiedModel
 from mbworkbench.model import ModelModes
 from mbworkbench.plant import TunedPlant
 from mbworkbench.tables import plot

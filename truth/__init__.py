@@ -5,15 +5,13 @@ rest of the project. It imports no other package of it. Of MuJoCo it uses the re
 the forces at rest; nothing is simulated.
 """
 
-from truth.campaign.case_design import Card, DrawnCase, deal_cards, draw_case
+from truth.campaign.case_design import Card, DrawnCase, deal_cards, draw_case, fit_to_machine
 from truth.campaign.cause import Cause, Wanted
-from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
 from truth.campaign.draw import Tolerances
-from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.folder import write_answer, write_campaign
 from truth.campaign.further_tests import find_further_test, list_further_tests
 from truth.campaign.measured import StatedTest, locate_tests
-from truth.campaign.place_names import check_choice, find_place
+from truth.campaign.place_names import WHOLE_DECK, Choice, OwnTest, check_choice, find_place
 from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.usual_size import compare_with_usual
 from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign

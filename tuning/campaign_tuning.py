@@ -31,12 +31,12 @@ from tuning.fitting.error_floor_fit import FloorSchedule
 from tuning.fitting.fitter import Fit, FitProgress, fit
 from tuning.fitting.machine_fit import (
     FIRST_STAGES,
+    PLAUSIBLE_PULL_SIGMA,
     count_starts,
     fit_all_lines,
     fit_first_stages,
     settle_floor,
 )
-from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
 from tuning.fitting.stages import LAST_STAGE, Stage
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalStage

@@ -13,7 +13,7 @@ from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
 from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import Campaign, InputError
-from identification.words.signal import FLOOR
+from identification.words.ports import FLOOR
 from mbmodel import Machine, Model, as_drawn, load_machine, with_variants
 from tuning.attached_instruments import attach_instruments
 from tuning.campaign_machine import (

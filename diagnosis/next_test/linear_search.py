@@ -27,7 +27,7 @@ from diagnosis.settings import HALF_PRECISION, NEGLIGIBLE_SHARE
 from identification.words import Integers, Real
 from mbmodel import Model
 from tuning import Misfit, Parametrisation, parametrise, thin_lines
-from tuning.fitting.outlying_tolerances import are_by_chance, widen_outliers
+from tuning.fitting.machine_fit import are_by_chance, widen_outliers
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ value of a cause is the decrease of that floor.
 
 Refits with wider bounds on tolerances that lie beyond their bounds by chance.
 
-See ``tuning.fitting.outlying_tolerances``, by which the null model admits them.
+See ``tuning.fitting.machine_fit``, by which the null model admits them.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ from tuning import (
     rebuild_for_machine,
     thin_lines,
 )
-from tuning.fitting.outlying_tolerances import are_by_chance, widen_outliers
+from tuning.fitting.machine_fit import are_by_chance, widen_outliers
 from tuning.misfit.residual_statistics import ModelError
 from tuning.workers.independent_calls import Call, run_in_parallel
 

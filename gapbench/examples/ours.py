@@ -6,9 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from truth.grade.names import CATALOGUE
 from truth.grade.read_verdict import read_verdict
-from truth.grade.verdict import Row, StatedVerdict, alone
+from truth.grade.verdict import CATALOGUE, Row, StatedVerdict, alone
 
 NOT_CONVERGED = 4  # exit code of a diagnosis that leaves its results too
 PRESENT = 0.5  # probability of the causes of the set that stands for all sets of several

@@ -9,8 +9,7 @@ from identification.readers.array_files import is_text, load_arrays
 from identification.readers.array_noise import input_spectra as find_input_spectra
 from identification.readers.array_noise import stated_variance
 from identification.readers.channel_labels import parse_channels, parse_references
-from identification.readers.coherence import real_coherence
-from identification.readers.frf_table import FrfTable
+from identification.readers.frf_table import FrfTable, real_coherence
 from identification.readers.frf_units import labelled_unit, parse_frf_units, unit_remarks
 from identification.readers.text_arrays import fold_columns
 from identification.readers.units import frequency_factor

@@ -25,7 +25,7 @@ from identification.words import (
     parse_port,
 )
 from identification.words.file_access import check_file
-from identification.words.signal import FLOOR
+from identification.words.ports import FLOOR
 
 MAX_LOSS_FACTOR = 10.0  # rubber has 1; beyond 10 the number is a slip
 MAX_LAW_TIME_S = 100.0  # of a delay or relaxation: slower ones are a drift, not dynamics

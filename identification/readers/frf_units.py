@@ -22,7 +22,7 @@ from identification.readers.units import (
     torque_label_factor,
 )
 from identification.words import Campaign, Dof, Input, InputError, Output, Quantity, Real, Signal
-from identification.words.signal import FLOOR
+from identification.words.ports import FLOOR
 
 _TRANSLATION, _ROTATION, _FORCE, _TORQUE, _SIGNAL = (
     "translations",

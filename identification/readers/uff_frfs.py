@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.readers.coherence import real_coherence
-from identification.readers.frf_table import FrfTable
+from identification.readers.frf_table import FrfTable, real_coherence
 from identification.readers.uff_datasets import (
     FUNCTION_DATASET,
     UNITS_DATASET,

@@ -30,7 +30,6 @@ from identification.words.control_loop import (
     sampling_period,
     zero_order_hold,
 )
-from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import DERIVATIVE_ORDER, Frf, FrfEstimate, Quantity, VarianceSource
 from identification.words.gains import NominalGain, UnknownGains
@@ -46,17 +45,20 @@ from identification.words.hits import (
 from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import HasPoles, ModalModel, drive_point_scale, modal_sum
 from identification.words.names import percent_text, read_number, shorten_names
-from identification.words.records import Records
-from identification.words.signal import (
+from identification.words.ports import (
+    DIRECTIONS,
     JOINT_PREFIX,
+    Dof,
     Input,
     Output,
     Port,
     Signal,
+    distinct_dofs,
     parse_port,
     settle_port,
     split_label,
 )
+from identification.words.records import Records
 
 __all__ = [
     "DEFAULT_HAMMER",

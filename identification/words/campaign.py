@@ -9,13 +9,12 @@ from typing import Literal, Self
 import numpy as np
 
 from identification.words._arrays import Mask, Real
-from identification.words.dof import Dof, distinct_dofs
 from identification.words.frf import FrfEstimate
 from identification.words.gains import UnknownGains
 from identification.words.hits import HitEstimate
 from identification.words.layout import Layout
 from identification.words.names import shorten_names
-from identification.words.signal import FLOOR, Input, Output, Signal
+from identification.words.ports import FLOOR, Dof, Input, Output, Signal, distinct_dofs
 
 # Standard deviations within which every tolerance is kept in a fit; what lies beyond is an effect
 # that the model lacks, or a fault of a sensor.

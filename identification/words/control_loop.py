@@ -16,7 +16,7 @@ import numpy as np
 
 from identification.words._arrays import Complex, Real, frozen_array
 from identification.words.errors import InputError
-from identification.words.signal import Input, Output
+from identification.words.ports import Input, Output
 
 # Of s T, where searches of poles pass far from the imaginary axis.
 _MAX_SAMPLED_EXPONENT = 300.0

@@ -16,10 +16,9 @@ from identification.words._arrays import (
     Real,
     frozen_array,
 )
-from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.names import shorten_names
-from identification.words.signal import Input, Output, Signal
+from identification.words.ports import Dof, Input, Output, Signal
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 VarianceSource = Literal["coherence", "differences", "stated"]

@@ -7,7 +7,7 @@ import numpy as np
 
 from identification.words._arrays import Complex, Real, frozen_array
 from identification.words.frf import FrfEstimate
-from identification.words.signal import Input
+from identification.words.ports import Input
 
 Estimator = Literal["H1", "H2", "Hv"]
 

@@ -8,10 +8,9 @@ from typing import Any, Self
 import numpy as np
 
 from identification.words._arrays import MAX_INPUT_MAGNITUDE, Integers, Real, frozen_array
-from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.names import shorten_names
-from identification.words.signal import Port, Signal, parse_port
+from identification.words.ports import Dof, Port, Signal, parse_port
 
 _NODE_SUFFIX = re.compile(r"(\d+)$")
 _HAMMER_POINT = re.compile(r"hit\d+$")

@@ -12,7 +12,7 @@ from identification.words._arrays import Complex, Real, frozen_array
 from identification.words.errors import UsageError
 from identification.words.frf import DERIVATIVE_ORDER, Frf, Quantity
 from identification.words.names import shorten_names
-from identification.words.signal import Input, Output
+from identification.words.ports import Input, Output
 
 
 class HasPoles:

@@ -14,7 +14,7 @@ from identification.words._arrays import (
     frozen_array,
 )
 from identification.words.frf import DERIVATIVE_ORDER, Quantity
-from identification.words.signal import Input, Output
+from identification.words.ports import Input, Output
 
 
 @dataclass(frozen=True, eq=False)

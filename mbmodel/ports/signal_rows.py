@@ -25,7 +25,7 @@ from identification.words import (
     settle_port,
     shorten_names,
 )
-from identification.words.signal import FLOOR, OFFSET_MARK, PAIR_MARK
+from identification.words.ports import FLOOR, OFFSET_MARK, PAIR_MARK
 from mbmodel.linearisation.sensors import SensorReading
 from mbmodel.machine import Axle, Machine
 from mbmodel.spatial import cross_matrix

@@ -8,7 +8,7 @@ import typer
 
 from identification.words import InputError, WorkbenchError
 from mbmodel import load_machine
-from mbw.blind.case_files import TREES, BlindCase
+from mbw.blind.case import TREES, BlindCase
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import run_cases
 from mbw.blind.user_test import is_campaign, read_test, read_user_test

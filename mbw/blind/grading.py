@@ -4,7 +4,7 @@ import json
 import tomllib
 from collections.abc import Sequence
 
-from mbw.blind.case_files import TREES, BlindCase
+from mbw.blind.case import TREES, BlindCase
 from mbw.blind.page import GRADES, PAGE, TABLES, describe_draws, describe_failures, render
 from mbw.output_folder import OutputFolder
 from truth.grade import CaseFiles, Report, grade, tables, to_json

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from identification.words import InputError
-from mbw.blind.case import is_finished
-from mbw.blind.case_files import BlindCase
+from mbw.blind.case import BlindCase, is_finished
 from mbw.blind.page import GRADES
 from mbw.blind.request import Shard, prepare_folder, read_request
 from mbw.blind.running import write_hashes

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from identification.words.file_access import read_bytes
-from mbw.blind.case_files import REQUEST_JSON
+from mbw.blind.case import REQUEST_JSON
 from mbw.output_folder import source_of
 from mbw.page.html import fill_template, warning_boxes
 

@@ -16,7 +16,7 @@ from typing import Any
 from identification import read_settings
 from identification.words import InputError, UsageError
 from identification.words.file_access import read_bytes
-from mbw.blind.case_files import HASHES, REQUEST_JSON, TREES
+from mbw.blind.case import HASHES, REQUEST_JSON, TREES
 from mbw.blind.user_test import is_campaign, model_of
 from mbw.output_folder import RECORD
 from truth import Choice, TruthError, read_station

@@ -9,8 +9,7 @@ from itertools import islice
 
 from identification.words import UsageError
 from identification.words.file_access import write_text
-from mbw.blind.case import run_case
-from mbw.blind.case_files import HASHES, BlindCase, CaseOutcome
+from mbw.blind.case import HASHES, BlindCase, CaseOutcome, run_case
 from mbw.messages import SCREEN
 from truth import Card, deal_cards
 from tuning.workers.executors import Workers, use_cluster, use_executor, use_processes

@@ -14,8 +14,8 @@ import typer
 from diagnosis import load_catalogue
 from diagnosis.next_test.smallest_sizes import SmallestSize
 from identification.words import UsageError, read_number
-from mbw.band import check_band
-from mbw.blind.case_files import BlindCase
+from mbw.any_campaign import check_band
+from mbw.blind.case import BlindCase
 from mbw.blind.chosen_cases import (
     BlindOptions,
     check_model,

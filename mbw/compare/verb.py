@@ -9,8 +9,7 @@ from identification.readers.campaign_toml import find_campaign_file
 from identification.readers.result_files import read_result_json
 from identification.words import Campaign, InputError, UsageError
 from mbmodel import Machine
-from mbw.any_campaign import open_any_campaign
-from mbw.band import check_band
+from mbw.any_campaign import check_band, open_any_campaign
 from mbw.compare.page import render
 from mbw.compare.result import NAMES, PAGE, add_verdict, collect_result, write_result
 from mbw.compare.schema import ComparedFile, Kind

@@ -13,8 +13,8 @@ from statistics import median
 from typing import Any
 
 from identification.impacts import read_impacts
+from mbw.any_campaign import check_band
 from mbw.assets import asset_path
-from mbw.band import check_band
 from mbw.files import check_json_target
 from mbw.match import place, verb
 from mbw.match.result import MATCH_JSON, PAGE

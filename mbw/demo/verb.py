@@ -10,8 +10,8 @@ import numpy as np
 
 from diagnosis import Verdict
 from identification.modal import ModeChoices, ModeCriteria
+from mbw.any_campaign import check_band
 from mbw.assets import asset_path
-from mbw.band import check_band
 from mbw.diagnose import verb as diagnose
 from mbw.files import check_json_target
 from mbw.identify import verb as identify

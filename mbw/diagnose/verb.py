@@ -12,7 +12,7 @@ from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
 from diagnosis.effects import check_others
 from diagnosis.verdict.sentences import UNEXPLAINED, other_places
 from mbmodel import refuse_difference
-from mbw.band import check_band
+from mbw.any_campaign import check_band
 from mbw.diagnose.augmented import write_augmented
 from mbw.diagnose.fitted_sets import fitted_rows, key_words, rejection_reasons
 from mbw.diagnose.gap_sentences import (

@@ -24,8 +24,7 @@ from identification.roving_hammer import (
 )
 from identification.words import Campaign, Output, UsageError
 from mbmodel import Machine, as_drawn, machine_geometry, model_modes, shapes_at
-from mbw.any_campaign import open_any_campaign
-from mbw.band import check_band
+from mbw.any_campaign import check_band, open_any_campaign
 from mbw.files import write_json
 from mbw.identify.animate import (
     ModeAnimation,

@@ -8,7 +8,7 @@ from threading import Thread
 
 from diagnosis import Verdict
 from identification.words import WorkbenchError
-from mbw.live.accepted import write_accepted
+from mbw.live.findings import write_accepted
 from mbw.live.test import LiveTest, Sheet
 from mbw.workbench.jobs import Job, JobQueue
 from mbw.workbench.opening import open_subject

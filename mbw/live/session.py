@@ -13,9 +13,8 @@ from identification.readers.campaign_toml import read_settings
 from identification.readers.result_files import FORMAT
 from identification.words import InputError, WorkbenchError
 from mbmodel import load_machine
-from mbw.live.accepted import write_accepted
 from mbw.live.advice import Advice, advise
-from mbw.live.findings import Findings, FindingsWorker
+from mbw.live.findings import Findings, FindingsWorker, write_accepted
 from mbw.live.model import HitPredictor
 from mbw.live.refits import FullRefits
 from mbw.live.test import HitRow, LiveTest, Sheet
@@ -156,7 +155,7 @@ class LiveSession:
         """Write a campaign of the accepted hits.
 
         Args:
-            staging, folder: as for ``mbw.live.accepted.write_accepted``.
+            staging, folder: as for ``mbw.live.findings.write_accepted``.
 
         Raises:
             InputError: no hit is accepted yet.

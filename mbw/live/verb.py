@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from identification.words import WorkbenchError
-from mbw.band import check_band
+from mbw.any_campaign import check_band
 from mbw.files import check_json_target, write_json
 from mbw.live.page import LivePage
 from mbw.live.session import LiveSession

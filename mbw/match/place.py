@@ -23,7 +23,7 @@ from identification.shapes import (
 )
 from identification.words import Dof, InputError, Integers, Layout
 from identification.words.csv_cells import write_csv
-from mbw.band import check_band
+from mbw.any_campaign import check_band
 from mbw.files import check_json_target, write_json
 from mbw.match.verb import SimulatedShapes
 from mbw.messages import SCREEN

@@ -20,7 +20,7 @@ from identification.shapes import (
     rigid_modes,
 )
 from identification.words import InputError, UsageError
-from mbw.band import check_band
+from mbw.any_campaign import check_band
 from mbw.files import write_json
 from mbw.match.page import render
 from mbw.match.result import NAMES, PAGE, collect_result, write_result

@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.readers.result_files import ResultFile
 from identification.words.file_access import temporary_folder
-from mbw.band import check_band
+from mbw.any_campaign import check_band
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.open.gallery import resolve_gallery

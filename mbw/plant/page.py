@@ -13,8 +13,7 @@ from mbw.plant.rows import thin_cumulative
 from mbw.plant.schema import BudgetRow, ErrorRow
 from mbw.plant.sentences import mode_name
 from mbw.plant.struts import StrutsResult
-from tuning.plant.error_budget.budget import ErrorBudget
-from tuning.plant.error_budget.frequency_grid import trapezoid_weights
+from tuning.plant.error_budget.budget import ErrorBudget, trapezoid_weights
 from tuning.plant.error_budget.plant_budget import PlantBudget
 from tuning.plant.error_budget.plant_curves import PlantCurves
 

@@ -13,8 +13,7 @@ from mbw.page.html import pack_real
 from mbw.page.numbers import format_percent
 from mbw.plant.schema import FeedbackRow, FramesRow, StrutsRow
 from tuning.plant.damping.force_feedback import ForceFeedback, RootLocus, force_feedback
-from tuning.plant.damping.frames import StrutFrames, strut_frames
-from tuning.plant.damping.struts import find_struts
+from tuning.plant.damping.frames import StrutFrames, find_struts, strut_frames
 from tuning.plant.error_budget.machine_files import fitted_model
 
 _POSTERIOR_MACHINES, _MACHINE_SEED = 40, 1  # samples of the interval of the damping ratio

@@ -15,7 +15,7 @@ from identification.words import (
     Real,
     UsageError,
 )
-from identification.words.signal import FLOOR
+from identification.words.ports import FLOOR
 from mbmodel import Evaluator, FrfRequest, Machine, Model, Modes
 from mbmodel.ports.port_units import CONTROL, input_unit, output_unit
 from mbmodel.ports.ports import find_ports

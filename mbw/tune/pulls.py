@@ -10,7 +10,7 @@ from mbw.page.numbers import format_shift, format_tolerance
 from tuning import TunedFile
 from tuning.assessment.parameter_confidence import MAX_DETERMINED_SHARE
 from tuning.files.schema import ParameterRow
-from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
+from tuning.fitting.machine_fit import PLAUSIBLE_PULL_SIGMA
 
 _TOLERANCE_KINDS = {
     ("body", "mass"): "mass",

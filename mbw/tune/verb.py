@@ -12,7 +12,7 @@ from diagnosis import compute_residual_shares
 from identification.readers.result_files import json_text
 from identification.words import Campaign, UsageError, percent_text
 from mbmodel import refuse_difference
-from mbw.band import check_band
+from mbw.any_campaign import check_band
 from mbw.files import write_json
 from mbw.gap_text import describe_gap, number_text
 from mbw.interrupts import INTERRUPTED

@@ -32,9 +32,8 @@ from mbmodel import (
     strike,
     write_model,
 )
-from mbw.live.accepted import write_accepted
 from mbw.live.advice import Advice, advise
-from mbw.live.findings import Findings, compute_findings
+from mbw.live.findings import Findings, compute_findings, write_accepted
 from mbw.live.model import HitPredictor
 from mbw.live.test import LiveTest, Place, Sheet
 from mbw.workbench.edits import (

@@ -32,8 +32,8 @@ from truth import (
     write_answer,
     write_campaign,
 )
+from truth.campaign.case_design import fit_to_machine
 from truth.campaign.draw import REAL_INSTRUMENTS, draw_hammers
-from truth.campaign.fitting_band import fit_to_machine
 from truth.effects.outside import OUTSIDE
 from truth.machine.random_tree import draw_tree
 from truth.machine.station import Station

@@ -17,8 +17,7 @@ from functools import cache
 from pathlib import Path
 
 from diagnosis.next_test.smallest_sizes import SmallestSize
-from mbw.blind.case import run_case
-from mbw.blind.case_files import BlindCase
+from mbw.blind.case import BlindCase, run_case
 from mbw.blind.grading import graded_case
 from mbw.blind.request import build_request, prepare_folder
 from mbw.blind.smallest import choose_places, predict

@@ -21,7 +21,7 @@ from truth.campaign.changed_tower import (
     read_tower,
     write_tower,
 )
-from truth.grade.names import CATALOGUE
+from truth.grade.verdict import CATALOGUE
 
 
 def changed(folder, *changes):

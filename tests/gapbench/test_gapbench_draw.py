@@ -13,7 +13,7 @@ from gapbench.run import open_set
 from truth import Cause, Plan, Protocol, Wanted
 from truth.campaign.draw import REAL_INSTRUMENTS
 from truth.campaign.virtual_test import draw_subject
-from truth.grade.names import CATALOGUE
+from truth.grade.verdict import CATALOGUE
 from truth.machine.random_tree import draw_tree
 
 

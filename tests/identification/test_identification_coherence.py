@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.readers.coherence import check_coherence, real_coherence
-from identification.readers.frf_table import FrfTable
+from identification.readers.frf_table import FrfTable, check_coherence, real_coherence
 from identification.words import Dof, InputError
 
 SHAPE = (50, 2, 1)

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from identification.words import InputError
 from mbmodel import as_drawn, linearise, load_machine
 from mbw.blind import case as blind_case
-from mbw.blind.case_files import BlindCase
+from mbw.blind.case import BlindCase
 from mbw.blind.user_test import read_user_test
 from mbw.blind.verb import read_choice
 from mbw.command import app

@@ -15,7 +15,7 @@ from blind_verdicts import empty_verdict
 from typer.testing import CliRunner
 
 from mbw.blind import case as blind_case
-from mbw.blind.case_files import BlindCase
+from mbw.blind.case import BlindCase
 from mbw.blind.running import sort_longest_first
 from mbw.command import app
 from truth import draw_case, read_station, write_answer, write_campaign

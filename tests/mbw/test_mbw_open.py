@@ -26,7 +26,7 @@ from identification.words import InputError, UsageError
 from mbmodel import Evaluator, FrfRequest, model_modes, parse_input, parse_output
 from mbw.command import app
 from mbw.output_folder import ResultOptions
-from mbw.workbench.edited_makers import EditedMakers
+from mbw.workbench.desk import EditedMakers
 from mbw.workbench.edits import AddedMass
 from mbw.workbench.frames import FrameMaker
 from mbw.workbench.opening import open_subject

@@ -20,7 +20,7 @@ from identification.words import InputError, UsageError
 from mbmodel import AddedPart, Change, Model, Parameter, transport
 from mbw.command import app
 from mbw.output_folder import ResultOptions
-from mbw.workbench.edited_makers import EditedMakers
+from mbw.workbench.desk import EditedMakers
 from mbw.workbench.edits import AddedAppendage, AddedDelay, AddedMass, AddedSpring, AddedStrut
 from mbw.workbench.opening import open_subject
 from mbw.workbench.saving import save_state

@@ -15,7 +15,7 @@ from workbench_server import Browser, frame_parts, serve
 
 from identification.words import UsageError
 from mbmodel import load_machine
-from mbw.workbench.edited_makers import EditedMakers
+from mbw.workbench.desk import EditedMakers
 from mbw.workbench.edits import AddedMass
 from mbw.workbench.jobs import Job, JobQueue
 from mbw.workbench.opening import open_subject

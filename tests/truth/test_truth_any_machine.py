@@ -10,8 +10,8 @@ from any_machines import GANTRY, SERVO_AXIS
 from identification.words import Dof
 from mbmodel import FrfRequest, as_drawn, linearise, load_machine
 from truth import Cause, Plan, Protocol, TruthError, Wanted, draw_campaign, read_station
+from truth.campaign.case_design import fit_to_machine, natural_frequencies
 from truth.campaign.draw import NO_TOLERANCE, draw_as_drawn, draw_hammers
-from truth.campaign.fitting_band import fit_to_machine, natural_frequencies
 from truth.machine.couplings import coupled_matrices, gravity_stiffness
 from truth.machine.mujoco_forces import force_slopes
 from truth.machine.mujoco_reader import read_machine

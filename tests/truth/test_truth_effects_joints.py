@@ -310,7 +310,7 @@ def test_a_link_between_two_branches_goes_around_both_their_joints():
 @pytest.mark.parametrize(("sign", "factor"), [(1, 1.25), (-1, 0.8)])
 def test_a_joint_drifts_in_its_test_alone(sign, factor):
     station = chain()
-    effect = Drift("arm", "acc1:+ty", sign, size=float(np.log(1.25)))
+    effect = Drift(stage="arm", test="acc1:+ty", sign=sign, size=float(np.log(1.25)))
     joints = tuple(
         replace(one, stiffness=factor * one.stiffness) for one in station.stages[1].joints
     )
@@ -331,7 +331,7 @@ def test_a_drift_belongs_to_a_direction_or_to_a_setup():
     drawn = [draw_drift(random_of(s), moved, None).test for s in range(100)]
     assert set(drawn) == labels | {"a", "b"}
     assert 30 < sum(len(test) == 1 for test in drawn) < 70
-    drift = Drift("arm", "b", 1, size=0.2)
+    drift = Drift(stage="arm", test="b", sign=1, size=0.2)
     assert drift.answer().dof == "b"
     assert [drift.when(one) for one in setups] == [False, True] * 3
     assert not drift.when(OCCASIONS[0])
@@ -347,14 +347,14 @@ def test_a_drift_names_the_hit_as_the_drawing_does():
 
 
 def test_the_same_direction_at_two_levels_is_one_test():
-    drift = Drift("arm", "acc1:+tx", 1, size=0.2)
+    drift = Drift(stage="arm", test="acc1:+tx", sign=1, size=0.2)
     assert drift.when(Occasion(40.0, 1, 0))
     assert drift.when(Occasion(1000.0, 1, 0))
     assert not drift.when(Occasion(40.0, 11, 0))
 
 
 def test_a_drift_names_the_site_that_is_hit():
-    drift = Drift("arm", "acc29:+tx", 1, "hit29", size=0.2)
+    drift = Drift(stage="arm", test="acc29:+tx", sign=1, site="hit29", size=0.2)
     assert drift.answer().dof == "hit29:+tx"
     assert drift.when(Occasion(node=29, axis=0))
-    assert Drift("arm", "b", 1, size=0.2).answer().dof == "b"
+    assert Drift(stage="arm", test="b", sign=1, size=0.2).answer().dof == "b"

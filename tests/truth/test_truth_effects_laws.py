@@ -10,11 +10,15 @@ from hypothesis import strategies as st
 
 from truth.campaign.draw import Tolerances, draw_basis, draw_true
 from truth.effects.feedback_delay import FeedbackDelay, draw_feedback_delay
+from truth.effects.frequency_laws import (
+    StructuralDamping,
+    Viscoelastic,
+    draw_structural_damping,
+    draw_viscoelastic,
+)
 from truth.effects.places import StageDirection
 from truth.effects.rows import joint_stretch
 from truth.effects.stability import largest_coupling, longest_delay, poles
-from truth.effects.structural_damping import StructuralDamping, draw_structural_damping
-from truth.effects.viscoelastic import Viscoelastic, draw_viscoelastic
 from truth.errors import TruthError
 
 W = 2 * np.pi * FREQ
@@ -29,7 +33,7 @@ def block(station, stiffness, damping):
 @pytest.mark.parametrize(("eta", "share", "left"), [(0.1, 0.25, 0.25), (0.02, 0.25, 0.7)])
 def test_a_structural_loss_turns_the_stiffness_and_leaves_some_viscous(one_body, eta, share, left):
     # Of the damper 1 - (1 - share) min(1, eta / 0.05) is left.
-    effect = StructuralDamping("table", share, size=eta)
+    effect = StructuralDamping(stage="table", share=share, size=eta)
     H = frf_of(one_body, effect, occasions=scene_of(one_body, 3).occasions)
     for axis, joint in enumerate(one_body.stages[0].joints[:3]):
         expected = block(one_body, joint.stiffness * (1 + 1j * eta), left * joint.damping)
@@ -38,7 +42,7 @@ def test_a_structural_loss_turns_the_stiffness_and_leaves_some_viscous(one_body,
 
 
 def test_a_structural_loss_is_the_conjugate_at_negative_frequencies():
-    rig = rig_of(chain(), [StructuralDamping("arm", 1.0, size=0.1)])
+    rig = rig_of(chain(), [StructuralDamping(stage="arm", share=1.0, size=0.1)])
     for law in rig.laws:
         np.testing.assert_array_equal(law.stiffness(-S), law.stiffness(S).conj())
     assert len(rig.laws) == 6
@@ -46,7 +50,7 @@ def test_a_structural_loss_is_the_conjugate_at_negative_frequencies():
 
 def test_a_maxwell_branch_is_a_spring_on_a_damper(two_bodies):
     # A massless point, held to the body by r k and to the parent by a damper r k tau.
-    effect = Viscoelastic("holder", 2e-3, size=0.4)
+    effect = Viscoelastic(stage="holder", tau=2e-3, size=0.4)
     rig, rows = rig_of(two_bodies), None
     tested = machine_of(two_bodies)
     for number, joint in enumerate(two_bodies.stages[1].joints):
@@ -69,7 +73,7 @@ def test_a_maxwell_branch_is_a_spring_on_a_damper(two_bodies):
 
 
 def test_a_maxwell_branch_may_stand_beside_one_spring_alone(one_body):
-    effect = Viscoelastic("table", 2e-3, "tz", size=0.4)
+    effect = Viscoelastic(stage="table", tau=2e-3, dof="tz", size=0.4)
     H = frf_of(one_body, effect, occasions=scene_of(one_body, 3).occasions)
     for axis, joint in enumerate(one_body.stages[0].joints[:3]):
         branch = 0.4 * S * 2e-3 / (1 + S * 2e-3) if axis == 2 else 0.0
@@ -99,7 +103,7 @@ def test_what_remains_of_viscous_damping_is_anything_from_nothing_to_all(nominal
     assert 0 <= min(shares) < 0.1
     assert 0.9 < max(shares) <= 1
     with pytest.raises(TruthError, match="make no sense"):
-        StructuralDamping("arm", 1.2, size=0.1)
+        StructuralDamping(stage="arm", share=1.2, size=0.1)
 
 
 def test_a_late_spring_pushes_by_what_was(one_body):

@@ -8,7 +8,7 @@ from effect_rigs import OCCASIONS, chain, frf_of, random_of, scene_of
 
 from truth.campaign.protocol import Protocol, occasions, takes
 from truth.effects import RIVALS, Scene
-from truth.effects.level_drift import LevelDrift, draw_level_drift
+from truth.effects.drift import LevelDrift, draw_level_drift
 
 
 def visit_of(number):
@@ -18,7 +18,7 @@ def visit_of(number):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_joint_differs_from_visit_to_visit(sign):
     station = chain()
-    effect = LevelDrift("arm", visits=3, sign=sign, size=0.2)
+    effect = LevelDrift(stage="arm", visits=3, sign=sign, size=0.2)
     for visit in range(3):
         factor = np.exp(sign * 0.1 * visit)
         joints = tuple(

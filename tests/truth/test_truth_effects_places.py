@@ -6,14 +6,17 @@ from effect_rigs import chain, machine_of, random_of, rig_of, scene_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truth.effects.chance import choose, log_uniform, sign, unit_vector
-from truth.effects.places import direction_of as direction
 from truth.effects.places import (
+    choose,
     draw_direction,
     draw_location,
     draw_spring_stage,
     draw_stage,
+    log_uniform,
+    sign,
+    unit_vector,
 )
+from truth.effects.places import direction_of as direction
 from truth.effects.rows import body_motion, joint_stretch, relative_motion, springs
 from truth.effects.sensor_errors import draw_sensor_delay
 from truth.errors import TruthError

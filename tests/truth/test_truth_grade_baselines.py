@@ -19,9 +19,8 @@ from truth.grade.baselines import (
 )
 from truth.grade.compare import Agreement, DrawingComparison
 from truth.grade.marks import MEANS, RATES, Excess, marks_of
-from truth.grade.names import CATALOGUE, canonical, check_place
 from truth.grade.report import among_three, chance_marks
-from truth.grade.verdict import Row, StatedVerdict
+from truth.grade.verdict import CATALOGUE, Row, StatedVerdict, canonical, check_place
 
 CHANNELS = (
     Agreement(1, 1, frac=0.9, residual=0.5),

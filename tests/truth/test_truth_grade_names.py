@@ -7,7 +7,7 @@ import pytest
 
 from truth.effects import CATALOGUE as DRAWN
 from truth.errors import TruthError
-from truth.grade.names import CATALOGUE, canonical, check_place, direction, kind_of
+from truth.grade.verdict import CATALOGUE, canonical, check_place, direction, kind_of
 
 CONTRACT = Path(__file__).parents[3] / "shared" / "FORMATS.md"
 

@@ -5,11 +5,15 @@ import tomllib
 import pytest
 from any_machines import SERVO_AXIS
 
-from truth.campaign.case_design import draw_case
-from truth.campaign.choice import Choice
-from truth.campaign.fitting_band import fit_to_machine
+from truth.campaign.case_design import draw_case, fit_to_machine
 from truth.campaign.further_tests import list_further_tests
-from truth.campaign.place_names import check_choice, find_place, named_direction, named_place
+from truth.campaign.place_names import (
+    Choice,
+    check_choice,
+    find_place,
+    named_direction,
+    named_place,
+)
 from truth.campaign.protocol import Protocol
 from truth.errors import TruthError
 from truth.machine.reading import read_station

@@ -9,8 +9,7 @@ import pytest
 from identification.words import UsageError
 from mbmodel import as_drawn, load_machine
 from tuning.plant.damping.force_feedback import feedback_dynamics, force_feedback
-from tuning.plant.damping.frames import platform_of, strut_frames, strut_jacobian
-from tuning.plant.damping.struts import find_struts
+from tuning.plant.damping.frames import find_struts, platform_of, strut_frames, strut_jacobian
 
 LEGS = Path(__file__).resolve().parents[2] / "assets/microstation/station_legs.xml"
 ONE = """

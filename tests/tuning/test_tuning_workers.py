@@ -17,9 +17,13 @@ from threadpoolctl import threadpool_info
 
 from identification.words import InputError, UsageError
 from tuning.workers import independent_calls
-from tuning.workers.blas_threads import limit_blas_threads
 from tuning.workers.executors import use_cluster, use_executor, use_processes
-from tuning.workers.independent_calls import WorkerDiedError, run_calls, run_in_parallel
+from tuning.workers.independent_calls import (
+    WorkerDiedError,
+    limit_blas_threads,
+    run_calls,
+    run_in_parallel,
+)
 
 HERE = "tests.tuning.test_tuning_workers"
 INTERRUPTED = """

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truth.machine.values import Complex, Real
+from truth.machine.springs import Complex, Real
 
 _ROOT = Path(__file__).resolve().parents[2]
 ASSET = next(  # in a clone, or within the wheel

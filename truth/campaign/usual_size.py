@@ -3,8 +3,7 @@
 import numpy as np
 
 from truth.campaign.cause import size_by_parameter
-from truth.campaign.choice import OwnTest
-from truth.campaign.place_names import find_place, named_direction
+from truth.campaign.place_names import OwnTest, find_place, named_direction
 from truth.campaign.protocol import occasions, takes
 from truth.effects import Scene
 from truth.effects.other_packages import known_effects

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from truth.effects.appendage import draw_appendage
-from truth.effects.drift import draw_drift
+from truth.effects.drift import draw_drift, draw_level_drift
 from truth.effects.effect import Answer, Draw, Effect, Scene
 from truth.effects.feedback_delay import draw_feedback_delay
 from truth.effects.flexible_body import draw_flexible_body
+from truth.effects.frequency_laws import draw_structural_damping, draw_viscoelastic
 from truth.effects.gyroscopic import draw_gyroscopic
 from truth.effects.hammer_errors import (
     draw_hammer_delay,
@@ -18,7 +19,6 @@ from truth.effects.hammer_errors import (
 from truth.effects.inertance import draw_inertance
 from truth.effects.joint_coupling import draw_joint_coupling
 from truth.effects.joint_laws import draw_backlash, draw_friction, draw_hardening
-from truth.effects.level_drift import draw_level_drift
 from truth.effects.mass_error import draw_mass_error
 from truth.effects.missing_dof import draw_missing_dof
 from truth.effects.mount_resonance import draw_mount_resonance
@@ -32,9 +32,7 @@ from truth.effects.sensor_errors import (
     draw_sensor_position,
     draw_sensor_swap,
 )
-from truth.effects.structural_damping import draw_structural_damping
 from truth.effects.support_loss import draw_support_loss
-from truth.effects.viscoelastic import draw_viscoelastic
 
 CATALOGUE: Mapping[str, Draw] = MappingProxyType(
     {

@@ -1,36 +1,56 @@
-"""A joint that is stiffer or softer in one test: the machine warmed up, a bolt was tightened."""
+"""Joints that are stiffer or softer in some tests: a machine that warms up, a bolt that settles."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from truth.effects.chance import choose, sign
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import draw_spring_stage, hammer_site
+from truth.effects.places import choose, draw_spring_stage, hammer_site, sign
 from truth.effects.rows import joint_stretch, springs
 from truth.machine.rig import Occasion, Prepared, Rig
 
 LOG_FACTOR = (0.1, 0.5)
-LIMITS = (1e-3, 1.5)
+LEVEL_LOG_FACTOR = (0.05, 0.3)  # of a joint that warms up or settles during a day of tests
 
 
-@dataclass(frozen=True)
-class Drift(Sized):
-    """All springs of a joint times a factor exp(sign size), in one test or one set-up.
+@dataclass(frozen=True, kw_only=True)
+class JointDrift(Sized):
+    """All springs of a joint times a factor, which depends on the occasion.
 
     Args:
         size: |log factor|.
         stage: name of the child body.
-        test: label of a reference, such as ``acc11:+ty``, or name of a set-up.
-        site: of the reference as the drawing has it, ``hit29`` for ``acc29``; empty of a set-up.
         sign: +1 stiffer, -1 softer.
     """
 
     stage: str
-    test: str
     sign: int
+    limits = (1e-3, 1.5)
+
+    def factor_on(self, occasion: Occasion) -> float:
+        """Return the factor on an occasion."""
+        raise NotImplementedError
+
+    def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
+        """Return the rig with the joint of that occasion."""
+        factor, index = self.factor_on(occasion), tested.station.index(self.stage)
+        if factor == 1:
+            return rig
+        more = [(factor - 1) * joint.stiffness for joint in tested.station.stages[index].joints]
+        return rig.with_matrices(stiffness=springs(joint_stretch(rig, tested, index), more))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drift(JointDrift):
+    """A factor exp(sign size) in one test or one set-up.
+
+    Args:
+        test: label of a reference, such as ``acc11:+ty``, or name of a set-up.
+        site: of the reference as the drawing has it, ``hit29`` for ``acc29``; empty of a set-up.
+    """
+
+    test: str
     site: str = ""
-    limits = LIMITS
 
     @property
     def factor(self) -> float:
@@ -39,22 +59,45 @@ class Drift(Sized):
 
     def answer(self) -> Answer:
         """Return what is to be found."""
-        parameters = {"factor": self.factor}
         dof = f"{self.site}:{self.test.partition(':')[2]}" if self.site else self.test
-        return Answer("drift", f"joint:{self.stage}", dof=dof, parameters=parameters)
+        return Answer("drift", f"joint:{self.stage}", dof, {"factor": self.factor})
 
     def when(self, occasion: Occasion) -> bool:
         """Tell whether an occasion is of that test."""
         return self.test in (occasion.reference, occasion.setup)
 
-    def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
-        """Return the rig with the joint of that test."""
-        if not self.when(occasion):
-            return rig
-        index = tested.station.index(self.stage)
-        joints = tested.station.stages[index].joints
-        more = [(self.factor - 1) * joint.stiffness for joint in joints]
-        return rig.with_matrices(stiffness=springs(joint_stretch(rig, tested, index), more))
+    def factor_on(self, occasion: Occasion) -> float:
+        """Return the factor in that test, 1 in others."""
+        return self.factor if self.when(occasion) else 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LevelDrift(JointDrift):
+    """A factor exp(sign size v / (V - 1)) at visit v of V to a level: a law that is none.
+
+    Args:
+        size: |log factor| at the last visit.
+        visits: V, number of visits.
+    """
+
+    visits: int
+
+    def factor(self, visit: int) -> float:
+        """Return the factor at a visit, counted from 0."""
+        return float(np.exp(self.sign * self.size * visit / (self.visits - 1)))
+
+    def answer(self) -> Answer:
+        """Return what is to be found."""
+        factors = {f"factor_{visit + 1}": self.factor(visit) for visit in range(1, self.visits)}
+        return Answer("drift", f"joint:{self.stage}", "levels", factors)
+
+    def when(self, occasion: Occasion) -> int:
+        """Return the visit, which alone matters."""
+        return occasion.visit
+
+    def factor_on(self, occasion: Occasion) -> float:
+        """Return the factor at the occasion's visit."""
+        return self.factor(occasion.visit)
 
 
 def draw_drift(random: np.random.Generator, scene: Scene, place: str | None) -> Drift | None:
@@ -78,3 +121,15 @@ def draw_drift(random: np.random.Generator, scene: Scene, place: str | None) -> 
         sign=sign(random),
         size=random.uniform(*LOG_FACTOR),
     )
+
+
+def draw_level_drift(
+    random: np.random.Generator, scene: Scene, place: str | None
+) -> LevelDrift | None:
+    """Draw joint and factor; None for a campaign of one visit."""
+    stage = draw_spring_stage(random, scene.station, place)
+    visits = 1 + max((occasion.visit for occasion in scene.occasions), default=0)
+    if stage is None or visits < 2:
+        return None
+    towards, size = sign(random), random.uniform(*LEVEL_LOG_FACTOR)
+    return LevelDrift(stage=stage, visits=visits, sign=towards, size=size)

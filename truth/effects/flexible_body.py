@@ -4,9 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.effects.chance import log_uniform, unit_vector
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import draw_stage
+from truth.effects.places import draw_stage, log_uniform, unit_vector
 from truth.machine.dynamics import Flex
 from truth.machine.rig import Occasion, Prepared
 from truth.machine.station import Real, StageBody, Station

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truth.effects.chance import choose
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import draw_stage
+from truth.effects.places import choose, draw_stage
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import GROUND, Real, Station
 

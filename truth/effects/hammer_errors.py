@@ -5,9 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from truth.effects.chance import choose, log_uniform, sign, unit_vector
 from truth.effects.effect import Answer, Scene, Sized, Vector
-from truth.effects.places import hammer_site
+from truth.effects.places import choose, hammer_site, log_uniform, sign, unit_vector
 from truth.effects.sensors import draw_at, filter_readings, list_hammers, list_hit_points, turn
 from truth.machine.rig import Occasion, Prepared, Rig, respond_late
 from truth.machine.station import AXES, Complex

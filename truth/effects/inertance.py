@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truth.effects.chance import log_uniform
 from truth.effects.effect import Scene
-from truth.effects.places import AtDirection, draw_direction
+from truth.effects.places import AtDirection, draw_direction, log_uniform
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import GROUND, Joint
 

@@ -4,9 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.effects.chance import unit_vector
 from truth.effects.effect import Answer, Scene, Vector
-from truth.effects.places import draw_stage
+from truth.effects.places import draw_stage, unit_vector
 from truth.effects.rows import joint_stretch, springs
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import Real, StageBody

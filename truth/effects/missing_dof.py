@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.effects.chance import choose, log_uniform
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import DIRECTIONS, draw_stage
+from truth.effects.places import DIRECTIONS, choose, draw_stage, log_uniform
 from truth.machine.rig import Occasion, Prepared
 from truth.machine.station import GROUND, Joint, Real, StageBody, Station
 

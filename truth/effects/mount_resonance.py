@@ -5,8 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.places import log_uniform
 from truth.effects.sensors import AtSensor, draw_at, filter_readings, list_sensors, outputs
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import Complex

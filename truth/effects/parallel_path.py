@@ -5,9 +5,8 @@ from itertools import combinations
 
 import numpy as np
 
-from truth.effects.chance import choose, log_uniform, unit_vector
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import draw_location
+from truth.effects.places import choose, draw_location, log_uniform, unit_vector
 from truth.effects.rows import body_motion, springs
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import GROUND, Station

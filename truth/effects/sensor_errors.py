@@ -6,9 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from truth.effects.chance import choose, log_uniform, sign, unit_vector
 from truth.effects.effect import Answer, Scene, Sized, Unsized, Vector
-from truth.effects.places import draw_location
+from truth.effects.places import choose, draw_location, log_uniform, sign, unit_vector
 from truth.effects.sensors import AtSensor, draw_at, filter_readings, list_sensors, outputs, turn
 from truth.machine.rig import Occasion, Prepared, Rig, respond_late
 from truth.machine.station import AXES, Real, Sensor

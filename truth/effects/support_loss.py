@@ -4,9 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.effects.chance import choose
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import DIRECTIONS, draw_stage
+from truth.effects.places import DIRECTIONS, choose, draw_stage
 from truth.effects.rows import relative_motion, springs
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import Joint, Real, StageBody

@@ -7,8 +7,16 @@ from pathlib import Path
 
 from truth.errors import TruthError
 from truth.grade.json_reading import items, number, read_bytes, table, text
-from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, check_place, direction, kind_of
-from truth.grade.verdict import Numbers
+from truth.grade.verdict import (
+    NONE,
+    SEVERAL,
+    UNEXPLAINED,
+    Numbers,
+    canonical,
+    check_place,
+    direction,
+    kind_of,
+)
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from types import MappingProxyType
 from truth.errors import TruthError
 from truth.grade.compare import DrawingComparison
 from truth.grade.marks import SEEN, Excess
-from truth.grade.names import CATALOGUE, NONE, STATED, UNEXPLAINED
-from truth.grade.verdict import EXPLAINED, Row, StatedVerdict
+from truth.grade.verdict import CATALOGUE, EXPLAINED, NONE, STATED, UNEXPLAINED, Row, StatedVerdict
 from truth.machine.station import AXES, Station
 
 Output = tuple[int, int]  # node, axis 1, 2, 3

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from truth.grade.answer import TrueCause, Truth
-from truth.grade.names import NONE, SEVERAL, UNEXPLAINED
 from truth.grade.verdict import (
     FAILED,
+    NONE,
     PARTLY,
+    SEVERAL,
+    UNEXPLAINED,
     First,
     Row,
     StatedVerdict,

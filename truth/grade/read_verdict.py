@@ -11,8 +11,21 @@ from pathlib import Path
 
 from truth.errors import TruthError
 from truth.grade.json_reading import items, number, number_or_null, read_json, table, text
-from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, check_place, direction
-from truth.grade.verdict import EXPLAINED, PARTLY, WORDS, Interval, Numbers, Row, StatedVerdict
+from truth.grade.verdict import (
+    EXPLAINED,
+    NONE,
+    PARTLY,
+    SEVERAL,
+    UNEXPLAINED,
+    WORDS,
+    Interval,
+    Numbers,
+    Row,
+    StatedVerdict,
+    canonical,
+    check_place,
+    direction,
+)
 
 ABOVE = 0.01  # by which probabilities may sum to more than 1: they are rounded
 OMITTED = 0.2  # that may be missing: rows below 0.01 need not be stated

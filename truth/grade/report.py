@@ -24,9 +24,8 @@ from truth.grade.baselines import RANKINGS, gain_verdict, hypotheses_of, mass_ve
 from truth.grade.cases import CaseFiles, Read, read_cases
 from truth.grade.compare import DrawingComparison, compare
 from truth.grade.marks import FLOOR, NO_EXCESS, Excess, Marks, marks_of
-from truth.grade.names import canonical
 from truth.grade.scores import Judged, Scores, ratio_of, scores_of
-from truth.grade.verdict import EXPLAINED, First, StatedVerdict, first_of
+from truth.grade.verdict import EXPLAINED, First, StatedVerdict, canonical, first_of
 from truth.machine.station import Real
 
 

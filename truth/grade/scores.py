@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 from truth.grade.answer import Truth, kinds_of
 from truth.grade.marks import MEANS, RATES, Marks, is_present, is_true
-from truth.grade.names import kind_of
 from truth.grade.rates import Diagram, Rate, Spread, diagram_of, rate_of, spread_of
 from truth.grade.sizes import Sizes, estimates_of, sizes_of
-from truth.grade.verdict import FAILED, StatedVerdict, first_of
+from truth.grade.verdict import FAILED, StatedVerdict, first_of, kind_of
 
 RATIOS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 NOWHERE = "nowhere"

@@ -12,9 +12,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from truth.grade.answer import TrueCause, Truth
-from truth.grade.names import CATALOGUE, UNEXPLAINED
 from truth.grade.rates import Rate, quantile, rate_of
-from truth.grade.verdict import Numbers, Row, StatedVerdict
+from truth.grade.verdict import CATALOGUE, UNEXPLAINED, Numbers, Row, StatedVerdict
 
 _MIN_TRUE_SIZE = 1e-30  # a truth that has no size
 

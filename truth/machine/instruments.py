@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from truth.machine.values import Real, frozen
+from truth.machine.springs import Real, frozen
 
 
 @dataclass(frozen=True, eq=False)

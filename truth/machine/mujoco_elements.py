@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from truth.machine.instruments import HitPoint, Sensor
 from truth.machine.mujoco_forces import net_force, tendon_slopes
-from truth.machine.springs import Joint, Motor, Tendon
-from truth.machine.values import Real
+from truth.machine.springs import Joint, Motor, Real, Tendon
 
 Integers: TypeAlias = NDArray[np.intp]
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 
 from truth.errors import TruthError
-from truth.machine.values import Real
+from truth.machine.springs import Real
 
 _MAX_BALANCE_STEPS = 200  # of Newton's method at most
 _LONGEST_STEP = 0.3  # m or rad

@@ -9,9 +9,8 @@ import numpy as np
 from truth.machine.mujoco_elements import leads, named_joints, tendon_name, welded_to
 from truth.machine.mujoco_forces import balance
 from truth.machine.mujoco_reader import CompiledModel, station_of
-from truth.machine.springs import Joint
+from truth.machine.springs import Joint, Real
 from truth.machine.station import StageBody, Station
-from truth.machine.values import Real
 
 
 def settle(station: Station) -> Station:

@@ -12,14 +12,18 @@ import numpy as np
 
 from truth.errors import TruthError
 from truth.machine.instruments import Hammer, HitPoint, Sensor
-from truth.machine.springs import ClosedLoop, Joint, Motor, Remaining, Tendon
-from truth.machine.values import (
+from truth.machine.springs import (
     AXES,
     GROUND,
+    ClosedLoop,
     Complex,
     Integer,
+    Joint,
     Mask,
+    Motor,
     Real,
+    Remaining,
+    Tendon,
     frozen,
     is_inertia,
 )

@@ -15,7 +15,7 @@ from tuning.checks.exchanged_channels import name_exchanged_channels
 from tuning.control_loops.stability import tuned_loop_remarks
 from tuning.files.schema import ChannelGainRow, FitRow, LevelGap, ParameterRow, StartRow
 from tuning.fitting.fitter import Fit
-from tuning.fitting.outlying_tolerances import PLAUSIBLE_PULL_SIGMA
+from tuning.fitting.machine_fit import PLAUSIBLE_PULL_SIGMA
 from tuning.misfit.batch import predict
 from tuning.parametrisation.parametrisation import Parametrisation
 

@@ -37,9 +37,8 @@ from tuning.misfit.accumulation import FreeForceReduction, WeightedJacobian
 from tuning.misfit.batch import batch_tests
 from tuning.misfit.batch_derivatives import BatchSums, compute_jacobian, compute_residual, sum_batch
 from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
-from tuning.misfit.part_groups import probe_blocks
 from tuning.misfit.partition import CoordinatePartition, partition_coordinates
-from tuning.misfit.probing import ProbedEquations, probe_by_columns, probe_by_forces
+from tuning.misfit.probing import ProbedEquations, probe_blocks, probe_by_columns, probe_by_forces
 from tuning.misfit.weights import WeightedBatch, weight_at_bodies, weight_batch
 from tuning.parametrisation.parametrisation import Parametrisation
 

@@ -3,19 +3,27 @@
 A pool of processes breaks as a whole if one of them dies, for example because memory is short.
 Calls that ran at that time are then made again, each of them alone, so that a second death tells
 which call it was. All other calls continue.
+
+BLAS on one thread while calls run, however many of them run in one process.
+
+``threadpool_limits`` restores at its end what it met at its start. Of two calls in threads the
+first to end would lift the limit of the other, whose sums would then round otherwise.
 """
 
 import platform
+import threading
 import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from identification.words import InputError, WorkbenchError
-from tuning.workers.blas_threads import limit_blas_threads
 from tuning.workers.executors import Submit, Workers, use_processes
 
 _LIBRARIES = ("mbworkbench", "mujoco", "numpy", "scipy")  # they determine all digits of a result
@@ -235,3 +243,38 @@ def _check_versions(expected: dict[str, str]) -> None:
                 f"the worker on {platform.node()} has {name} {present}, and the command has "
                 f"{expected[name]}: install the same versions on all workers"
             )
+
+
+@dataclass
+class _SharedLimit:
+    """Limit that begins with the first call and ends with the last one.
+
+    Attributes:
+        lock: guard of both other attributes.
+        count: calls that run now.
+        limit: limit that the first of them set; None if none runs.
+    """
+
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    count: int = 0
+    limit: threadpool_limits | None = None
+
+
+_SHARED = _SharedLimit()
+
+
+@contextmanager
+def limit_blas_threads() -> Iterator[None]:
+    """Keep BLAS on one thread until the last call of this process has left the block."""
+    with _SHARED.lock:
+        _SHARED.count += 1
+        if _SHARED.limit is None:
+            _SHARED.limit = threadpool_limits(1)
+    try:
+        yield
+    finally:
+        with _SHARED.lock:
+            _SHARED.count -= 1
+            if _SHARED.count == 0 and _SHARED.limit is not None:
+                _SHARED.limit.restore_original_limits()
+                _SHARED.limit = None

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truth.effects.chance import sign
 from truth.effects.effect import Scene
-from truth.effects.places import AtDirection, draw_direction
+from truth.effects.places import AtDirection, draw_direction, sign
 from truth.machine.rig import Occasion, Prepared, Rig
 
 LOG_FACTOR = (0.1, 0.5)

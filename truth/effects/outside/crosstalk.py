@@ -4,9 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truth.effects.chance import choose, sign
 from truth.effects.effect import Scene
-from truth.effects.places import AtDirection, StageDirection, direction_of, draw_direction
+from truth.effects.places import (
+    AtDirection,
+    StageDirection,
+    choose,
+    direction_of,
+    draw_direction,
+    sign,
+)
 from truth.effects.stability import largest_coupling
 from truth.machine.rig import Occasion, Prepared, Rig, build
 from truth.machine.station import Joint

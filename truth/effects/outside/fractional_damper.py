@@ -5,9 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from truth.effects.chance import log_uniform
 from truth.effects.effect import Scene
-from truth.effects.places import AtDirection, draw_direction
+from truth.effects.places import AtDirection, draw_direction, log_uniform
 from truth.machine.rig import FrequencyLaw, Occasion, Prepared, Rig
 from truth.machine.station import Complex
 

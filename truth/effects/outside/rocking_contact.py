@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truth.effects.amplitude import peak_stretch
-from truth.effects.chance import log_uniform
 from truth.effects.effect import Scene
-from truth.effects.joint_laws import JointLaw
-from truth.effects.places import draw_direction, has_spring
+from truth.effects.joint_laws import JointLaw, peak_stretch
+from truth.effects.places import draw_direction, has_spring, log_uniform
 from truth.machine.rig import Memoryless
 from truth.machine.station import Joint, Real
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from identification.words import Complex, Real, UsageError
 from mbmodel import Matrices, Model
-from tuning.plant.damping.struts import Struts, find_struts
+from tuning.plant.damping.frames import Struts, find_struts
 
 _GAINS_PER_DECADE = 16  # of the locus: poles of neighbouring gains are told apart by nearness
 _LOWEST_GAIN, _HIGHEST_GAIN = 1e-2, 1e2  # relative to the angular frequency of the target mode

@@ -21,10 +21,9 @@ from mbmodel.ports.signal_rows import is_floor
 from mbmodel.simulation.drives import Drive, LoopSignal, Reading
 from mbmodel.simulation.response import TimeResponse, simulate
 from tuning.control_loops.stability import growing_pole, instability_sentence
-from tuning.plant.error_budget.budget import error_budget
+from tuning.plant.error_budget.budget import error_budget, trapezoid_weights
 from tuning.plant.error_budget.closed_loop_states import loop_states
 from tuning.plant.error_budget.definition import BudgetDefinition
-from tuning.plant.error_budget.frequency_grid import trapezoid_weights
 from tuning.plant.error_budget.loop_algebra import map_ports
 
 _SAMPLES_PER_PERIOD = 8.0  # of the highest frequency, so that a spline through them errs by 5e-4
