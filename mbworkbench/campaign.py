@@ -17,7 +17,7 @@ from identification import select_band as select_campaign_band
 from identification.modal import ModeCriteria, modal_state_space
 from identification.modal import identify as identify_campaign
 from identification.result.collect import check_measurement, collect_result
-from identification.result.reference_shapes import no_reference_modes
+from identification.result.parts import no_reference_modes
 from identification.result.remarks import list_findings
 from identification.roving_hammer import shape_points
 from identification.words import Campaign, ModalModel, Real, UsageError, shorten_names

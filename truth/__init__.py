@@ -17,7 +17,7 @@ from truth.campaign.usual_size import compare_with_usual
 from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign
 from truth.campaign.visits import draw_visits
 from truth.errors import TruthError
-from truth.machine.reading import read_station, why_as_drawn
+from truth.machine.mujoco_reader import read_station, why_as_drawn
 from truth.machine.springs import ClosedLoop
 from truth.machine.station import Station
 

@@ -15,8 +15,8 @@ from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE, RIVALS
 from truth.effects.outside import OUTSIDE
 from truth.errors import TruthError
+from truth.machine.mujoco_reader import read_station
 from truth.machine.random_tree import draw_tree
-from truth.machine.reading import read_station
 
 BAD_INPUT = 3
 TREE = "tree"

@@ -9,7 +9,7 @@ from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.settings import DiagnosisSettings
 from identification import BodyCheck, Fault, check_bodies
 from identification.words import Campaign, Real
-from tuning.assessment.held_out_blocks import MIN_BLOCK_LINES
+from tuning.assessment.held_out import MIN_BLOCK_LINES
 
 GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
 # Tolerance that an effect releases, and the name of its value in the verdict.

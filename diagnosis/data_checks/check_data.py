@@ -12,7 +12,7 @@ from identification.words import Campaign, UsageError
 from mbmodel import Model, RigidDirection, release_rigid_directions
 from mbmodel.parts import AttachedPart
 from tuning import Session, build_toleranced_model, parametrise
-from tuning.assessment.held_out_blocks import MIN_BLOCK_LINES
+from tuning.assessment.held_out import MIN_BLOCK_LINES
 
 
 @dataclass(frozen=True, eq=False)

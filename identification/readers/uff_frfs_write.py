@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.readers.uff_modes_write import dataset, units
+from identification.readers.uff_modes import dataset, units
 from identification.words import (
     Complex,
     Frf,

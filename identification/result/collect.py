@@ -21,8 +21,7 @@ from identification.modal import (
 )
 from identification.result.arrays import collect_arrays
 from identification.result.hits import hits_rows
-from identification.result.parts import MAX_NOISE_RATIO, ResultParts, derive_parts
-from identification.result.reference_shapes import ReferenceModes
+from identification.result.parts import MAX_NOISE_RATIO, ReferenceModes, ResultParts, derive_parts
 from identification.result.schema import (
     IdentifiedModeRow,
     IdentifiedModesFile,

@@ -16,7 +16,7 @@ from identification import reduce_to_bodies, reduction_covariance
 from identification.modal import ScaledModes, full_matrix_model, modal_state_space
 from identification.readers.result_files import write_result_arrays
 from identification.readers.uff_frfs_write import number_bodies, write_uff_frfs
-from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
+from identification.readers.uff_modes import NodeShapes, node_shapes, write_uff_modes
 from identification.result.stored_result import (
     BODY_NPZ,
     MODES_JSON,

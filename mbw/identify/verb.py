@@ -10,7 +10,7 @@ import typer
 
 from identification.modal import ModeChoices, ModeCriteria, identify
 from identification.result.collect import check_measurement, collect_result
-from identification.result.reference_shapes import (
+from identification.result.parts import (
     ReferenceModes,
     no_reference_modes,
     read_reference_modes,

@@ -1,25 +1,32 @@
 """Provisional findings about the accepted hits, computed in another process at low priority.
 
 Campaign of the accepted hits, which every verb reads: one block for each of them.
+
+Full diagnosis of the accepted hits at the stop, as a job of the workbench.
 """
 
 import os
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
 
+from diagnosis import Verdict
 from diagnosis.next_test.provisional import ProvisionalCause, find_provisionally
 from identification.readers.array_records import write_array_records
 from identification.words import Dof, HitEstimate, Records, WorkbenchError
 from mbw.live.test import LiveTest, Place, Sheet
+from mbw.workbench.jobs import Job, JobQueue
+from mbw.workbench.opening import open_subject
 from tuning import open_session, write_atomically
+from tuning.files.plant_folder import VERDICT
 from tuning.files.states_campaign import write_campaign_with_tests
 
 _NICE = 10  # hits are judged meanwhile
@@ -202,3 +209,58 @@ def _describe(stated: dict[str, Any], name: str, records: Records) -> dict[str, 
         "averages": len(records.force),
         "reject": False,
     }
+
+
+@dataclass(eq=False)
+class FullRefits:
+    """Diagnoses of campaigns that do not change any more, in the background.
+
+    Args:
+        folder: where campaigns and jobs are kept.
+    """
+
+    folder: Path
+    say: Callable[[str], None]
+    _queue: JobQueue | None = None
+    _asked: tuple[str, ...] = ()
+
+    def ask(self, test: LiveTest, sheet: Sheet) -> None:
+        """Diagnose the places with enough hits, unless this was asked for; jobs need no Windows."""
+        places = sheet.complete
+        keys = tuple(hit.key for place in places for hit in sheet.list_accepted(place))
+        if os.name == "nt" or keys == self._asked:
+            return
+        self._asked = keys
+        if self._queue is None:
+            self._queue = JobQueue(self.folder / "jobs", self._finish).begin()
+        number = len(list(self.folder.glob("stop*"))) + 1
+        snapshot = self.folder / f"stop{number}"
+        with write_atomically(snapshot) as staging:
+            write_accepted(test, sheet, places, staging, snapshot)
+        self.say(f"full diagnosis of {len(keys)} hits has begun; its input is {snapshot}")
+        Thread(target=self._add, args=(self._queue, snapshot), daemon=True).start()
+
+    def close(self) -> None:
+        """Interrupt what runs."""
+        if self._queue is not None:
+            self._queue.close()
+
+    def _add(self, queue: JobQueue, snapshot: Path) -> None:
+        """Open a campaign, and put its diagnosis into the queue."""
+        try:
+            subject = open_subject(snapshot, None, None)
+            queue.add("diagnose", subject, subject.first_state())
+        except WorkbenchError as error:
+            self.say(f"no full diagnosis: {error}")
+
+    def _finish(self, job: Job, out: Path) -> None:
+        """Say what a diagnosis has found."""
+        del job
+        verdict = Verdict.model_validate_json((out / VERDICT).read_text("utf-8"))
+        causes = ", ".join(
+            f"{cause.effect}@{cause.location} {cause.probability:.2f}" for cause in verdict.causes
+        )
+        further = f"; next: {verdict.next_experiment}" if verdict.next_experiment else ""
+        word = "nothing is missing" if verdict.verdict == "none" else verdict.verdict
+        self.say(f"full diagnosis: {word}{f', {causes}' if causes else ''}{further}")
+        self.say(f"its page is {out / 'report.html'}")

@@ -14,9 +14,8 @@ from identification.readers.result_files import FORMAT
 from identification.words import InputError, WorkbenchError
 from mbmodel import load_machine
 from mbw.live.advice import Advice, advise
-from mbw.live.findings import Findings, FindingsWorker, write_accepted
+from mbw.live.findings import Findings, FindingsWorker, FullRefits, write_accepted
 from mbw.live.model import HitPredictor
-from mbw.live.refits import FullRefits
 from mbw.live.test import HitRow, LiveTest, Sheet
 from mbw.live.watcher import FolderWatch
 from mbw.workbench.state_log import state_folder

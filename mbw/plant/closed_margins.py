@@ -17,7 +17,7 @@ from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.margin_sentences import margin_lines
 from tuning.files.plant_folder import held_out_beside
 from tuning.plant.control_loops.loop_gain_lines import single_loop_gains
-from tuning.plant.control_loops.margin_values import LoopMargins
+from tuning.plant.control_loops.stability_margins import LoopMargins
 from tuning.plant.error_budget.loop_margins import (
     ClosedLoops,
     PlantMargins,

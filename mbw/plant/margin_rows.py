@@ -17,7 +17,7 @@ from mbw.plant.margin_schema import (
     VariantRow,
 )
 from tuning import NORMAL_QUANTILE_95
-from tuning.plant.control_loops.margin_values import AllMargins, Margin
+from tuning.plant.control_loops.stability_margins import AllMargins, Margin
 from tuning.plant.error_budget.loop_margins import PlantMargins, VariantMargins
 
 _ENDS = (0.025, 0.975)

@@ -9,7 +9,7 @@ from mbw.page.html import pack_complex, pack_real
 from mbw.plant.margin_schema import LoopMarginsRow, MarginsRow, StepRow
 from mbw.plant.margin_sentences import interval_note, margin_table, step_sentence, variant_text
 from tuning.plant.control_loops.loop_gain_lines import single_loop_gains
-from tuning.plant.control_loops.margin_values import AllMargins
+from tuning.plant.control_loops.stability_margins import AllMargins
 from tuning.plant.error_budget.loop_margins import PlantMargins
 from tuning.plant.error_budget.reference_step import ReferenceStep
 

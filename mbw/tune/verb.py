@@ -40,7 +40,7 @@ from tuning import (
     tune,
     write_result,
 )
-from tuning.assessment.held_out_blocks import N_FOLDS
+from tuning.assessment.held_out import N_FOLDS
 from tuning.control_loops.loops_file import LOOPS_JSON
 from tuning.files.result import FRF_NPZ, TUNED_JSON, TUNED_MJCF
 from tuning.files.schema import ShareRow

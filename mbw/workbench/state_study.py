@@ -16,7 +16,7 @@ from mbw.workbench.state import SessionState
 from mbw.workbench.subject import WorkbenchSubject
 from tuning.control_loops.loops_file import known_loops
 from tuning.control_loops.stability import growing_pole
-from tuning.plant.control_loops.margin_values import LoopMargins, Margin
+from tuning.plant.control_loops.stability_margins import LoopMargins, Margin
 from tuning.plant.error_budget.budget import error_budget
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_plant import LoopPlant, loops_alone

@@ -7,7 +7,7 @@ data: without causes, the true set, and the true set less its largest cause. A w
 * the true set predicts better than without its largest cause, by the same rule;
 * the gap of the true set on data that a fit did not see is close to that of the data it saw.
 
-``peaks``: blocks of lines from resonance to resonance (``tuning.assessment.held_out_blocks``).
+``peaks``: blocks of lines from resonance to resonance (``tuning.assessment.held_out``).
 ``bandwidths``: blocks of three bandwidths wherever modes lie. ``references``: one hit point and
 direction after another. ``bodies``: all channels of a body.
 
@@ -41,7 +41,7 @@ from tuning import (
     summarise_gaps,
     thin_lines,
 )
-from tuning.assessment.held_out_blocks import MIN_BLOCK_LINES, assign_folds, find_blocks
+from tuning.assessment.held_out import MIN_BLOCK_LINES, assign_folds, find_blocks
 from tuning.fitting.stage_search import minimise_stage
 from tuning.misfit.residual_statistics import residual_statistics
 

@@ -15,8 +15,8 @@ from unittest import mock
 from typer.testing import CliRunner
 
 from mbw.command import app
+from mbw.live.findings import FullRefits
 from mbw.live.page import LivePage
-from mbw.live.refits import FullRefits
 from mbw.live.session import LiveSession
 from mbw.workbench.server import serve_beside
 from tests.docs.results import ROOT

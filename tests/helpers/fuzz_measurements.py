@@ -31,7 +31,7 @@ from identification.readers.array_files import load_arrays
 from identification.readers.array_frfs import read_arrays
 from identification.readers.array_records import holds_time_records, read_array_records
 from identification.readers.layout import read_layout
-from identification.readers.uff_modes_read import read_uff_modes
+from identification.readers.uff_modes import read_uff_modes
 from identification.readers.uff_records import read_uff_records
 from identification.shapes import read_shapes
 from mbmodel.meshes.files import read_mesh

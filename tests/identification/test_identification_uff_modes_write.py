@@ -7,8 +7,12 @@ import pytest
 import pyuff
 from identification_examples import dataset, random_layout, units
 
-from identification.readers.uff_modes_read import read_uff_modes
-from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
+from identification.readers.uff_modes import (
+    NodeShapes,
+    node_shapes,
+    read_uff_modes,
+    write_uff_modes,
+)
 from identification.words import Dof, InputError
 
 WHEN = datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)

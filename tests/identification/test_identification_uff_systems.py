@@ -6,7 +6,7 @@ from identification_examples import Function, a_layout, dataset, read_small, uni
 from scipy.spatial.transform import Rotation
 
 from identification.readers.layout import read_layout
-from identification.readers.uff_modes_read import read_uff_modes
+from identification.readers.uff_modes import read_uff_modes
 from identification.readers.uff_systems import CoordinateSystem
 
 AXES = Rotation.from_rotvec([0.3, -0.5, 0.9]).as_matrix()

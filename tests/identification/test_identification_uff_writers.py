@@ -27,7 +27,7 @@ from identification_examples import (
 
 from identification.readers.layout import read_layout
 from identification.readers.uff_frfs import read_uff
-from identification.readers.uff_modes_read import read_uff_modes
+from identification.readers.uff_modes import read_uff_modes
 from identification.readers.uff_records import read_uff_records
 from identification.words import InputError
 

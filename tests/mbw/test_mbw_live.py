@@ -13,8 +13,7 @@ from diagnosis.next_test.provisional import ProvisionalCause
 from identification.words import Dof, InputError
 from mbw.command import app
 from mbw.live.advice import advise
-from mbw.live.findings import Findings, FindingsWorker
-from mbw.live.refits import FullRefits
+from mbw.live.findings import Findings, FindingsWorker, FullRefits
 from mbw.live.session import LiveSession
 from mbw.live.test import MIN_HITS, HitRow, Sheet
 from mbw.live.watcher import REST_S, FolderWatch

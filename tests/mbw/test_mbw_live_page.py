@@ -18,9 +18,8 @@ from workbench_server import Browser, frame_parts
 
 from diagnosis.next_test.provisional import ProvisionalCause
 from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine
-from mbw.live.findings import Findings, FindingsWorker
+from mbw.live.findings import Findings, FindingsWorker, FullRefits
 from mbw.live.page import LivePage
-from mbw.live.refits import FullRefits
 from mbw.live.session import LiveSession
 from mbw.workbench.server import serve_beside
 

@@ -16,8 +16,7 @@ from truth.effects.frequency_laws import (
     draw_structural_damping,
     draw_viscoelastic,
 )
-from truth.effects.places import StageDirection
-from truth.effects.rows import joint_stretch
+from truth.effects.places import StageDirection, joint_stretch
 from truth.effects.stability import largest_coupling, longest_delay, poles
 from truth.errors import TruthError
 

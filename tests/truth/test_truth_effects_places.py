@@ -7,17 +7,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truth.effects.places import (
+    body_motion,
     choose,
     draw_direction,
     draw_location,
     draw_spring_stage,
     draw_stage,
+    joint_stretch,
     log_uniform,
+    relative_motion,
     sign,
+    springs,
     unit_vector,
 )
 from truth.effects.places import direction_of as direction
-from truth.effects.rows import body_motion, joint_stretch, relative_motion, springs
 from truth.effects.sensor_errors import draw_sensor_delay
 from truth.errors import TruthError
 from truth.machine.station import Joint

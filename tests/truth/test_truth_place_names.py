@@ -16,7 +16,7 @@ from truth.campaign.place_names import (
 )
 from truth.campaign.protocol import Protocol
 from truth.errors import TruthError
-from truth.machine.reading import read_station
+from truth.machine.mujoco_reader import read_station
 
 
 @pytest.fixture(scope="module")

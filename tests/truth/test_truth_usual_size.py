@@ -5,7 +5,7 @@ import pytest
 from any_machines import SERVO_AXIS
 
 from truth import OwnTest, Protocol, Tolerances, compare_with_usual, fit_to_machine
-from truth.machine.reading import read_station
+from truth.machine.mujoco_reader import read_station
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from small_machine import virtual_campaign
 
 from mbmodel import model_modes
-from tuning.assessment.held_out_blocks import assign_folds, find_blocks
+from tuning.assessment.held_out import assign_folds, find_blocks
 
 
 @pytest.fixture(scope="module")

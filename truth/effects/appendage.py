@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import draw_stage
-from truth.effects.rows import body_motion
+from truth.effects.places import body_motion, draw_stage
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import AXES
 

@@ -5,8 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import choose, draw_spring_stage, hammer_site, sign
-from truth.effects.rows import joint_stretch, springs
+from truth.effects.places import (
+    choose,
+    draw_spring_stage,
+    hammer_site,
+    joint_stretch,
+    sign,
+    springs,
+)
 from truth.machine.rig import Occasion, Prepared, Rig
 
 LOG_FACTOR = (0.1, 0.5)

@@ -6,8 +6,15 @@ from functools import partial
 import numpy as np
 
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import choose, direction_of, draw_spring_stage, has_spring, log_uniform
-from truth.effects.rows import joint_stretch, springs
+from truth.effects.places import (
+    choose,
+    direction_of,
+    draw_spring_stage,
+    has_spring,
+    joint_stretch,
+    log_uniform,
+    springs,
+)
 from truth.machine.rig import FrequencyLaw, Occasion, Prepared, Response, Rig
 from truth.machine.station import Complex, Joint
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.effects.effect import Answer, Scene, Vector
-from truth.effects.places import draw_stage, unit_vector
-from truth.effects.rows import joint_stretch, springs
+from truth.effects.places import draw_stage, joint_stretch, springs, unit_vector
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import Real, StageBody
 

@@ -6,8 +6,14 @@ from itertools import combinations
 import numpy as np
 
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import choose, draw_location, log_uniform, unit_vector
-from truth.effects.rows import body_motion, springs
+from truth.effects.places import (
+    body_motion,
+    choose,
+    draw_location,
+    log_uniform,
+    springs,
+    unit_vector,
+)
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import GROUND, Station
 

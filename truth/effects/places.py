@@ -1,6 +1,11 @@
 """Where an effect sits: a location drawn, or named by the user as in the answer, ``joint:ty``.
 
 What effects draw: one of several, a number over decades, a direction in space.
+
+Rows of a rig by which effects act: motion of bodies, stretch of joints, in all coordinates.
+
+Effects that came before may have coordinates of their own at the end of the rig's; the rows here
+are as wide as the rig, zero there.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,10 +15,10 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from truth.effects.effect import Answer, Parameter, Sized
-from truth.effects.rows import joint_stretch
 from truth.errors import NoPlaceError, TruthError
+from truth.machine.dynamics import joint_rows, motion_at
 from truth.machine.rig import Prepared, Rig
-from truth.machine.station import AXES, Joint, Real, Station
+from truth.machine.station import AXES, GROUND, Joint, Real, Station
 
 DIRECTIONS = tuple(kind + axis for kind in "tr" for axis in AXES)
 _N_LISTED = 12  # locations in a sentence
@@ -208,3 +213,30 @@ def unit_vector(random: np.random.Generator, span: Real | None = None) -> tuple[
         basis = rows[: int(np.sum(strengths > 1e-9 * strengths[0]))]
         vector = basis.T @ (basis @ vector)
     return tuple(float(part) for part in vector / np.linalg.norm(vector))
+
+
+def body_motion(rig: Rig, tested: Prepared, index: int, point: Real) -> Real:
+    """Return translation of a stage's point and its rotation there, world axes; (6, n)."""
+    return _as_wide(motion_at(tested.station, index, point, tested.flexes), rig)
+
+
+def relative_motion(rig: Rig, tested: Prepared, index: int, point: Real) -> Real:
+    """Return the motion at a point of a stage against its parent, world axes; (6, n)."""
+    motion = body_motion(rig, tested, index, point)
+    parent = tested.station.stages[index].parent
+    return motion if parent == GROUND else motion - body_motion(rig, tested, parent, point)
+
+
+def joint_stretch(rig: Rig, tested: Prepared, index: int) -> Real:
+    """Return how far each joint of a stage moves; (n_joint, n)."""
+    return _as_wide(joint_rows(tested.station, index, tested.flexes)[0], rig)
+
+
+def springs(rows: Real, stiffness: Real | list[float]) -> Real:
+    """Return the stiffness matrix of springs on rows, sum of k g g^T; (n, n)."""
+    matrix: Real = (rows.T * stiffness) @ rows
+    return matrix
+
+
+def _as_wide(rows: Real, rig: Rig) -> Real:
+    return np.pad(rows, ((0, 0), (0, len(rig.equations.mass) - rows.shape[1])))

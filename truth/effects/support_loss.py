@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import DIRECTIONS, choose, draw_stage
-from truth.effects.rows import relative_motion, springs
+from truth.effects.places import DIRECTIONS, choose, draw_stage, relative_motion, springs
 from truth.machine.rig import Occasion, Prepared, Rig
 from truth.machine.station import Joint, Real, StageBody
 

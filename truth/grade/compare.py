@@ -22,7 +22,7 @@ import numpy as np
 from truth.errors import TruthError
 from truth.grade.json_reading import items, number, read_bytes, table, text
 from truth.grade.uff_reader import Channel, Measured, read_uff
-from truth.machine.reading import read_station
+from truth.machine.mujoco_reader import read_station
 from truth.machine.rig import Prepared, accelerance, build
 from truth.machine.station import Complex, Hammer, Mask, Real, Station
 

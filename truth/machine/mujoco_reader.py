@@ -4,6 +4,8 @@ A station of such a file keeps the compiled model. ``settle`` gives that model t
 values, and returns the station at the equilibrium that the machine then has.
 
 The files that an MJCF reads, so that a campaign can hold copies of all of them.
+
+Read a machine: one that its own values describe in full, else any MJCF through MuJoCo.
 """
 
 import os
@@ -16,6 +18,7 @@ import mujoco
 import numpy as np
 
 from truth.errors import TruthError
+from truth.machine import mjcf_reader
 from truth.machine.couplings import gravity_stiffness
 from truth.machine.dynamics import assemble, joint_rows
 from truth.machine.mujoco_elements import (
@@ -234,3 +237,31 @@ def _list_named_files(file: Path, content: bytes, folder: Path) -> list[Path]:
     }
     places = [place / name for name in names for place in folders]
     return [place for place in places if place.is_file()]
+
+
+def read_station(path: Path) -> Station:
+    """Read a nominal machine.
+
+    Bodies with springs along joints, without weight, tendons or actuators, become a station that
+    can be written again with other masses and joints. Any other MJCF is read through MuJoCo: it
+    keeps its compiled model, and campaigns hold copies of its files.
+
+    Args:
+        path: an MJCF.
+
+    Raises:
+        TruthError: the file cannot be read, or has no linear model.
+    """
+    try:
+        return mjcf_reader.read_station(path)
+    except TruthError:
+        return read_machine(path)
+
+
+def why_as_drawn(path: Path) -> str:
+    """Return why a machine is tested as it is drawn; empty if drawings of its own can be drawn."""
+    try:
+        mjcf_reader.read_station(path)
+    except TruthError as reason:
+        return str(reason).removesuffix("; remove it")
+    return ""

@@ -28,7 +28,7 @@ from mbmodel import (
     usual_quantity,
 )
 from tuning.control_loops.stability import growing_pole
-from tuning.plant.control_loops.margin_values import AllMargins
+from tuning.plant.control_loops.stability_margins import AllMargins
 from tuning.plant.error_budget.loop_plant import LoopPlant
 from tuning.plant.error_budget.read_definition import read_definition
 

@@ -12,7 +12,7 @@ from identification.words import Complex, InputError, Real, UsageError, sampling
 from tuning.assessment.parameter_posterior import PosteriorOfModel
 from tuning.control_loops.stability import growing_pole, instability_sentence
 from tuning.files.plant_folder import HeldOutResult
-from tuning.plant.control_loops.margin_values import AllMargins
+from tuning.plant.control_loops.stability_margins import AllMargins
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_plant import LoopPlant
 from tuning.plant.error_budget.reference_step import ReferenceStep, reference_steps

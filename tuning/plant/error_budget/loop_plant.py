@@ -7,8 +7,7 @@ import numpy as np
 from identification.words import Complex, Loop, Real, sampling_period
 from mbmodel import Evaluator, FrfRequest, Linearised, Model
 from tuning.plant.control_loops.loop_gain_lines import LoopGainOf, first_lines
-from tuning.plant.control_loops.margin_values import AllMargins
-from tuning.plant.control_loops.stability_margins import stability_margins
+from tuning.plant.control_loops.stability_margins import AllMargins, stability_margins
 from tuning.plant.error_budget.closed_loop_states import LoopAliases, loop_states
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_algebra import PortMap, loop_gains, map_ports

@@ -29,7 +29,7 @@ from tuning.plant.control_loops.loop_gain_lines import (
     follow_loop_gain,
     single_loop_gains,
 )
-from tuning.plant.control_loops.margin_values import LoopMargins
+from tuning.plant.control_loops.stability_margins import LoopMargins
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.gain_changes import gain_changes
 from tuning.plant.error_budget.loop_plant import LoopPlant

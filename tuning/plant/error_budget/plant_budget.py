@@ -25,7 +25,7 @@ from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95
 from tuning.assessment.parameter_posterior import PosteriorOfModel
 from tuning.control_loops.stability import growing_pole
 from tuning.files.plant_folder import HeldOutResult
-from tuning.plant.control_loops.margin_values import AllMargins
+from tuning.plant.control_loops.stability_margins import AllMargins
 from tuning.plant.error_budget.budget import ErrorBudget, error_budget
 from tuning.plant.error_budget.closed_loop_states import loop_states, refuse_unstable
 from tuning.plant.error_budget.definition import BudgetDefinition

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 
 from identification.words import Real, poles_in_s
-from tuning.plant.control_loops.margin_values import AllMargins
+from tuning.plant.control_loops.stability_margins import AllMargins
 from tuning.plant.error_budget.closed_loop_states import loop_states
 from tuning.plant.error_budget.joined_states import LoopStates
 from tuning.plant.error_budget.loop_plant import LoopPlant

@@ -39,8 +39,8 @@ import numpy as np
 from identification.words import Real
 from tuning.assessment.model_discrepancy import discrepancy_motion
 from tuning.plant.control_loops.loop_gain_lines import LoopGainOf, sensitivity, single_loop_gains
-from tuning.plant.control_loops.margin_values import AllMargins, LoopMargins, Margin
 from tuning.plant.control_loops.scaled_singular_values import scaled_singular_values
+from tuning.plant.control_loops.stability_margins import AllMargins, LoopMargins, Margin
 from tuning.plant.error_budget.loop_algebra import controller_response, measured_rows
 from tuning.plant.error_budget.loop_plant import LoopPlant
 from tuning.plant.uncertainty.multiplicative_error import MultiplicativeError
