@@ -37,16 +37,16 @@ def check_json_target(target: Path) -> None:
         raise InputError(f"{target} cannot be written: name a file in a folder that exists")
 
 
-def write_json(text: str, target: Path) -> None:
-    """Write JSON to a file, or to stdout if the target is ``-``.
+def write_json(text: str, target: Path | None) -> None:
+    """Write JSON to a file, or to stdout if the target is ``-``; nowhere if it is None.
 
     Raises:
         InputError: the file cannot be written.
     """
     if str(target) == "-":
         typer.echo(text)
-        return
-    write_text(target, text + "\n")
+    elif target is not None:
+        write_text(target, text + "\n")
 
 
 def write_named_arrays(

@@ -102,6 +102,16 @@ class ResultOptions:
         """Whether stdout holds the JSON and nothing else."""
         return str(self.json) == "-"
 
+    @property
+    def has_tables(self) -> bool:
+        """Whether tables go to stdout: it holds no JSON, and the verb is not quiet."""
+        return not (self.has_json_on_stdout or SCREEN.quiet)
+
+    def say_page(self, page: Path) -> None:
+        """Say where the page is, if one is written."""
+        if self.pictures:
+            SCREEN.say(f"pictures in {page.absolute().as_uri()}")
+
     @contextmanager
     def open(
         self, verb: str, source: Path, suffix: str, names: Iterable[str]

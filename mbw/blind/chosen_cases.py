@@ -151,8 +151,7 @@ def run_prediction(
     with options.outputs.open("blind", Path(options.model), name, ()) as output:
         table = compute(output)
         folder = output.path.absolute()
-        if options.outputs.json is not None:
-            write_json((folder / file).read_text("utf-8"), options.outputs.json)
-    if not (SCREEN.quiet or options.outputs.has_json_on_stdout):
+        write_json((folder / file).read_text("utf-8"), options.outputs.json)
+    if options.outputs.has_tables:
         typer.echo(table.rstrip())
     return folder

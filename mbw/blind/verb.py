@@ -132,9 +132,8 @@ def grade_cases(
         outputs: options of the result.
     """
     report = write_grades(output, drawn, title)
-    if outputs.json is not None:
-        write_json(to_json(report), outputs.json)
-    if not (SCREEN.quiet or outputs.has_json_on_stdout):
+    write_json(to_json(report), outputs.json)
+    if outputs.has_tables:
         typer.echo(tables(report).rstrip())
     out = output.path.absolute()
     SCREEN.say(describe_discarded_draws(drawn))

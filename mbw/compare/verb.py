@@ -116,20 +116,18 @@ def run(
         result = collect_result(comparison, [each[0] for each in opened], kind, remarks)
         result.without_diagnosis = reason
         _write(result, comparison, output, outputs)
-        if not (outputs.has_json_on_stdout or SCREEN.quiet):
+        if outputs.has_tables:
             print_result(result)
         if reason is None:
             verdict = _diagnose(folders, output, outputs, kind, band=band, jobs=jobs, resume=resume)
             result = add_verdict(result, verdict)
             _write(result, comparison, output, outputs)
-    if outputs.json is not None:
-        write_json(result.model_dump_json(indent=1), outputs.json)
+    write_json(result.model_dump_json(indent=1), outputs.json)
     for text in (*result.remarks, result.sentence, result.change or reason or ""):
         if text:
             SCREEN.say(text)
     SCREEN.say(f"comparison in {output.path}")
-    if outputs.pictures:
-        SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
+    outputs.say_page(output.path / PAGE)
     return output.path
 
 

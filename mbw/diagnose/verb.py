@@ -105,8 +105,7 @@ def run(
             write_files(result, place)
             (place / PAGE).write_text(render(result), encoding="utf-8")
         checkpoint.close()
-    if outputs.json is not None:
-        write_json(result.verdict.model_dump_json(indent=1), outputs.json)
+    write_json(result.verdict.model_dump_json(indent=1), outputs.json)
     if explain and not SCREEN.quiet:
         _explain(diagnosis)
     _say(result.verdict, diagnosis)

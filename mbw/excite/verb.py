@@ -71,12 +71,10 @@ def run_options(
     for sentence in describe_excitation(summary):
         SCREEN.say(sentence)
     SCREEN.say(f"campaign in {output.path}")
-    if pictures:
-        SCREEN.say(f"pictures: open {(output.path / PAGE).resolve().as_uri()}")
-    if not (outputs.has_json_on_stdout or SCREEN.quiet):
+    outputs.say_page(output.path / PAGE)
+    if outputs.has_tables:
         typer.echo(f"mbw tune {output.path}")
-    if json is not None:
-        write_json(text, json)
+    write_json(text, json)
 
 
 def _open(path: Path, key: str | None) -> TestedMachine:

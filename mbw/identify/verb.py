@@ -192,16 +192,14 @@ def _run_machine(
                 geometry = None if machine is None else machine_geometry(machine)
                 (place / PAGE).write_text(render(result, geometry), encoding="utf-8")
     write_animations(result, machine, choices.animations)
-    if outputs.json is not None:
-        write_json(result.summary.model_dump_json(indent=1), outputs.json)
-    if not (outputs.has_json_on_stdout or SCREEN.quiet):
+    write_json(result.summary.model_dump_json(indent=1), outputs.json)
+    if outputs.has_tables:
         _print(result.summary)
     for text in list_findings(result):
         SCREEN.say(text)
     _say_tips(comparison, output.path, has_page=outputs.pictures)
     SCREEN.say(f"modal model in {output.path}")
-    if outputs.pictures:
-        SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
+    outputs.say_page(output.path / PAGE)
     return output.path
 
 

@@ -39,15 +39,4 @@ def live(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Judge each hit of a running hammer test, and say where to hit next and when to stop."""
     del jobs
-    run_verb(
-        "mbw.live.verb",
-        folder,
-        idle=idle,
-        terminal=terminal,
-        browser=browser,
-        band=band,
-        out=out,
-        json=json,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+    run_verb("mbw.live.verb", **locals())

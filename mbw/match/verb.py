@@ -110,13 +110,12 @@ def run(
         with output.write() as place:
             write_result(result, place)
             (place / PAGE).write_text(render(result), encoding="utf-8")
-    if outputs.json is not None:
-        write_json(result.summary.model_dump_json(indent=1), outputs.json)
-    if not (outputs.has_json_on_stdout or SCREEN.quiet):
+    write_json(result.summary.model_dump_json(indent=1), outputs.json)
+    if outputs.has_tables:
         _print(result.summary)
     _say(result.summary, rigid)
     SCREEN.say(f"match in {output.path}")
-    SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
+    outputs.say_page(output.path / PAGE)
     return output.path
 
 

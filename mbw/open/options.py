@@ -45,17 +45,4 @@ def open_page(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Open the workbench: a live page on which the model follows its sliders beside the test."""
     del jobs
-    run_verb(
-        "mbw.open.verb",
-        path,
-        state=state,
-        port=port,
-        browser=browser,
-        band=band,
-        key=key,
-        budget=budget,
-        out=out,
-        json=json,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+    run_verb("mbw.open.verb", **locals())

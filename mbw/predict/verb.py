@@ -238,10 +238,8 @@ def _say_where(folder: Path, machines: Machines, targets: PredictOutputs) -> Non
     """Say where the files of the result are."""
     if machines.combined is not None:
         SCREEN.say(f"combined machine: {folder / COMBINED_NAME}")
-    if not targets.options.pictures:
-        return
-    SCREEN.say(f"pictures: open {(folder / PAGE).resolve().as_uri()}")
-    if targets.study.file is not None:
+    targets.options.say_page(folder / PAGE)
+    if targets.options.pictures and targets.study.file is not None:
         SCREEN.say(f"error budget: open {(folder / PLANT_PAGE).resolve().as_uri()}")
 
 

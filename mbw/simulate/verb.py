@@ -114,8 +114,7 @@ def run_options(  # noqa: PLR0913  # one for each option
                 seed=seed,
                 threads=jobs or os.cpu_count() or 1,
             )
-    if json is not None:
-        write_json(summary.model_dump_json(indent=1), json)
+    write_json(summary.model_dump_json(indent=1), json)
 
 
 def make_test(
@@ -195,8 +194,8 @@ def make_test(
     SCREEN.say(f"{counts}: campaign in {output.path}")
     for copy in written:
         refuse_difference(copy.file, copy.difference)
-    _say_page(outputs, output.path)
-    if not (outputs.has_json_on_stdout or SCREEN.quiet):
+    outputs.say_page(output.path / PAGE)
+    if outputs.has_tables:
         typer.echo(f"mbw {'live' if is_live else 'identify'} {output.path}")
     return summary
 
@@ -355,7 +354,7 @@ def play_signal(
     SCREEN.say(_step_sentence(response.step))
     counts = f"{count_noun(len(columns) - len(inputs), 'channel')}, {len(signal.time_s)} samples"
     SCREEN.say(f"{counts} in {output.path / name}")
-    _say_page(outputs, output.path)
+    outputs.say_page(output.path / PAGE)
     rate = float((len(signal.time_s) - 1) / duration)
     summary = _summary(
         simulated, response.step, kind="signal", files=[name], rate=rate, duration=duration
@@ -381,11 +380,6 @@ def _refuse_open_loops(folder: Path, name: str, closed: Sequence[str]) -> None:
 def _check_format(text: str, allowed: tuple[str, ...]) -> None:
     if text not in allowed:
         raise UsageError(f"--format {text!r}: write one of {', '.join(allowed)}")
-
-
-def _say_page(outputs: ResultOptions, folder: Path) -> None:
-    if outputs.pictures:
-        SCREEN.say(f"pictures: open {(folder / PAGE).resolve().as_uri()}")
 
 
 def _step_sentence(step: TimeStep) -> str:

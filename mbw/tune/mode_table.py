@@ -79,8 +79,7 @@ def run_options(  # noqa: PLR0913  # one for each option
             summary = write_mode_table_result(tuned, place)
             if pictures:
                 (place / MODE_TABLE_PAGE).write_text(render(summary), encoding="utf-8")
-        if json is not None:
-            write_json(json_text(summary), json)
+        write_json(json_text(summary), json)
         _say(summary, output.path, outputs)
     refuse_difference(TUNED_MJCF, summary.mjcf_difference)
     if summary.fit.outcome == "interrupted":
@@ -106,15 +105,14 @@ def _parse_prior(text: str) -> tuple[str, float]:
 def _say(summary: ModeTableFile, folder: Path, outputs: ResultOptions) -> None:
     SCREEN.say(_describe_rows(summary))
     SCREEN.say(describe_search(summary.fit))
-    if not (outputs.has_json_on_stdout or SCREEN.quiet):
+    if outputs.has_tables:
         typer.echo("\n".join(pair_lines(summary.modes)))
     SCREEN.say(_describe_determined(summary))
     missing = describe_not_in_mjcf(summary.not_held_by_mjcf, None, MODE_TABLE_JSON)
     for remark in filter(None, [missing, *summary.remarks]):
         SCREEN.say(f"  {remark}")
     SCREEN.say(f"results in {folder}")
-    if outputs.pictures:
-        SCREEN.say(f"pictures in {(folder / MODE_TABLE_PAGE).absolute().as_uri()}")
+    outputs.say_page(folder / MODE_TABLE_PAGE)
 
 
 def _describe_rows(summary: ModeTableFile) -> str:

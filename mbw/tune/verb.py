@@ -175,8 +175,7 @@ def run(  # noqa: PLR0913  # one for each option
         if summary.fit.trusted:
             place = shlex.quote(str(session.source.parent))
             SCREEN.say(f"next: mbw diagnose {place} seeks what the model lacks")
-        if outputs.pictures:
-            SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
+        outputs.say_page(output.path / PAGE)
         if not tuned.interrupted:
             checkpoint.close()
     refuse_difference(TUNED_MJCF, summary.mjcf_difference)
@@ -190,8 +189,7 @@ def _write(tuned: CampaignTuning, output: OutputFolder, outputs: ResultOptions) 
         summary = write_result(tuned, place, _remaining_gap(tuned))
         if outputs.pictures:
             (place / PAGE).write_text(render(read_result(place)), encoding="utf-8")
-    if outputs.json is not None:
-        write_json(json_text(summary), outputs.json)
+    write_json(json_text(summary), outputs.json)
     return summary
 
 
