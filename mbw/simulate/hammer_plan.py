@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from identification.words import Dof, Real, Signal, Tolerance, UsageError
+from identification.words import Dof, InputError, Real, Signal, Tolerance, UsageError, shorten_names
 from mbmodel import (
     HammerTestPlan,
     HitScatter,
@@ -13,12 +14,14 @@ from mbmodel import (
     Noise,
     RecordedFile,
     as_drawn,
+    load_machine,
     model_modes,
 )
 from mbmodel.modes.modal_overlap import highest_separate_mode
 from mbmodel.virtual_test.instruments import NO_ERRORS
 from mbmodel.virtual_test.plan import BAND_SHARE
 from mbw.simulate.imitated_test import DEFAULT_HITS, DEFAULT_LEVEL_N, imitate_campaign
+from mbw.simulate.joint_laws import SimulatedMachine
 from mbw.simulate.option_values import TestOptions
 from mbw.simulate.summary import count_noun
 from mbw.site_kinds import hammer_sites, sensor_sites
@@ -221,3 +224,28 @@ def _default_block(machine: Machine, rate_hz: float) -> float:
     samples = rate_hz * min(_MAX_RECORD_S, periods)
     limited = np.clip(samples, _MIN_RECORD_SAMPLES, _MAX_RECORD_SAMPLES)
     return float(2.0 ** round(np.log2(limited)) / rate_hz)
+
+
+def load_nominal(simulated: SimulatedMachine, nominal: Path | None) -> Machine:
+    """Return the model that the campaign names; refuse one that other verbs could not read."""
+    try:
+        return load_machine(nominal or simulated.source, key=simulated.machine.keyframe)
+    except InputError as error:
+        if nominal is not None:
+            raise
+        raise InputError(
+            f"{error}, or name a nominal model without it by --nominal, which the campaign then "
+            "states"
+        ) from error
+
+
+def refuse_missing_points(nominal: Machine, planned: PlannedTest) -> None:
+    """Refuse a nominal model without the points of a test: its campaign could not be read."""
+    names = (*nominal.layout.points, *nominal.layout.bodies)
+    dofs = [dof for file in planned.plan.files for dof in (*file.outputs, *file.references)]
+    missing = list(dict.fromkeys(dof.point for dof in dofs if dof.point not in names))
+    if missing:
+        raise InputError(
+            f"--nominal {nominal.source} has no {shorten_names(missing)}, where the test measures "
+            "or hits: add sites of these names to it, or test fewer points"
+        )

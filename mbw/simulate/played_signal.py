@@ -18,8 +18,10 @@ from identification.words import (
     Real,
     UsageError,
     read_number,
+    sampling_period,
 )
 from identification.words.csv_cells import write_csv
+from mbmodel import Machine, with_loops
 from mbmodel.export.linear_response import even_step
 from mbmodel.simulation.signals import (
     chirp_signal,
@@ -29,8 +31,12 @@ from mbmodel.simulation.signals import (
     step_signal,
     time_axis,
 )
+from mbw.messages import SCREEN
+from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
 from tuning.plant.error_budget.definition import BudgetDefinition
-from tuning.plant.error_budget.simulated_budget import sampled_rate
+from tuning.plant.error_budget.loop_plant import loops_alone
+from tuning.plant.error_budget.read_definition import DEFAULT_BUDGET_BAND_HZ, read_definition
+from tuning.plant.error_budget.simulated_budget import instability_remark, sampled_rate
 
 KINDS = ("step", "move", "chirp", "noise", "psd")
 _SIGNAL_BAND_HZ = (5.0, 200.0)
@@ -247,3 +253,31 @@ def write_response(target: Path, time_s: Real, columns: Sequence[tuple[str, str,
         scipy.io.savemat(target, {**arrays, **columns_of_mat})
     else:
         write_result_arrays(target, {"labels": np.array(labels), **arrays})
+
+
+def find_definition(machine: Machine, loops_source: Path, options: PlayOptions) -> BudgetDefinition:
+    """Return the loops that are closed in time, and sources and errors of the budget, if any.
+
+    Args:
+        machine: as simulated.
+        loops_source: campaign.toml, or the MJCF beside which the loops of the test stand.
+        options: budget, and loops of the test that are closed.
+
+    Raises:
+        UsageError: a name that fits no loop.
+        InputError: a file that cannot be used.
+    """
+    tested = known_loops(loops_source, machine)
+    closed = choose_loops(tested, options.closed)
+    if sentence := loops_sentence(tested, closed):
+        SCREEN.say(sentence)
+    definition = loops_alone(closed, DEFAULT_BUDGET_BAND_HZ)
+    if options.budget is not None:
+        definition = read_definition(
+            options.budget, with_loops(machine, closed), loops_suffice=True
+        )
+    sampling_period(definition.loops)  # refuses loops of different periods
+    remark = instability_remark(machine, definition)
+    for sentence in (*definition.remarks, *([remark] if remark else [])):
+        SCREEN.say(sentence)
+    return definition

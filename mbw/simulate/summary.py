@@ -1,9 +1,13 @@
 """Summary of a simulation for ``--json`` and the terminal."""
 
+import math
+from typing import Any
+
 import numpy as np
 from pydantic import Field
 
 from identification.readers.result_files import ResultFile, ResultRow
+from mbmodel import TimeStep
 from mbmodel.simulation.closed_loops import LoopRecord
 from mbw.page.numbers import format_percent
 from tuning.plant.error_budget.simulated_budget import SimulatedErrors
@@ -152,3 +156,18 @@ def count_noun(count: int, noun: str) -> str:
         noun: their name, in the singular.
     """
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def step_sentence(step: TimeStep) -> str:
+    """Return integrator, step and estimated error in words."""
+    error = f"{step.error:.1g}" if math.isfinite(step.error) else "unknown"
+    return (
+        f"Integrator {step.integrator}, step {1e6 * step.step_s:.4g} us; estimated error {error} "
+        f"of the channels' rms (against half the step, over {step.span_s:.2g} s)."
+    )
+
+
+def step_fields(step: TimeStep) -> dict[str, Any]:
+    """Return the fields of a summary that describe the integration."""
+    error = step.error if np.isfinite(step.error) else None
+    return {"integrator": step.integrator, "step": step.step_s, "error": error, "span": step.span_s}

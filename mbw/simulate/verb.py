@@ -1,12 +1,10 @@
 """``mbw simulate``: a virtual hammer test as a campaign, or the response to a signal."""
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import typer
 
 from identification.readers.toml_files import load_toml
@@ -15,16 +13,10 @@ from identification.words import (
     InputError,
     Quantity,
     UsageError,
-    sampling_period,
-    shorten_names,
 )
 from mbmodel import (
-    Machine,
-    TimeStep,
-    load_machine,
     refuse_difference,
     strike,
-    with_loops,
     write_copy,
 )
 from mbmodel.simulation.drives import Reading, parse_drive, parse_reading
@@ -42,11 +34,17 @@ from mbw.simulate.campaign_folder import (
     write_campaign,
     write_hits,
 )
-from mbw.simulate.hammer_plan import PlannedTest, plan_test
+from mbw.simulate.hammer_plan import load_nominal, plan_test, refuse_missing_points
 from mbw.simulate.joint_laws import SimulatedMachine, open_machine
 from mbw.simulate.option_values import TestOptions, refuse_conflicts
 from mbw.simulate.page import PAGE, PageView, hit_views, render
-from mbw.simulate.played_signal import PlayOptions, load_signal, parse_quantity, write_response
+from mbw.simulate.played_signal import (
+    PlayOptions,
+    find_definition,
+    load_signal,
+    parse_quantity,
+    write_response,
+)
 from mbw.simulate.summary import (
     SimulationSummary,
     count_noun,
@@ -54,17 +52,15 @@ from mbw.simulate.summary import (
     error_sentences,
     loop_row,
     loop_sentences,
+    step_fields,
+    step_sentence,
 )
 from mbw.simulate.units import input_unit, loop_columns, output_unit
 from mbw.site_kinds import sensor_sites
 from mbw.spin_rates import parse_spin_rates
-from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
 from tuning.plant.error_budget.definition import BudgetDefinition
-from tuning.plant.error_budget.loop_plant import loops_alone
-from tuning.plant.error_budget.read_definition import DEFAULT_BUDGET_BAND_HZ, read_definition
 from tuning.plant.error_budget.simulated_budget import (
     SimulatedErrors,
-    instability_remark,
     simulate_budget,
 )
 
@@ -141,10 +137,10 @@ def make_test(
     """
     _check_format(file_format, _RECORD_FORMATS)
     machine = simulated.machine
-    drawing = _load_nominal(simulated, nominal)
+    drawing = load_nominal(simulated, nominal)
     planned = plan_test(machine, options, f".{file_format}")
     plan = planned.plan
-    _refuse_missing_points(drawing, planned)
+    refuse_missing_points(drawing, planned)
     names = [CAMPAIGN, MODEL, TRUE_MODEL, ANSWER, PAGE, *(file.file for file in plan.files)]
     is_live = options.pause_s is not None
     total = sum(file.hits * len(file.references) for file in plan.files)
@@ -170,7 +166,7 @@ def make_test(
                 text = render(
                     f"{machine.name}: virtual hammer test",
                     f"{count_noun(total, 'hit')}; the first along each direction is shown",
-                    _step_sentence(test.step),
+                    step_sentence(test.step),
                     (*machine.remarks, *test.remarks),
                     hit_views(plan, test),
                 )
@@ -179,17 +175,9 @@ def make_test(
         if options.pause_s is not None:
             SCREEN.say(f"hits come into {output.path}, one by one: mbw live {output.path}")
             write_hits(output.path, planned, test, options.pause_s)
-    summary = _summary(
-        simulated,
-        test.step,
-        kind="hammer test",
-        files=names,
-        rate=plan.rate_hz,
-        duration=plan.block_s,
-    ).model_copy(update={"hits": total, "seconds": total * plan.block_s})
     for remark in test.remarks:
         SCREEN.say(remark)
-    SCREEN.say(_step_sentence(test.step))
+    SCREEN.say(step_sentence(test.step))
     counts = f"{count_noun(total, 'hit')}, {count_noun(len(plan.files), 'file')}"
     SCREEN.say(f"{counts}: campaign in {output.path}")
     for copy in written:
@@ -197,60 +185,16 @@ def make_test(
     outputs.say_page(output.path / PAGE)
     if outputs.has_tables:
         typer.echo(f"mbw {'live' if is_live else 'identify'} {output.path}")
-    return summary
-
-
-def _load_nominal(simulated: SimulatedMachine, nominal: Path | None) -> Machine:
-    """Return the model that the campaign names; refuse one that other verbs could not read."""
-    try:
-        return load_machine(nominal or simulated.source, key=simulated.machine.keyframe)
-    except InputError as error:
-        if nominal is not None:
-            raise
-        raise InputError(
-            f"{error}, or name a nominal model without it by --nominal, which the campaign then "
-            "states"
-        ) from error
-
-
-def _refuse_missing_points(nominal: Machine, planned: PlannedTest) -> None:
-    """Refuse a nominal model without the points of a test: its campaign could not be read."""
-    names = (*nominal.layout.points, *nominal.layout.bodies)
-    dofs = [dof for file in planned.plan.files for dof in (*file.outputs, *file.references)]
-    missing = list(dict.fromkeys(dof.point for dof in dofs if dof.point not in names))
-    if missing:
-        raise InputError(
-            f"--nominal {nominal.source} has no {shorten_names(missing)}, where the test measures "
-            "or hits: add sites of these names to it, or test fewer points"
-        )
-
-
-def find_definition(machine: Machine, loops_source: Path, options: PlayOptions) -> BudgetDefinition:
-    """Return the loops that are closed in time, and sources and errors of the budget, if any.
-
-    Args:
-        machine: as simulated.
-        loops_source: campaign.toml, or the MJCF beside which the loops of the test stand.
-        options: budget, and loops of the test that are closed.
-
-    Raises:
-        UsageError: a name that fits no loop.
-        InputError: a file that cannot be used.
-    """
-    tested = known_loops(loops_source, machine)
-    closed = choose_loops(tested, options.closed)
-    if sentence := loops_sentence(tested, closed):
-        SCREEN.say(sentence)
-    definition = loops_alone(closed, DEFAULT_BUDGET_BAND_HZ)
-    if options.budget is not None:
-        definition = read_definition(
-            options.budget, with_loops(machine, closed), loops_suffice=True
-        )
-    sampling_period(definition.loops)  # refuses loops of different periods
-    remark = instability_remark(machine, definition)
-    for sentence in (*definition.remarks, *([remark] if remark else [])):
-        SCREEN.say(sentence)
-    return definition
+    return SimulationSummary(
+        model=str(simulated.source),
+        kind="hammer test",
+        **step_fields(test.step),
+        files=names,
+        hits=total,
+        rate=plan.rate_hz,
+        duration=plan.block_s,
+        seconds=total * plan.block_s,
+    )
 
 
 def play_signal(
@@ -336,7 +280,7 @@ def play_signal(
                     f"{machine.name}: response in time",
                     f"inputs: {len(drives)}, outputs: {len(readings)}, "
                     f"loops: {len(response.loops)}",
-                    _step_sentence(response.step),
+                    step_sentence(response.step),
                     (*machine.remarks, *response.remarks, *result.remarks),
                     [PageView("", signal.time_s, inputs, [*errors, *motion], loops=response.loops)],
                 )
@@ -351,16 +295,23 @@ def play_signal(
         *(text for loop in response.loops for text in loop_sentences(loop, options.window)),
     ):
         (SCREEN.say if outputs.has_json_on_stdout else typer.echo)(sentence)
-    SCREEN.say(_step_sentence(response.step))
+    SCREEN.say(step_sentence(response.step))
     counts = f"{count_noun(len(columns) - len(inputs), 'channel')}, {len(signal.time_s)} samples"
     SCREEN.say(f"{counts} in {output.path / name}")
     outputs.say_page(output.path / PAGE)
     rate = float((len(signal.time_s) - 1) / duration)
-    summary = _summary(
-        simulated, response.step, kind="signal", files=[name], rate=rate, duration=duration
+    return SimulationSummary(
+        model=str(simulated.source),
+        kind="signal",
+        **step_fields(response.step),
+        files=[name],
+        hits=None,
+        rate=rate,
+        duration=duration,
+        seconds=duration,
+        errors=error_rows(result),
+        loops=[loop_row(loop, options.window) for loop in response.loops],
     )
-    rows = [loop_row(loop, options.window) for loop in response.loops]
-    return summary.model_copy(update={"errors": error_rows(result), "loops": rows})
 
 
 def _refuse_open_loops(folder: Path, name: str, closed: Sequence[str]) -> None:
@@ -380,36 +331,3 @@ def _refuse_open_loops(folder: Path, name: str, closed: Sequence[str]) -> None:
 def _check_format(text: str, allowed: tuple[str, ...]) -> None:
     if text not in allowed:
         raise UsageError(f"--format {text!r}: write one of {', '.join(allowed)}")
-
-
-def _step_sentence(step: TimeStep) -> str:
-    """Return integrator, step and estimated error in words."""
-    error = f"{step.error:.1g}" if math.isfinite(step.error) else "unknown"
-    return (
-        f"Integrator {step.integrator}, step {1e6 * step.step_s:.4g} us; estimated error {error} "
-        f"of the channels' rms (against half the step, over {step.span_s:.2g} s)."
-    )
-
-
-def _summary(
-    simulated: SimulatedMachine,
-    step: TimeStep,
-    *,
-    kind: str,
-    files: list[str],
-    rate: float,
-    duration: float,
-) -> SimulationSummary:
-    return SimulationSummary(
-        model=str(simulated.source),
-        kind=kind,
-        integrator=step.integrator,
-        step=step.step_s,
-        error=step.error if np.isfinite(step.error) else None,
-        span=step.span_s,
-        files=files,
-        hits=None,
-        rate=rate,
-        duration=duration,
-        seconds=duration,
-    )

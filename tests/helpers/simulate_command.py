@@ -1,20 +1,13 @@
 """Runs of ``mbw simulate`` on the model of two bodies."""
 
+from functools import partial
 from pathlib import Path
 
 from small_machine import MJCF
-from typer.testing import CliRunner
 
-from mbw.command import app
+from tests.helpers import command
 
-_RUNNER = CliRunner()
-
-
-def run(*arguments: object, code: int = 0) -> str:
-    """Return the output of the command on one line; it must end with the exit code."""
-    result = _RUNNER.invoke(app, ["simulate", *map(str, arguments)])
-    assert result.exit_code == code, result.output
-    return " ".join(result.output.split())
+run = partial(command.run, "simulate")
 
 
 def write_pair_model(folder: Path) -> Path:

@@ -8,17 +8,10 @@ import numpy as np
 import pytest
 from campaign_folder import write_folder
 from PIL import Image, ImageSequence
-from typer.testing import CliRunner
 
 from mbmodel import as_drawn, load_machine, model_modes
 from mbw.animation.draw import FRAME_S, FRAMES
-from mbw.command import app
-
-RUNNER = CliRunner()
-
-
-def mbw(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
+from tests.helpers.command import invoke as mbw
 
 
 def pictures_of(path):

@@ -6,14 +6,13 @@ import shutil
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from identification.readers.result_files import FORMAT
-from mbw.command import app
 from mbw.compare.schema import ComparedFile, ComparedModeRow, ShiftRow
 from mbw.compare.terminal import print_result
 from tests.helpers.browser import data_of
 from tests.helpers.changed_chain import BEFORE, write_chain, write_visits
+from tests.helpers.command import invoke as mbw
 
 LAYOUT = """
 [body.all]
@@ -25,10 +24,6 @@ position = [0.0, 0.0, 0.0]
 body = "all"
 position = [0.0, 0.0, 0.2]
 """
-
-
-def mbw(*arguments):
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 @pytest.fixture(scope="module")

@@ -10,23 +10,16 @@ from browser import CHROMIUM, GL, browse, data_of, unpacked
 from diagnosed import CASES, diagnosed, lead_of, plain
 from diagnosis_probe import PROBE
 from drawn import drawn
-from typer.testing import CliRunner
 
 from diagnosis.decision.established import RemarkRow
 from diagnosis.labels import name_direction
 from diagnosis.verdict.sentences import UNEXPLAINED, capitalise, place_name, place_phrase
 from mbmodel import load_machine
-from mbw.command import app
 from mbw.diagnose.fitted_sets import fitted_rows
 from mbw.diagnose.page import render
 from mbw.diagnose.tables import hypotheses_section
 from mbw.results.diagnosed_files import NAMES, read_result, write_files
-
-RUNNER = CliRunner()
-
-
-def mbw(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
+from tests.helpers.command import invoke as mbw
 
 
 @pytest.fixture(scope="module")

@@ -10,19 +10,17 @@ import pytest
 from any_machines import SERVO_AXIS
 from browser import CHROMIUM, browse
 from encoder_campaign import write_axis
-from typer.testing import CliRunner
 
 from identification import read_settings
 from identification.words import Signal
 from mbmodel import Evaluator, FrfRequest, JenkinsElement, as_drawn, write_nonlinear_joints
 from mbw.blind.user_test import read_user_test
-from mbw.command import app
 from mbw.excite.schema import ExcitationFile
+from tests.helpers.command import run
 from tuning import ParameterConfidence, open_campaign, open_session, predict
 from tuning.excitation.tested_machine import open_tested_machine
 from tuning.misfit.misfit import Misfit
 
-RUNNER = CliRunner()
 ROOT = Path(__file__).resolve().parents[2]
 LIMITS = """
 [drive.drive]
@@ -41,12 +39,6 @@ resolution = 1e-6
 noise = 1e-3
 """
 SHORT = ("--band", "8", "90", "--seconds", "12", "--rate", "500")
-
-
-def run(*arguments, code=0):
-    result = RUNNER.invoke(app, list(map(str, arguments)))
-    assert result.exit_code == code, result.output
-    return " ".join(result.output.split())
 
 
 @pytest.fixture(scope="module")

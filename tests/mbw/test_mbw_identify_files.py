@@ -10,20 +10,13 @@ import pytest
 import pyuff
 import scipy.io
 from campaign_folder import write_folder
-from typer.testing import CliRunner
 
 from identification.modal import mac
 from identification.result.stored_result import read_result
 from identification.words import Dof, ModalModel
 from mbmodel import as_drawn, load_machine, model_modes, shapes_at
-from mbw.command import app
 from mbw.identify.files import write_full_matrix
-
-RUNNER = CliRunner()
-
-
-def mbw(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
+from tests.helpers.command import invoke as mbw
 
 
 @pytest.fixture(scope="module")

@@ -7,19 +7,13 @@ import numpy as np
 import pytest
 import scipy.io
 from campaign_folder import write_folder
-from typer.testing import CliRunner
 
 from identification.modal import identify
-from mbw.command import app
+from tests.helpers.command import invoke as mbw
 from tuning import open_campaign
 
-RUNNER = CliRunner()
 HUM_HZ = 50.0
 IGNORE = "ignore_hz = [[49.5, 50.5]]\n"
-
-
-def mbw(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

@@ -12,13 +12,12 @@ from pathlib import Path
 import pytest
 from campaign_folder import write_folder
 from small_machine import MJCF
-from typer.testing import CliRunner
 
 from identification.words import InputError
-from mbw.command import app
 from mbw.messages import SCREEN
 from mbw.output_folder import RECORD, OutputRequest, default_folder, open_output_folder
 from mbw.predict import verb as predict_verb
+from tests.helpers.command import invoke as run
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = """
@@ -29,10 +28,6 @@ with open_output_folder(OutputRequest("tune", Path(sys.argv[1]), Path(sys.argv[2
     (output.path / "held").touch()
     time.sleep(60)
 """
-
-
-def run(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture

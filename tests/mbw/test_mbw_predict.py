@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import scipy.io
 from small_machine import MJCF
-from typer.testing import CliRunner
 
 from identification.words import Dof
 from mbmodel import (
@@ -20,9 +19,8 @@ from mbmodel import (
     model_modes,
     modes_of_matrices,
 )
-from mbw.command import app
+from tests.helpers.command import invoke as mbw
 
-RUNNER = CliRunner()
 DRIVEN = """
 <mujoco model="driven">
   <option gravity="0 0 0"/>
@@ -62,10 +60,6 @@ def drawing(tmp_path):
     path = tmp_path / "pair.xml"
     path.write_text(MJCF, encoding="utf-8")
     return path
-
-
-def mbw(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
 def test_modes_are_printed_and_written_as_json(drawing, tmp_path):

@@ -7,18 +7,16 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, browse, data_of, unpacked
 from budget_case import TWO, VALUES, write_tuned_case
-from typer.testing import CliRunner
 
 import mbworkbench as mb
 from mbmodel import load_machine, machine_model
-from mbw.command import app
+from tests.helpers.command import invoke as run
 from tuning import read_posterior
 from tuning.plant.error_budget.budget import error_budget
 from tuning.plant.error_budget.plant_budget import rms_interval
 from tuning.plant.error_budget.read_definition import read_definition
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
-RUNNER = CliRunner()
 PROBE = """<script>
 setTimeout(() => {
   const texts = {plots: ["spectrum", "sources", "modes-of-error", "joints", "touches", "bode", "poles"].filter(name => byId(name).data && byId(name).data.length),
@@ -32,10 +30,6 @@ setTimeout(() => {
   document.body.append(element("pre", JSON.stringify(texts), {id: "found"}));
 }, 2500);
 </script>"""  # noqa: E501
-
-
-def run(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,10 @@ import pytest
 import scipy.io
 from browser import CHROMIUM, browse, data_of, unpacked
 from budget_case import SECOND_LOOP, write_tuned_case
-from typer.testing import CliRunner
 
 import mbworkbench as mb
-from mbw.command import app
+from tests.helpers.command import invoke as run
 
-RUNNER = CliRunner()
 PROBE = """<script>
 setTimeout(() => {
   const names = id => byId(id).data.filter(t => t.showlegend !== false && t.name).map(t => t.name);
@@ -26,10 +24,6 @@ setTimeout(() => {
   document.body.append(element("pre", JSON.stringify(texts), {id: "found"}));
 }, 2500);
 </script>"""  # noqa: E501
-
-
-def run(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

@@ -16,10 +16,9 @@ import pytest
 import scipy.io
 from browser import CHROMIUM, GL, browse, data_of, unpacked
 from campaign_folder import write_folder
-from typer.testing import CliRunner
 
-from mbw.command import app
 from mbw.predict import alternative_plants
+from tests.helpers.command import invoke as mbw
 
 PORTS = (
     "--input",
@@ -32,11 +31,6 @@ PORTS = (
     "acc3:+tx",
 )
 BAND = ("--band", 5, 150, "--lines", 59)
-RUNNER = CliRunner()
-
-
-def mbw(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
 def predict(*arguments):

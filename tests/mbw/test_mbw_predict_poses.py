@@ -1,14 +1,16 @@
 """``mbw predict --poses``: grids of poses and spin rates, their files and messages."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
 import scipy.io
-from typer.testing import CliRunner
 
 from mbmodel import as_drawn, load_machine, model_modes
-from mbw.command import app
+from tests.helpers import command
+
+run = partial(command.run, "predict")
 
 CART = """
 <mujoco model="cart"><option gravity="0 0 0"/><worldbody>
@@ -40,12 +42,6 @@ def place(tmp_path_factory):
     (place / "budget.toml").write_text(BUDGET)
     (place / "poses.csv").write_text("cart_tx\n0\n0.2\n0.5\n")
     return place
-
-
-def run(*arguments, code=0):
-    result = CliRunner().invoke(app, ["predict", *map(str, arguments)])
-    assert result.exit_code == code, result.output
-    return " ".join(result.output.split())
 
 
 def load(file):

@@ -8,14 +8,12 @@ import pytest
 import scipy.io
 from budget_case import BUDGET, write_machine, write_tuned_case
 from encoder_campaign import CHANNELS, REFERENCES, axis_frfs, write_encoder_campaign
-from typer.testing import CliRunner
 
 import mbworkbench as mb
-from mbw.command import app
+from tests.helpers.command import invoke as run
 from tuning import open_session
 from tuning import tune as tune_campaign
 
-RUNNER = CliRunner()
 PERIOD, DELAY = 5e-4, 3e-4
 SERVO = f"""[loop.servo]
 input = "drive"
@@ -31,10 +29,6 @@ def servo_law(s):
     z = np.exp(s * PERIOD)
     hold = -np.expm1(-s * PERIOD) / (s * PERIOD)
     return 2e4 * (z - 0.8) / (z - 0.3) * hold * np.exp(-s * DELAY)
-
-
-def run(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
 def test_a_campaign_with_a_sampled_loop_is_tuned_and_its_loop_closed_again(tmp_path):

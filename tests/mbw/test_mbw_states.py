@@ -3,18 +3,13 @@
 import json
 
 import pytest
-from typer.testing import CliRunner
 
-from mbw.command import app
 from mbw.diagnose import verb
 from tests.helpers.changed_chain import write_chain
+from tests.helpers.command import invoke as mbw
 from tuning.files.plant_folder import VERDICT
 
 STEP = "refits of the most promising hypotheses"
-
-
-def mbw(*arguments):
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 @pytest.fixture(scope="module")

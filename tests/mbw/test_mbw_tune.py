@@ -10,20 +10,13 @@ import numpy as np
 import pytest
 import scipy.io
 from campaign_folder import write_folder
-from typer.testing import CliRunner
 
 from identification.words import Dof
 from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine
-from mbw.command import app
 from mbw.tune import verb
+from tests.helpers.command import invoke as mbw
 from tuning import FitProgress, read_result
 from tuning.fitting import machine_fit
-
-RUNNER = CliRunner()
-
-
-def mbw(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="session")

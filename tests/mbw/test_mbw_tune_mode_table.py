@@ -7,18 +7,12 @@ import shutil
 import numpy as np
 import pytest
 from small_machine import MJCF
-from typer.testing import CliRunner
 
 from mbmodel import as_drawn, load_machine, modes_of_matrices
-from mbw.command import app
+from tests.helpers.command import invoke as mbw
 from tuning.fitting import fitter
 
-RUNNER = CliRunner()
 TABLE = "frequency,damping/%,body,direction\n60,2,,\n80,4,,\n100,3,head,tx\n"
-
-
-def mbw(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture

@@ -5,17 +5,10 @@ import shutil
 
 import pytest
 from campaign_folder import write_folder
-from typer.testing import CliRunner
 
-from mbw.command import app
 from mbw.tune.page import render
+from tests.helpers.command import invoke as mbw
 from tuning import read_result
-
-RUNNER = CliRunner()
-
-
-def mbw(*arguments):
-    return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,7 @@
 """Held-out lines: K-fold cross-validation with blocks from resonance to resonance.
 
 Neighbouring lines within a resonance predict each other. Folds therefore consist of contiguous
-blocks (``held_out_blocks``), which are assigned to five folds in turn (Roberts et al. 2017,
+blocks, which are assigned to five folds in turn (Roberts et al. 2017,
 Ecography 40). The gap of these predictions is computed by ``tuning.assessment.gap``.
 
 Blocks of frequency lines that are held out together: from resonance to resonance.

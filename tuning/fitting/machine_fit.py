@@ -2,7 +2,7 @@
 
 1. The first stages fit the logarithm of FRFs (or modes), from all starts.
 2. Parameters and floor are fitted in turn (``error_floor_fit``), and tolerances that lie beyond
-   their bounds by chance are admitted (``outlying_tolerances``).
+   their bounds by chance are admitted.
 3. Each fold of lines is predicted by a fit without it, at that floor (``assessment.held_out``).
 
 A diagnosis begins at the end of 2, so that the gap of a tuning is that of its null model.
