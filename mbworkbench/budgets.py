@@ -27,9 +27,9 @@ from tuning.plant.error_budget.plant_budget import (
     plant_budget,
 )
 from tuning.plant.error_budget.read_definition import read_definition
-from tuning.plant.error_budget.sampling_images import image_sentences
 from tuning.plant.error_budget.simulated_budget import SimulatedErrors
 from tuning.plant.error_budget.simulated_budget import simulate_budget as simulate_budget_in_time
+from tuning.plant.error_budget.source_spectra import image_sentences
 from tuning.plant.variant_model import read_variant_model
 
 

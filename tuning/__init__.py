@@ -39,8 +39,7 @@ from tuning.files.schema import TunedFile
 from tuning.fitting.checkpoint import CHECKPOINT_FILE, Checkpoint
 from tuning.fitting.error_floor_fit import FloorSchedule, fit_at_error_floor
 from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
-from tuning.fitting.stage_search import GAUSS_NEWTON
-from tuning.fitting.stages import STAGES, Stage, thin_lines, thinning_slice
+from tuning.fitting.stage_search import GAUSS_NEWTON, STAGES, Stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.modal_misfit import modes_in_band, select_modes

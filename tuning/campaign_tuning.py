@@ -37,7 +37,7 @@ from tuning.fitting.machine_fit import (
     fit_first_stages,
     settle_floor,
 )
-from tuning.fitting.stages import LAST_STAGE, Stage
+from tuning.fitting.stage_search import LAST_STAGE, Stage
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalStage
 from tuning.session import Session

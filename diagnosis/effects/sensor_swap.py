@@ -21,7 +21,7 @@ from diagnosis.scene_points import list_sensors, list_varying_names
 from identification import FAULT_PHRASES
 from identification.words import Dof, Real
 from tuning import predict
-from tuning.checks.exchanged_channels import MAX_LEFT_SHARE
+from tuning.checks.export_faults import MAX_LEFT_SHARE
 
 Pair = tuple[Dof, Dof]
 

@@ -7,7 +7,12 @@ import numpy as np
 import scipy.fft
 
 from identification.hits.blocks import BlockPlan, Blocks, common_setting, cut_blocks, plan_blocks
-from identification.hits.densities import hit_densities, noise_densities, noise_powers
+from identification.hits.densities import (
+    hit_densities,
+    noise_densities,
+    noise_powers,
+    record_traces,
+)
 from identification.hits.detection import Blow, find_blows
 from identification.hits.estimators import AveragedSpectra, average_spectra, estimate_frf
 from identification.hits.hit_drift import describe_drift
@@ -21,7 +26,6 @@ from identification.hits.peak_slope import estimate_peak_slope
 from identification.hits.rejection import reject_hits
 from identification.hits.remarks import hit_remarks, window_remarks
 from identification.hits.settings import HitSettings
-from identification.hits.traces import record_traces
 from identification.hits.windows import (
     choose_tau,
     combine_windows,

@@ -2,7 +2,7 @@
 
 from identification.level_check.check import LevelCheck, check_hits, check_levels
 from identification.level_check.decay_check import check_decay, track_decay
-from identification.level_check.visits import group_visits
+from identification.level_check.trends import group_visits
 
 __all__ = [
     "LevelCheck",

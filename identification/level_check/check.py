@@ -27,9 +27,9 @@ from identification.level_check.trends import (
     NO_CHANGE,
     ModeTrend,
     find_clearest_trend,
+    group_visits,
     is_like_hysteresis,
 )
-from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
 from identification.modal.shape_fit import ModalFit
 from identification.roving_hammer import is_roving_hammer

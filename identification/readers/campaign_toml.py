@@ -6,10 +6,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, StrictInt, StrictStr, model_validator
 
+from identification.readers.controller import CampaignLoopTable
 from identification.readers.frequency_lines import FrequencyRanges
 from identification.readers.instrument_toml import HammerSettings, SensorSettings
 from identification.readers.log_toml import LogSettings
-from identification.readers.loop_toml import CampaignLoopTable
 from identification.readers.several_inputs import CoherenceKind
 from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml
 from identification.words import (

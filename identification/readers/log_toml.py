@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field, StrictInt, StrictStr, model_validator
 
-from identification.readers.loop_toml import ControllerSource
+from identification.readers.controller import ControllerSource
 from identification.readers.toml_files import FileName, TomlTable
 from identification.words import Quantity
 

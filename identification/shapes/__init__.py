@@ -1,7 +1,6 @@
 """Mode shapes of a finite-element model: reading, values at sensors, mass, sensor placement."""
 
-from identification.shapes.fe_file import read_shapes
-from identification.shapes.fe_shapes import Shapes
+from identification.shapes.fe_file import Shapes, read_shapes
 from identification.shapes.rigid_mass import MassCheck, RigidModes, compare_mass, rigid_modes
 from identification.shapes.sensor_placement import (
     antinodes,

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.shapes.fe_shapes import Shapes
+from identification.shapes.fe_file import Shapes
 from identification.words import InputError, Mask, Real
 
 # Rms deformation of a rigid mode over its rms motion, at most.

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from identification.shapes.fe_shapes import Shapes
+from identification.shapes.fe_file import Shapes
 from identification.words import InputError, Integers, Real
 
 ShapeSampling = Literal["interpolated", "nearest"]

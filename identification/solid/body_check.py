@@ -23,8 +23,7 @@ from identification.solid.confounded_faults import (
     find_near_ties,
     find_unidentifiable,
 )
-from identification.solid.fault_search import FaultSearch
-from identification.solid.fault_size import is_within_tolerance
+from identification.solid.fault_search import FaultSearch, is_within_tolerance
 from identification.solid.frequency_limit import ResidualSpectrum, highest_solid_hz
 from identification.solid.sensor_faults import FaultHypothesis
 from identification.solid.sentences import body_sentence, confounded_phrase, fault_phrase

@@ -1,6 +1,10 @@
-"""Page of a blind test: success rates and baselines, reliability, confusion matrix, all cases."""
+"""Page of a blind test: success rates and baselines, reliability, confusion matrix, all cases.
+
+Text of a predicted size, with the digits that tell it from no effect.
+"""
 
 import json
+import math
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
@@ -94,3 +98,17 @@ def _last_error(traceback: str) -> str:
     lines = traceback.splitlines()
     stack = [number for number, line in enumerate(lines) if line.startswith("  ")]
     return " ".join(" ".join(lines[stack[-1] + 1 if stack else 0 :]).split())
+
+
+_NEAR_ONE = 0.1  # a factor or gain: its difference from 1 is the effect
+
+
+def size_text(value: float) -> str:
+    """Return a size with three digits, and a factor near 1 with two of its difference from 1.
+
+    ``sizeText`` in places_state.js does the same on pages.
+    """
+    off = abs(value - 1)
+    if not 0 < off < _NEAR_ONE:
+        return f"{value:.3g}"
+    return f"{value:.{min(12, 1 - math.floor(math.log10(off)))}f}"

@@ -20,7 +20,7 @@ from identification.readers.result_files import FORMAT
 from identification.words import InputError
 from mbmodel import load_machine
 from mbmodel.geometry.surfaces import machine_geometry
-from mbw.blind.size_text import size_text
+from mbw.blind.page import size_text
 from mbw.blind.user_test import UserTest, find_model, title_of
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder

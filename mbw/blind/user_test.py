@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from identification import read_settings
-from identification.readers.controller import find_controller
-from identification.readers.loop_toml import CampaignLoopTable
+from identification.readers.controller import CampaignLoopTable, find_controller
 from identification.readers.toml_files import toml_key, toml_value
 from identification.words import DERIVATIVE_ORDER, Campaign, Complex, InputError, Test
 from truth import (

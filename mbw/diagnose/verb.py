@@ -37,11 +37,10 @@ from mbw.diagnose.sentences import (
     untested_sentences,
 )
 from mbw.files import write_json
-from mbw.gap_text import describe_gap
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
 from mbw.page.numbers import format_closed, format_percent
-from mbw.remarks import calibration_sentence, describe_not_in_mjcf, gain_sentence
+from mbw.remarks import calibration_sentence, describe_gap, describe_not_in_mjcf, gain_sentence
 from mbw.results.diagnosed_files import CHECKPOINT, NAMES, PAGE, write_files
 from mbw.resume import open_checkpoint
 from tuning import Checkpoint, Session, open_session

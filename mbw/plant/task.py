@@ -33,7 +33,7 @@ from tuning.plant.error_budget.machine_files import fitted_model, model_with_pos
 from tuning.plant.error_budget.margin_design import design_loops
 from tuning.plant.error_budget.plant_budget import PlantBudget, open_loops, plant_budget
 from tuning.plant.error_budget.read_definition import read_definition
-from tuning.plant.error_budget.sampling_images import image_sentences
+from tuning.plant.error_budget.source_spectra import image_sentences
 from tuning.plant.variant_model import VariantModel
 
 _MIN_CAUSE_PROBABILITY = 0.5  # of a cause that the augmented machine holds

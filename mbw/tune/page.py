@@ -5,10 +5,9 @@ from html import escape
 import numpy as np
 
 from identification.words import Dof, percent_text
-from mbw.gap_text import describe_gap
 from mbw.page.html import fill_template, pack_complex, pack_real, read_fragment, warning_boxes
 from mbw.page.numbers import format_percent, frf_unit
-from mbw.remarks import gain_table, list_limits, list_notes
+from mbw.remarks import describe_gap, gain_table, list_limits, list_notes
 from mbw.tune.convergence import badges, identifiability_section, provenance, starts_section
 from mbw.tune.mode_pairs import pairs_section
 from mbw.tune.parameters import interval_note, parameters_table

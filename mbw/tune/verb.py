@@ -14,11 +14,17 @@ from identification.words import Campaign, UsageError, percent_text
 from mbmodel import refuse_difference
 from mbw.any_campaign import check_band
 from mbw.files import write_json
-from mbw.gap_text import describe_gap, number_text
 from mbw.interrupts import INTERRUPTED
 from mbw.messages import NOT_CONVERGED, SCREEN, allow_one_interrupt
 from mbw.output_folder import OutputFolder, ResultOptions
-from mbw.remarks import calibration_sentence, describe_search, gain_tolerance, list_remarks
+from mbw.remarks import (
+    calibration_sentence,
+    describe_gap,
+    describe_search,
+    gain_tolerance,
+    list_remarks,
+    number_text,
+)
 from mbw.resume import open_checkpoint
 from mbw.tune.modes import measured_modes, parse_residuals
 from mbw.tune.page import PAGE, render

@@ -13,7 +13,7 @@ from mbmodel import load_machine
 from tests.bench.starts import NEAR, STATION
 from tests.helpers.tuning_case import TuningCase, tuning_case
 from tuning import GAUSS_NEWTON, STAGES, Misfit, Parametrisation, Stage, fit, parametrise
-from tuning.fitting.stages import thin_lines
+from tuning.fitting.stage_search import thin_lines
 from tuning.solvers.nlopt_solver import minimise
 
 SEED = 65000

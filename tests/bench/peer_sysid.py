@@ -15,7 +15,7 @@ import numpy as np
 from identification.words import Campaign
 from mbmodel import Model
 from tuning import Parametrisation, Stage
-from tuning.fitting.stages import thin_lines
+from tuning.fitting.stage_search import thin_lines
 from tuning.misfit.batch import Batch, batch_tests
 from tuning.misfit.weights import FORCE_ERROR_FLOOR
 

@@ -6,7 +6,7 @@ import scipy.signal
 from hammer_records import Hammer, a_system, strike
 
 from identification.hits import estimate_hit_frf
-from identification.hits.traces import envelope
+from identification.hits.densities import envelope
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,10 @@ from identification.level_check.shared_shapes import _apply_step, _linearise, fi
 from identification.level_check.trends import (
     ModeTrend,
     find_clearest_trend,
+    group_visits,
     growth_exponent,
     is_like_hysteresis,
 )
-from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
 from identification.modal.shape_fit import ModalFit
 from identification.words import Campaign

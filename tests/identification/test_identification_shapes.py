@@ -12,7 +12,7 @@ from identification.shapes import (
     read_shapes,
     shapes_at,
 )
-from identification.shapes.fe_shapes import Shapes
+from identification.shapes.fe_file import Shapes
 from identification.words import InputError
 
 GONDOLA = Path(__file__).parents[2] / "assets" / "gondola" / "shapes.vtu"

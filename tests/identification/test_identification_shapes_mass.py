@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.shapes import compare_mass, read_shapes, rigid_modes
-from identification.shapes.fe_shapes import Shapes
+from identification.shapes.fe_file import Shapes
 from identification.words import InputError
 
 GONDOLA = Path(__file__).parents[2] / "assets" / "gondola" / "shapes.vtu"

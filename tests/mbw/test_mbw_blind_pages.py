@@ -4,8 +4,7 @@ import json
 
 import pytest
 
-from mbw.blind.page import describe_draws
-from mbw.blind.size_text import size_text
+from mbw.blind.page import describe_draws, size_text
 from mbw.blind.user_test import title_of
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from truth.campaign.bounded_least_squares import BOUND, bounded_solution
+from truth.campaign.linear_refit import BOUND, bounded_solution
 
 
 def draw_problem(random, size, rank, magnitude):

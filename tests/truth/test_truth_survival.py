@@ -8,10 +8,10 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from tests.helpers.linearised import write_out
-from truth.campaign.bounded_least_squares import BOUND, normal_matrix
 from truth.campaign.cause import Cause, Wanted, draw_effects
 from truth.campaign.draw import Tolerances, draw_hammers
 from truth.campaign.frf_sensitivities import jacobian, jacobian_again
+from truth.campaign.linear_refit import BOUND, normal_matrix
 from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, occasions, takes

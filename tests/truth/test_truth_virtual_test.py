@@ -20,7 +20,7 @@ from truth.campaign.protocol import Protocol
 from truth.campaign.uff import uff_bytes
 from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign
 from truth.effects import Answer
-from truth.effects.null import draw_nothing
+from truth.effects.effect import draw_nothing
 from truth.errors import TruthError
 
 with warnings.catch_warnings():

@@ -8,8 +8,7 @@ import pytest
 from identification.words import Dof
 from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine
 from tuning import TUNING_ALGORITHM, fit, open_session
-from tuning.fitting.stage_search import residual_dispersion
-from tuning.fitting.stages import LAST_STAGE, STAGES
+from tuning.fitting.stage_search import LAST_STAGE, STAGES, residual_dispersion
 
 MODEL = """<mujoco model="hinges"><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
 <body name="base"><inertial mass="20" pos="0 0 0" diaginertia="1 1 1"/>

@@ -8,7 +8,7 @@ from diagnosis.corrections import exchange_channels
 from identification.words import Dof
 from tests.helpers.drawn import drawn
 from tuning import predict
-from tuning.checks.exchanged_channels import name_exchanged_channels
+from tuning.checks.export_faults import name_exchanged_channels
 
 
 @pytest.fixture(scope="module")

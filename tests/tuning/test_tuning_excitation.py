@@ -22,14 +22,16 @@ from identification.words import (
 from mbmodel import DryFriction, JenkinsElement, load_machine, with_loops
 from tuning import fit
 from tuning.excitation.design import design_excitation
-from tuning.excitation.input_spectra import LineInformation, design_spectrum, flat_spectrum
-from tuning.excitation.limits import DriveLimits, drive_command
-from tuning.excitation.multisine import (
+from tuning.excitation.input_spectra import (
+    LineInformation,
+    design_spectrum,
+    flat_spectrum,
     lower_peak,
     orthogonal_turns,
     periodic_waveform,
     schroeder_phases,
 )
+from tuning.excitation.limits import DriveLimits, drive_command
 from tuning.excitation.prediction import (
     predict_coherence,
     predict_confidence,

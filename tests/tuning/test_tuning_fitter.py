@@ -21,7 +21,7 @@ from tuning import (
 )
 from tuning.fitting import stage_search
 from tuning.fitting.checkpoint import Checkpoint
-from tuning.fitting.stages import thin_lines
+from tuning.fitting.stage_search import thin_lines
 
 OPENING = STAGES[:2]
 

@@ -11,7 +11,7 @@ from identification.words import InputError, UsageError
 from mbmodel import as_drawn, load_machine, modes_of_matrices
 from tuning.files.mode_table_result import summarise_mode_table
 from tuning.fitting import fitter
-from tuning.fitting.stages import STAGES
+from tuning.fitting.stage_search import STAGES
 from tuning.misfit.mode_table_misfit import ModeTableMisfit, TableStage
 from tuning.mode_table_tuning import parametrise_for_table, tune_to_modes
 

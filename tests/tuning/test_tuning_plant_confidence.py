@@ -13,7 +13,7 @@ from truth.machine.random_tree import draw_tree
 from tuning import estimate_confidence, fit
 from tuning.assessment.model_discrepancy import discrepancy_motion
 from tuning.assessment.plant_confidence import estimate_plant_confidence
-from tuning.fitting.stages import LAST_STAGE
+from tuning.fitting.stage_search import LAST_STAGE
 
 MACHINES, FIRST = 2, 72_300
 KINDS = ("magnitude", "phase")

@@ -14,7 +14,7 @@ from tuning.control_loops.stability import growing_pole
 from tuning.plant.error_budget.budget import error_budget
 from tuning.plant.error_budget.plant_budget import log_rms_gradient, plant_budget, sample_rms
 from tuning.plant.error_budget.read_definition import read_definition
-from tuning.plant.error_budget.sampling_images import image_shares
+from tuning.plant.error_budget.source_spectra import image_shares
 
 PERIOD = 1 / 400  # the second mode lies at 29 Hz, half of the sampling rate at 200 Hz
 ZEROS, POLES, GAIN = (0.88, 0.98), (0.999, 0.2), 2.2e5

@@ -7,8 +7,7 @@ import pytest
 from small_machine import virtual_campaign
 
 from tuning import STAGES, fit, fit_held_out, parametrise
-from tuning.fitting.stage_search import minimise_stage
-from tuning.fitting.stages import LAST_STAGE
+from tuning.fitting.stage_search import LAST_STAGE, minimise_stage
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.sparse_misfit import SparseMisfit
 from tuning.solvers.gauss_newton import Box, gauss_newton

@@ -26,10 +26,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from truth.campaign.bounded_least_squares import normal_matrix
 from truth.campaign.draw import Tolerances
 from truth.campaign.frf_sensitivities import jacobian, jacobian_again
-from truth.campaign.linear_refit import LinearRefit
+from truth.campaign.linear_refit import LinearRefit, normal_matrix
 from truth.campaign.machine_on_test import Known, TrueMachine
 from truth.campaign.measure import (
     PULSE_SECONDS,

@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from truth.effects.appendage import draw_appendage
 from truth.effects.drift import draw_drift, draw_level_drift
-from truth.effects.effect import Answer, Draw, Effect, Scene
+from truth.effects.effect import Answer, Draw, Effect, Scene, draw_nothing
 from truth.effects.feedback_delay import draw_feedback_delay
 from truth.effects.flexible_body import draw_flexible_body
 from truth.effects.frequency_laws import draw_structural_damping, draw_viscoelastic
@@ -22,7 +22,6 @@ from truth.effects.joint_laws import draw_backlash, draw_friction, draw_hardenin
 from truth.effects.mass_error import draw_mass_error
 from truth.effects.missing_dof import draw_missing_dof
 from truth.effects.mount_resonance import draw_mount_resonance
-from truth.effects.null import draw_nothing
 from truth.effects.parallel_path import draw_parallel_path
 from truth.effects.sensor_errors import (
     draw_sensor_delay,

@@ -5,6 +5,8 @@ belongs to ``to_machine``, before the equations are written; what is added to th
 the readings belongs to ``to_rig``. One size tells how strong it is: everything else about it, its
 place and its shape, is drawn before. So the size can be chosen such that a given share of the
 effect survives a refit (``sizing``).
+
+No effect at all: a machine that differs from its drawing by the tolerances alone.
 """
 
 from collections.abc import Hashable, Mapping
@@ -190,3 +192,19 @@ class Draw(Protocol):
         ``place`` is a location such as ``joint:ty``; what is not said by it is drawn.
         """
         ...
+
+
+class Nothing(Unsized):
+    """The absence of an effect."""
+
+    def answer(self) -> Answer:
+        """Return that there is nothing to be found."""
+        return Answer("none")
+
+
+def draw_nothing(random: np.random.Generator, scene: Scene, place: str | None) -> Nothing:
+    """Return the absence of an effect, which has no place."""
+    del random, scene
+    if place is not None:
+        raise TruthError(f"{place!r}: the effect none has no place; leave it out")
+    return Nothing()

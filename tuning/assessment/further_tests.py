@@ -34,7 +34,7 @@ from identification.words import (
 from mbmodel import Evaluator, FrfRequest, Model, Part, SensorPart, hammer_parts, sensor_parts
 from tuning.assessment.findings import GainRow
 from tuning.assessment.parameter_confidence import ParameterConfidence, posterior_precision
-from tuning.fitting.stages import thin_lines
+from tuning.fitting.stage_search import thin_lines
 from tuning.misfit.misfit import Misfit
 from tuning.parametrisation.user_specification import parametrise
 from tuning.session import Session

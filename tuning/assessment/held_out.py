@@ -29,8 +29,7 @@ from mbmodel import Model
 from tuning.fitting.checkpoint import Checkpoint
 from tuning.fitting.error_floor_fit import FloorSchedule
 from tuning.fitting.fitter import Fit
-from tuning.fitting.stage_search import minimise_stage
-from tuning.fitting.stages import LAST_STAGE, thin_lines, thinning_slice
+from tuning.fitting.stage_search import LAST_STAGE, minimise_stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.misfit.residual_statistics import residual_statistics

@@ -37,7 +37,7 @@ from mbmodel import Model
 from tuning.assessment.findings import CorrelationRow, UnseenRow
 from tuning.assessment.gap import is_gap_visible
 from tuning.fitting.fitter import Fit
-from tuning.fitting.stages import LAST_STAGE
+from tuning.fitting.stage_search import LAST_STAGE
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.parametrisation.parametrisation import Parametrisation

@@ -32,7 +32,7 @@ from mbmodel import Model
 from tuning.assessment.model_discrepancy import discrepancy_motion
 from tuning.assessment.parameter_confidence import ParameterConfidence, bound_covariance
 from tuning.fitting.fitter import Fit
-from tuning.fitting.stages import LAST_STAGE, Stage
+from tuning.fitting.stage_search import LAST_STAGE, Stage
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.residual_statistics import independent_share
 

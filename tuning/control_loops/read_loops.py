@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.readers.controller import find_controller, stated_delay
-from identification.readers.loop_toml import MIN_PERIOD_S, LoopTable
+from identification.readers.controller import MIN_PERIOD_S, LoopTable, find_controller, stated_delay
 from identification.words import (
     DERIVATIVE_ORDER,
     Controller,

@@ -32,14 +32,16 @@ from identification.words import (
 )
 from mbmodel import Evaluator, FrfRequest, Machine, Model, Part, input_unit, model_modes
 from tuning.assessment.parameter_confidence import posterior_precision
-from tuning.excitation.input_spectra import LineInformation, SpectrumDesign, design_spectrum
-from tuning.excitation.limits import LimitedSignal, drive_command, limited_signals
-from tuning.excitation.multisine import (
+from tuning.excitation.input_spectra import (
+    LineInformation,
+    SpectrumDesign,
+    design_spectrum,
     lower_peak,
     orthogonal_turns,
     periodic_waveform,
     schroeder_phases,
 )
+from tuning.excitation.limits import LimitedSignal, drive_command, limited_signals
 from tuning.excitation.record_plan import RecordPlan, plan_record
 from tuning.excitation.request import ExcitationRequest
 from tuning.misfit.weights import FORCE_ERROR_FLOOR, point_power_of

@@ -11,7 +11,7 @@ from mbmodel import Model
 from tuning.assessment.gap import Gap, is_gap_visible
 from tuning.assessment.parameter_confidence import ParameterConfidence, rank_pulls
 from tuning.campaign_tuning import CampaignTuning
-from tuning.checks.exchanged_channels import name_exchanged_channels
+from tuning.checks.export_faults import name_exchanged_channels
 from tuning.control_loops.stability import tuned_loop_remarks
 from tuning.files.schema import ChannelGainRow, FitRow, LevelGap, ParameterRow, StartRow
 from tuning.fitting.fitter import Fit

@@ -14,7 +14,7 @@ import numpy as np
 from identification.words import Campaign, Real
 from mbmodel import Model
 from tuning.fitting.fitter import Fit, fit
-from tuning.fitting.stages import STAGES, Stage, thin_lines
+from tuning.fitting.stage_search import STAGES, Stage, thin_lines
 from tuning.misfit.batch import predict
 from tuning.misfit.residual_statistics import ModelError, estimate_model_error
 from tuning.parametrisation.parametrisation import Parametrisation

@@ -9,8 +9,7 @@ import numpy as np
 from identification.words import Campaign, Mask, ModalModel, Real, UsageError
 from mbmodel import Model
 from tuning.fitting.checkpoint import Checkpoint
-from tuning.fitting.stage_search import GAUSS_NEWTON, minimise_stage
-from tuning.fitting.stages import STAGES, Stage, thin_lines
+from tuning.fitting.stage_search import GAUSS_NEWTON, STAGES, Stage, minimise_stage, thin_lines
 from tuning.misfit.modal_misfit import ModalCost, ModalStage
 from tuning.misfit.mode_table_misfit import ModeTableMisfit, TableStage
 from tuning.parametrisation.parametrisation import Parametrisation

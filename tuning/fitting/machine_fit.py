@@ -34,7 +34,7 @@ from tuning.fitting.error_floor_fit import (
     fit_at_error_floor,
 )
 from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
-from tuning.fitting.stages import LAST_STAGE, STAGES, Stage, thin_lines
+from tuning.fitting.stage_search import LAST_STAGE, STAGES, Stage, thin_lines
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import ModalStage
 from tuning.misfit.residual_statistics import ModelError, estimate_model_error

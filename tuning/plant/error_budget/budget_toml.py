@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from identification.readers.loop_toml import LoopTable
+from identification.readers.controller import LoopTable
 from identification.readers.toml_files import FileName, TomlTable, read_toml
 
 _MAX_SINES = 1000  # of a source
