@@ -17,8 +17,7 @@ from identification.words import DERIVATIVE_ORDER, Complex, Dof, Quantity, Workb
 from mbmodel import MachineGeometry, load_machine, machine_geometry
 from mbmodel.geometry.surfaces import TendonLine
 from mbw.identify.files import nodes_of
-from mbw.identify.hits import hits_data, hits_section
-from mbw.identify.solid import solid_data
+from mbw.identify.sections import hits_data, hits_section, solid_data
 from mbw.messages import SCREEN
 from mbw.page.html import (
     fill_template,

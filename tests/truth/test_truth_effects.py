@@ -7,7 +7,7 @@ import pytest
 
 from truth.campaign.machine_on_test import TrueMachine
 from truth.effects import CATALOGUE, Scene
-from truth.effects.appendage import Appendage
+from truth.effects.body_errors import Appendage
 from truth.errors import TruthError
 from truth.machine.rig import Occasion, Prepared, accelerance, build
 from truth.random_streams import stream

@@ -11,10 +11,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from truth.effects.appendage import Appendage
+from truth.effects.body_errors import (
+    Appendage,
+    Gyroscopic,
+    MassError,
+    draw_gyroscopic,
+    draw_mass_error,
+)
 from truth.effects.flexible_body import FlexibleBody, bend_of, draw_flexible_body
-from truth.effects.gyroscopic import Gyroscopic, draw_gyroscopic
-from truth.effects.mass_error import MassError, draw_mass_error
 from truth.errors import TruthError
 from truth.machine.rig import receptance
 from truth.machine.station import GROUND, Joint, Sensor, StageBody, Station

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from effect_rigs import FREQ, OCCASIONS, chain, frf_of, random_of, rig_of, scene_of
 
-from truth.effects.inertance import Inertance, draw_inertance
+from truth.effects.joint_errors import Inertance, draw_inertance
 from truth.effects.places import StageDirection
 from truth.errors import TruthError
 from truth.machine.station import GROUND

@@ -11,8 +11,12 @@ from hypothesis import strategies as st
 
 from truth.effects import Scene
 from truth.effects.drift import Drift, draw_drift
-from truth.effects.joint_coupling import JointCoupling, draw_joint_coupling
-from truth.effects.missing_dof import MissingDof, draw_missing_dof
+from truth.effects.joint_errors import (
+    JointCoupling,
+    MissingDof,
+    draw_joint_coupling,
+    draw_missing_dof,
+)
 from truth.effects.parallel_path import ParallelPath, draw_parallel_path
 from truth.effects.support_loss import CORNERS, SupportLoss, draw_support_loss, levers
 from truth.errors import TruthError

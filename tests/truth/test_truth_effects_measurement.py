@@ -14,14 +14,15 @@ from truth.effects.hammer_errors import (
     HammerPosition,
     draw_hammer_misalignment,
 )
-from truth.effects.mount_resonance import MountResonance, draw_mount_resonance
 from truth.effects.sensor_errors import (
+    MountResonance,
     SensorDelay,
     SensorGain,
     SensorMisalignment,
     SensorPolarity,
     SensorPosition,
     SensorSwap,
+    draw_mount_resonance,
     draw_sensor_gain,
     draw_sensor_swap,
 )

@@ -6,7 +6,7 @@ import pytest
 
 from truth import Cause, Plan, Protocol, TruthError, Wanted, draw_campaign
 from truth.effects import other_packages
-from truth.effects.mass_error import draw_mass_error
+from truth.effects.body_errors import draw_mass_error
 from truth.machine.random_tree import draw_tree
 
 THIS = "tests.truth.test_truth_other_packages"

@@ -12,13 +12,13 @@ from functools import partial
 
 import numpy as np
 
-from truth.effects.appendage import Appendage
+from truth.effects.body_errors import Appendage
 from truth.effects.effect import Answer, Effect, Scene, Sized
 from truth.effects.flexible_body import draw_flexible_body
 from truth.effects.frequency_laws import StructuralDamping
-from truth.effects.mount_resonance import REFERENCE_HZ, MountResonance
 from truth.effects.parallel_path import draw_parallel_path
 from truth.effects.places import log_uniform
+from truth.effects.sensor_errors import REFERENCE_HZ, MountResonance
 from truth.effects.sensors import outputs
 from truth.errors import TruthError
 from truth.machine.rig import Filter, Occasion, Prepared, Rig, respond_late

@@ -3,27 +3,23 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from truth.effects.appendage import draw_appendage
+from truth.effects.body_errors import draw_appendage, draw_gyroscopic, draw_mass_error
 from truth.effects.drift import draw_drift, draw_level_drift
 from truth.effects.effect import Answer, Draw, Effect, Scene, draw_nothing
 from truth.effects.feedback_delay import draw_feedback_delay
 from truth.effects.flexible_body import draw_flexible_body
 from truth.effects.frequency_laws import draw_structural_damping, draw_viscoelastic
-from truth.effects.gyroscopic import draw_gyroscopic
 from truth.effects.hammer_errors import (
     draw_hammer_delay,
     draw_hammer_gain,
     draw_hammer_misalignment,
     draw_hammer_position,
 )
-from truth.effects.inertance import draw_inertance
-from truth.effects.joint_coupling import draw_joint_coupling
+from truth.effects.joint_errors import draw_inertance, draw_joint_coupling, draw_missing_dof
 from truth.effects.joint_laws import draw_backlash, draw_friction, draw_hardening
-from truth.effects.mass_error import draw_mass_error
-from truth.effects.missing_dof import draw_missing_dof
-from truth.effects.mount_resonance import draw_mount_resonance
 from truth.effects.parallel_path import draw_parallel_path
 from truth.effects.sensor_errors import (
+    draw_mount_resonance,
     draw_sensor_delay,
     draw_sensor_gain,
     draw_sensor_misalignment,

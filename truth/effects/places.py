@@ -1,11 +1,8 @@
-"""Where an effect sits: a location drawn, or named by the user as in the answer, ``joint:ty``.
+"""What effects draw and where they act: numbers, directions, places, and the rows of a rig there.
 
-What effects draw: one of several, a number over decades, a direction in space.
-
-Rows of a rig by which effects act: motion of bodies, stretch of joints, in all coordinates.
-
-Effects that came before may have coordinates of their own at the end of the rig's; the rows here
-are as wide as the rig, zero there.
+A place is a location drawn, or named by the user as in the answer, ``joint:ty``. Effects that came
+before may have coordinates of their own at the end of the rig's; rows here are as wide as the rig,
+zero there.
 """
 
 from collections.abc import Callable, Mapping, Sequence
