@@ -135,9 +135,10 @@ def _bias_remark(
     _, rows, lines = np.intersect1d(direct.frf.freq_hz, estimate.frf.freq_hz, return_indices=True)
     values, variance = estimate.frf.values[lines], estimate.variance[lines]
     square = np.abs(direct.frf.values[rows] - values) ** 2
-    bias = (square - variance).sum() / (np.abs(values) ** 2).sum()
-    if bias <= variance.sum() / (np.abs(values) ** 2).sum():
+    power = (np.abs(values) ** 2).sum()
+    if not square.sum() > 2 * variance.sum() or not power > 0:
         return []
+    bias = (square - variance).sum() / power
     return [
         f"{log.file}: estimated from motors and encoders directly, FRFs along {records.reference} "
         f"would be off by {100 * np.sqrt(bias):.2g} %, root mean square, as the loop was closed"

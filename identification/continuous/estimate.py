@@ -176,7 +176,7 @@ def _refuse_dependent(records: Records, spectra: ForcedSpectra) -> None:
     if not len(smallest):
         raise InputError(
             f"{records.test}: the force along {records.reference} excites no line below 0.8 of "
-            "half the sampling rate: check which channel is the force"
+            "half the sampling rate: check which channel is the force, and that its reference moves"
         )
     names = ", ".join(map(str, (records.reference, *records.further_references)))
     raise InputError(

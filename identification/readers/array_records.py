@@ -35,8 +35,8 @@ def read_array_records(
     """Read force (hit, sample), response (hit, channel, sample) and the sampling rate.
 
     With several references both arrays have the reference as an additional first axis if they were
-    driven one after the other; if their forces acted at once, the force alone has it. A single
-    recording may have the shapes (sample,) and (channel, sample).
+    driven one after the other; if their forces acted at once, the force alone has it. The axis of
+    hits may be missing of a single recording.
 
     Args:
         arrays: content of the file by name, as ``load_arrays`` reads it.
@@ -57,7 +57,8 @@ def read_array_records(
     n_in, n_out, n_sample = len(inputs), len(outputs), force.shape[-1]
     fits = n_sample > 0 and force.size % (n_in * n_sample) == 0
     hits = force.size // (n_in * n_sample) if fits else 0
-    axes = (((n_in,) if n_in > 1 else ()), ((hits,) if force.ndim > 1 else ()))
+    of_references = (n_in,) if n_in > 1 else ()
+    axes = (of_references, (hits,) if force.ndim > 1 + len(of_references) else ())
     leading = axes[0] + axes[1]
     at_once = n_in > 1 and motion.ndim < len(leading) + 2
     before = axes[1] if at_once else leading  # axes before the channels

@@ -15,7 +15,13 @@ from scipy.interpolate import make_interp_spline
 from identification.readers.array_files import is_text, load_arrays
 from identification.readers.child_process import read_in_child
 from identification.readers.log_toml import LogSettings
-from identification.readers.text_arrays import Arrays, choose_columns, find_rate, read_rate
+from identification.readers.text_arrays import (
+    Arrays,
+    choose_columns,
+    find_motion_unit,
+    find_rate,
+    read_rate,
+)
 from identification.readers.text_tables import read_text_table
 from identification.readers.units import TIME_UNITS_S
 from identification.words import Controller, InputError, Real, shorten_names
@@ -51,17 +57,20 @@ def read_drive_log(
 
     Returns:
         Motors (motor, realisation, sample), encoders (realisation, encoder, sample) and references
-        (reference, realisation, sample), without an axis of one motor or realisation.
+        (reference, realisation, sample), without an axis of one motor or realisation; and the unit
+        of the headings of a table.
 
     Raises:
         InputError: the file cannot be read, has no such column, or is too short.
     """
-    columns = [*log.motors.values(), *log.encoders.values(), *log.references]
+    columns, unit = [*log.motors.values(), *log.encoders.values(), *log.references], ""
     if is_text(path):
         table = choose_columns(read_text_table(path), columns)
         if np.iscomplexobj(table.values) and table.values.imag.any():
             raise InputError(f"{path}: its columns are complex: export the record over time")
         signals, rate = table.values.real.T, find_rate(table, log.time_unit)
+        driven = table.names[: len(log.motors) + len(log.encoders)]
+        unit = find_motion_unit(driven, range(len(log.motors)))
     else:
         signals, rate = _read_variables(path, columns, TIME_UNITS_S[log.time_unit or "s"])
     n_in, n_out = len(log.motors), len(log.encoders)
@@ -78,6 +87,7 @@ def read_drive_log(
         "force": force if n_in > 1 else force[0],
         "response": response if count == 1 else response.swapaxes(0, 1),
         "rate_hz": np.array(rate),
+        "unit_label": np.array(unit),
     }
     if log.references:
         arrays["set_point"] = signals[n_in + n_out :]

@@ -192,8 +192,8 @@ def labelled_unit(
             "that the numbers count as SI: state unit and quantity in its [[test]]",
         )
     return label, (
-        f"{path.name}: its headings name the unit {label}: state unit in its [[test]] if they are "
-        "wrong",
+        f"{path.name}: its headings name the unit {label}: state unit beside its file if they "
+        "are wrong",
     )
 
 

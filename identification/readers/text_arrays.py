@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.readers.labview_text import read_labview_text
 from identification.readers.text_tables import TextTable, name_words, read_text_table
-from identification.readers.units import FREQUENCY_UNITS_HZ, TIME_UNITS_S
+from identification.readers.units import FREQUENCY_UNITS_HZ, TIME_UNITS_S, is_unit_label
 from identification.words import Complex, InputError, Real, shorten_names
 
 _FRF_PARTS = {
@@ -114,7 +114,7 @@ def _records(tables: Sequence[TextTable], forces: int, *, is_force_stated: bool)
         "force": force if forces > 1 else force[0],
         "response": np.delete(values.real, places, axis=1),
         "rate_hz": np.array(rates[0]),
-        "unit_label": np.array(_unit_of_motion(first.names, places)),
+        "unit_label": np.array(find_motion_unit(first.names, places)),
     }
     if not is_named and not is_force_stated:
         arrays["force_label"] = np.array(" and ".join(first.names[k] or str(k + 1) for k in places))
@@ -129,9 +129,16 @@ def find_rate(table: TextTable, unit: str | None = None) -> float:
         unit: that of the times, where it is stated; else that at the end of their heading, else s.
 
     Raises:
-        InputError: times that are not evenly spaced, or give a rate that no record has.
+        InputError: times that are not evenly spaced, are whole numbers of no unit, or give a rate
+            that no record has.
     """
     *_, last = ["", *re.findall(r"[^\W\d_]+", table.axis_name.lower())]
+    is_known = (unit or last) in TIME_UNITS_S
+    if not is_known and len(table.axis) > 1 and (table.axis == np.round(table.axis)).all():
+        raise InputError(
+            f"{table.path}: its times are whole numbers without a unit: head them with it, as in "
+            'Time [ms], or state time_unit = "ms" or "s" under [log]'
+        )
     return read_rate(table.path, table.axis, TIME_UNITS_S.get(unit or last, 1.0))
 
 
@@ -247,15 +254,21 @@ def _unit(name: str) -> str:
     return match.group(1).strip() if match else ""
 
 
-def _unit_of_motion(names: Sequence[str], forces: Sequence[int]) -> str:
+def find_motion_unit(names: Sequence[str], forces: Sequence[int]) -> str:
     """Return the unit of motion over force of time records; empty if no heading has one.
+
+    Units stand in brackets, or as the last words of all headings, as where a row of units follows.
 
     Args:
         names: headings of all columns.
         forces: columns of the forces.
     """
-    motions = sorted({_unit(name) for k, name in enumerate(names) if k not in forces})
-    driven = sorted({_unit(names[k]) for k in forces})
+    labels = [_unit(name) for name in names]
+    last = [name.rpartition(" ")[2] for name in names]
+    if not any(labels) and all(map(is_unit_label, last)):
+        labels = last
+    motions = sorted({label for k, label in enumerate(labels) if k not in forces})
+    driven = sorted({labels[k] for k in forces})
     units = [" and ".join(unit or "no unit" for unit in each) for each in (motions, driven)]
     return "" if set(units) == {"no unit"} else "/".join(units)
 

@@ -106,6 +106,14 @@ def is_electrical_label(label: str) -> bool:
     return _plain_label(label).lower() in _ELECTRICAL_UNITS
 
 
+def is_unit_label(label: str) -> bool:
+    """Return whether a label is a unit of motion, force, torque or a signal."""
+    factors = [force_label_factor(label), torque_label_factor(label)]
+    for quantity in SI_UNITS:
+        factors += [motion_label_factor(label, quantity), rotation_label_factor(label, quantity)]
+    return is_electrical_label(label) or any(factor is not None for factor in factors)
+
+
 def is_gravity_label(label: str, quantity: Quantity) -> bool:
     """Return whether a label gives an acceleration in units of standard gravity."""
     return motion_label_factor(label, quantity) == STANDARD_GRAVITY

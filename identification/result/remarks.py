@@ -55,7 +55,8 @@ def _no_modes_sentence(summary: IdentifiedModesFile) -> str:
     """Say that no mode was found, and what to do."""
     return (
         f"No mode was identified in {summary.band[0]:g}..{summary.band[1]:g} Hz: look for peaks of "
-        "the CMIF on the page, widen --band or move it to them, or add a mode by --add."
+        "the CMIF on the page, widen --band or move it to them, add a mode by --add, or allow more "
+        "damping by --highest-damping, as that of a loop."
     )
 
 

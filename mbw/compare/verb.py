@@ -168,7 +168,10 @@ def _find_reason(opened: Sequence[_Opened], comparison: TestComparison, kind: Ki
         )
         return f"no diagnosis of the change: {stated} are two quantities; export one"
     if not len(comparison.common_hz):
-        return "no diagnosis of the change: the tests have no common frequency axis; export one"
+        return (
+            "no diagnosis of the change: the tests have no common frequency axis; export one, or "
+            "state one block_s"
+        )
     return None
 
 

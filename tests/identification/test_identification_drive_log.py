@@ -248,6 +248,45 @@ def test_several_motors_at_once_take_as_many_realisations(tmp_path):
     np.testing.assert_allclose(second.estimate.frf.values, -3, rtol=0.02)
 
 
+def test_two_motors_of_signals_apart_need_no_realisations(tmp_path):
+    random = np.random.default_rng(9)
+    forces = random.standard_normal((2, 30_000))
+    position = 2 * forces[0] - 3 * forces[1] + 1e-3 * random.standard_normal(30_000)
+    content = {"m_1": forces[0], "m_2": forces[1], "pos": position, "rate_hz": RATE_HZ}
+    scipy.io.savemat(tmp_path / "apart.mat", content)
+    two_motors(tmp_path, 2)
+    text = (tmp_path / "campaign.toml").read_text().replace("realisations = 2\n", "")
+    (tmp_path / "campaign.toml").write_text(text.replace("trace.mat", "apart.mat"))
+    source, settings = read_settings(tmp_path)
+    tests = read_campaign(source, settings, read_layout(tmp_path / "layout.toml")).tests
+    for test, value in zip(tests, (2, -3), strict=True):
+        np.testing.assert_allclose(test.estimate.frf.values, value, rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("headings", "said"),
+    [("time;i_q;x_1;ref\nms;kN;mm;kN", "mm/kN"), ("time [ms];i_q [kN];x_1 [mm];ref", "mm/kN")],
+)
+def test_units_of_the_headings_of_a_trace_count(tmp_path, record, headings, said):
+    reference, command, position = record
+    times = 1e3 * np.arange(len(command)) / RATE_HZ
+    rows = np.column_stack([times, 1e-3 * command, 1e3 * position, reference])
+    lines = [";".join(f"{value:.9g}" for value in row) for row in rows]
+    (tmp_path / "trace.csv").write_text("\n".join([headings, *lines]))
+    names = headings.splitlines()
+    motor, encoder, ref = (
+        " ".join(cells) if len(names) > 1 else cells[0].split(" [")[0]
+        for cells in list(zip(*(line.split(";") for line in names), strict=True))[1:]
+    )
+    text = LOG.format(file="trace.csv", motor=motor, encoder=encoder).replace('unit = "m/N"', "")
+    campaign = read(tmp_path, text + f'references = ["{ref}"]\n')
+    expected = estimate_continuous_frf(records_of(*record)).estimate
+    np.testing.assert_allclose(
+        campaign.tests[0].estimate.frf.values, expected.frf.values, rtol=1e-4
+    )
+    assert any(f"the unit {said}" in remark for remark in campaign.remarks)
+
+
 def test_more_realisations_than_samples_are_refused(tmp_path):
     with pytest.raises(InputError, match="correct realisations under"):
         two_motors(tmp_path, 5000)
@@ -374,6 +413,18 @@ def test_times_are_in_the_unit_of_their_heading(tmp_path, record, heading):
     (tmp_path / "trace.csv").write_text("\n".join(lines) + "\n")
     text = LOG.format(file="trace.csv", motor="u", encoder="y")
     (test,) = read(tmp_path, text).tests
+    assert test.estimate.frf.freq_hz[-1] == pytest.approx(400, rel=0.01)
+
+
+def test_whole_numbers_of_no_unit_are_no_times(tmp_path, record):
+    rows = "\n".join(
+        f"{k},{u:.6g},{y:.6g}" for k, (u, y) in enumerate(zip(*record[1:], strict=True))
+    )
+    (tmp_path / "trace.csv").write_text("Time,u,y\n" + rows)
+    text = LOG.format(file="trace.csv", motor="u", encoder="y")
+    with pytest.raises(InputError, match="whole numbers without a unit"):
+        read(tmp_path, text)
+    (test,) = read(tmp_path, text + 'time_unit = "ms"\n').tests
     assert test.estimate.frf.freq_hz[-1] == pytest.approx(400, rel=0.01)
 
 
