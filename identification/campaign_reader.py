@@ -10,10 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from identification.checks.channels import channel_remarks
 from identification.checks.dead_in_tests import leave_out_dead_channels
-from identification.checks.lengths import check_lengths
-from identification.checks.outlying_lines import outlying_line_remarks, shifted_axis_remark
+from identification.checks.files import (
+    check_lengths,
+    outlying_line_remarks,
+    refuse_repeated_tests,
+    shifted_axis_remark,
+)
 from identification.checks.reciprocity import check_reciprocity
-from identification.checks.repeated_tests import refuse_repeated_tests
 from identification.checks.time_direction import refuse_reversed_time
 from identification.hits.drive_point import drive_point_signs
 from identification.noise.variance import (

@@ -1,9 +1,13 @@
-"""Messages and progress bars on stderr, and the exit codes of errors."""
+"""Messages and progress bars on stderr, and the exit codes of errors.
+
+Progress as plain lines for a log: stderr is no terminal, so a bar would not be seen.
+"""
 
 import functools
 import signal
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
@@ -23,7 +27,6 @@ from rich.progress import (
 from identification.words import InputError, WorkbenchError
 from mbw.interrupts import INTERRUPTED, describe_interruption, note_interrupt
 from mbw.memory_limit import REMEDY, is_out_of_memory
-from mbw.progress_log import ProgressLog, log_status
 from mbw.streams import drop_output
 
 INTERNAL_ERROR, NOT_CONVERGED = 1, 4
@@ -197,3 +200,49 @@ def _describe_end(error: BaseException) -> tuple[str, int]:
     return (
         f"internal error, {type(error).__name__}: {error}; run again with --debug and report it"
     ), INTERNAL_ERROR
+
+
+INTERVAL_S = 20.0  # between two lines: a run of an hour leaves 180
+
+
+class ProgressLog(Progress):
+    """Progress that prints its description, count and elapsed time every 20 s.
+
+    A thread of its own prints the lines, so that a long step is seen to go on.
+
+    Args:
+        say: function that prints one line.
+    """
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        column = TextColumn("{task.description}", markup=False)
+        super().__init__(column, disable=True)  # keeps tasks, draws nothing
+        self._say = say
+        self._begin = time.monotonic()
+        self._ended = threading.Event()
+        self._printer = threading.Thread(target=self._print_lines, daemon=True)
+
+    def start(self) -> None:
+        """Start to print lines."""
+        self._printer.start()
+
+    def stop(self) -> None:
+        """Print no further line."""
+        self._ended.set()
+        self._printer.join()
+
+    def _print_lines(self) -> None:
+        while not self._ended.wait(INTERVAL_S):
+            for task in self.tasks:
+                total = "" if task.total is None else f" of {task.total:g}"
+                count = f" ({task.completed:g}{total})" if task.completed or total else ""
+                elapsed = time.monotonic() - self._begin
+                self._say(f"  after {elapsed:.0f} s: {task.description}{count}")
+
+
+@contextmanager
+def log_status(say: Callable[[str], None], text: str) -> Iterator[None]:
+    """Print what is being computed every 20 s, while the block runs."""
+    with ProgressLog(say) as progress:
+        progress.add_task(text, total=None)
+        yield

@@ -1,18 +1,22 @@
-"""A campaign opened together with its machine: the start of every tuning and diagnosis."""
+"""A campaign opened together with its machine: the start of every tuning and diagnosis.
+
+Tolerances of single instruments, from ``[sensor.<name>]`` and ``[hammer.<name>]``.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from glob import escape
 from pathlib import Path
 
 import numpy as np
 
 from identification import correct_layout, read_campaign, read_settings, select_band
-from identification.readers.campaign_toml import CampaignSettings
+from identification.readers.campaign_toml import CampaignSettings, port_key
 from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
 from identification.unknown_gains import leave_out_unknown_gains
-from identification.words import Campaign, InputError
+from identification.words import TOLERANCE_BOUND_SIGMA, Campaign, InputError
 from identification.words.ports import FLOOR
 from mbmodel import Machine, Model, as_drawn, load_machine, with_variants
 from tuning.attached_instruments import attach_instruments
@@ -24,7 +28,6 @@ from tuning.campaign_machine import (
 )
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
-from tuning.instrument_priors import delay_ranges, instrument_priors
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
 from tuning.toleranced_model import build_toleranced_model
@@ -237,3 +240,41 @@ def prepare_machine(
     machine = with_drawn_laws(source, settings, machine)
     machine = with_variants(machine, load_variants(source, settings, machine))
     return close_loops(source, machine, settings)
+
+
+def instrument_priors(settings: CampaignSettings) -> dict[str, float]:
+    """Return the standard deviation of each gain and delay that campaign.toml states by itself.
+
+    Returns:
+        Relative standard deviations of gains and those of delays [s], by patterns of parameters.
+    """
+    priors: dict[str, float] = {}
+    for name, sensor in settings.sensor.items():
+        place = escape(port_key(name))
+        for kind, deviation in (("gain", sensor.gain_tolerance), ("delay", sensor.delay_tolerance)):
+            if deviation is not None:
+                priors[f"{place}.{kind}*"] = deviation
+    for name, hammer in settings.hammer.items():
+        place = escape(port_key(name))
+        for kind, deviation in (("gain", hammer.gain_tolerance), ("delay", hammer.delay_tolerance)):
+            if deviation is not None:
+                priors[f"hammer({place}).{kind}"] = deviation
+    return priors
+
+
+def delay_ranges(settings: CampaignSettings, campaign: Campaign) -> dict[str, float]:
+    """Return the largest delay of each drive and channel that its tolerance allows [s].
+
+    Returns:
+        Delays by location, such as ``hammer:drive`` or ``sensor:encoder``.
+    """
+    tolerance, deviations = campaign.tolerance, dict[str, float]()
+    for test in campaign.tests:
+        deviations[f"hammer:{test.condition.instrument}"] = tolerance.hammer_delay
+        for dof in test.estimate.frf.outputs:
+            deviations[f"sensor:{dof.point}"] = tolerance.sensor_delay
+    for kind, tables in (("sensor", settings.sensor), ("hammer", settings.hammer)):
+        for name, table in tables.items():
+            if table.delay_tolerance is not None:
+                deviations[f"{kind}:{port_key(name)}"] = table.delay_tolerance
+    return {place: TOLERANCE_BOUND_SIGMA * deviation for place, deviation in deviations.items()}

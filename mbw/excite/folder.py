@@ -15,7 +15,7 @@ from mbmodel import input_unit, output_unit, refuse_difference, write_copy
 from tuning.excitation.design import Excitation
 from tuning.excitation.prediction import predict_record
 from tuning.excitation.tested_machine import TestedMachine
-from tuning.instrument_priors import instrument_priors
+from tuning.session import instrument_priors
 
 SIGNALS, RESPONSE, MODEL, CAMPAIGN = "excitation.csv", "response.csv", "model.xml", "campaign.toml"
 _LOOP_QUANTITIES = ("receptance", "mobility", "accelerance")

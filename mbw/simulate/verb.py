@@ -37,7 +37,15 @@ from mbw.simulate.campaign_folder import (
 from mbw.simulate.hammer_plan import load_nominal, plan_test, refuse_missing_points
 from mbw.simulate.joint_laws import SimulatedMachine, open_machine
 from mbw.simulate.option_values import TestOptions, refuse_conflicts
-from mbw.simulate.page import PAGE, PageView, hit_views, render
+from mbw.simulate.page import (
+    PAGE,
+    PageView,
+    hit_views,
+    input_unit,
+    loop_columns,
+    output_unit,
+    render,
+)
 from mbw.simulate.played_signal import (
     PlayOptions,
     find_definition,
@@ -55,7 +63,6 @@ from mbw.simulate.summary import (
     step_fields,
     step_sentence,
 )
-from mbw.simulate.units import input_unit, loop_columns, output_unit
 from mbw.site_kinds import sensor_sites
 from mbw.spin_rates import parse_spin_rates
 from tuning.plant.error_budget.definition import BudgetDefinition

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.checks.lengths import check_lengths
+from identification.checks.files import check_lengths
 from identification.words import InputError, Layout
 
 SITES = np.array([[0.1, 0.2, 0.0], [-0.2, 0.1, 0.3], [0.3, -0.35, 0.9], [0.1, 0.1, 1.2]])

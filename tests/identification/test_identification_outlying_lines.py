@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.checks.outlying_lines import outlying_line_remarks, shifted_axis_remark
+from identification.checks.files import outlying_line_remarks, shifted_axis_remark
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 OUTPUTS = tuple(Dof(site, "+tz") for site in ("acc1", "acc2"))

@@ -9,7 +9,7 @@ import pytest
 
 from identification.readers.result_files import FORMAT
 from mbw.compare.schema import ComparedFile, ComparedModeRow, ShiftRow
-from mbw.compare.terminal import print_result
+from mbw.compare.verb import print_result
 from tests.helpers.browser import data_of
 from tests.helpers.changed_chain import BEFORE, write_chain, write_visits
 from tests.helpers.command import invoke as mbw

@@ -6,9 +6,8 @@ import time
 
 from rich.console import Console
 
-from mbw import progress_log
-from mbw.messages import Screen
-from mbw.progress_log import ProgressLog
+import mbw.messages as progress_log
+from mbw.messages import ProgressLog, Screen
 
 
 def screen(quiet=False):

@@ -9,7 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truth.campaign.draw import Tolerances, draw_basis, draw_true
-from truth.effects.feedback_delay import FeedbackDelay, draw_feedback_delay
+from truth.effects.feedback_delay import (
+    FeedbackDelay,
+    draw_feedback_delay,
+    largest_coupling,
+    longest_delay,
+    poles,
+)
 from truth.effects.frequency_laws import (
     StructuralDamping,
     Viscoelastic,
@@ -17,7 +23,6 @@ from truth.effects.frequency_laws import (
     draw_viscoelastic,
 )
 from truth.effects.places import StageDirection, joint_stretch
-from truth.effects.stability import largest_coupling, longest_delay, poles
 from truth.errors import TruthError
 
 W = 2 * np.pi * FREQ

@@ -7,12 +7,16 @@ import pytest
 from effect_rigs import FREQ, OCCASIONS, chain, frf_of, random_of, rig_of, scene_of
 
 from truth.effects import CATALOGUE
-from truth.effects.outside import OUTSIDE
-from truth.effects.outside.changing_stiffness import ChangingStiffness
-from truth.effects.outside.crosstalk import Crosstalk, draw_crosstalk
-from truth.effects.outside.fractional_damper import FractionalDamper, draw_fractional_damper
+from truth.effects.feedback_delay import poles
+from truth.effects.outside import (
+    OUTSIDE,
+    ChangingStiffness,
+    Crosstalk,
+    FractionalDamper,
+    draw_crosstalk,
+    draw_fractional_damper,
+)
 from truth.effects.places import StageDirection
-from truth.effects.stability import poles
 from truth.errors import TruthError
 from truth.machine.rig import Occasion
 

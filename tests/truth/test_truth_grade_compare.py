@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truth.campaign.file_formats import model_xml
+from truth.campaign.file_formats import model_xml, uff_bytes
 from truth.campaign.measure import Measurement
-from truth.campaign.uff import uff_bytes
 from truth.errors import TruthError
 from truth.grade.compare import compare
 from truth.machine import rig

@@ -10,7 +10,7 @@ from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests, pulse_spectra
 from truth.campaign.protocol import Protocol, takes
 from truth.effects.joint_laws import Backlash, Cubic, Friction, Hardening, Jenkins, Play
-from truth.effects.outside.rocking_contact import Rocking
+from truth.effects.outside import Rocking
 from truth.effects.places import StageDirection
 from truth.errors import TruthError
 from truth.machine.nonlinear import HalfSinePulses, nonlinear_readings, rest_forces

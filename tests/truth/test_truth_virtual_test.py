@@ -13,11 +13,10 @@ import pytest
 
 from truth.campaign.cause import Cause, Drawn, Draws, Wanted
 from truth.campaign.draw import Tolerances
-from truth.campaign.file_formats import answer_toml
+from truth.campaign.file_formats import answer_toml, uff_bytes
 from truth.campaign.folder import write_answer, write_campaign
 from truth.campaign.measure import Measurement
 from truth.campaign.protocol import Protocol
-from truth.campaign.uff import uff_bytes
 from truth.campaign.virtual_test import Plan, VirtualCampaign, draw_campaign
 from truth.effects import Answer
 from truth.effects.effect import draw_nothing

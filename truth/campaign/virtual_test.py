@@ -29,13 +29,13 @@ from truth.campaign.file_formats import (
     campaign_toml,
     dirt_toml,
     model_xml,
+    uff_bytes,
 )
 from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, Take, occasions, takes
 from truth.campaign.survival import SurvivalRefit, refit_of
 from truth.campaign.tolerance_answer import name_sites, subtract_drawing
-from truth.campaign.uff import uff_bytes
 from truth.effects import NONLINEAR, Scene
 from truth.errors import TruthError
 from truth.machine.settling import carry, settle

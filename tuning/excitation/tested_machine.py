@@ -19,9 +19,8 @@ from tuning.control_loops.loops_file import known_loops
 from tuning.excitation.design import Excitation, design_excitation, predict_tests
 from tuning.excitation.request import ExcitationRequest
 from tuning.files.plant_folder import plant_file
-from tuning.instrument_priors import instrument_priors
 from tuning.parametrisation.user_specification import UserSpecification
-from tuning.session import user_specification
+from tuning.session import instrument_priors, user_specification
 
 
 @dataclass(frozen=True, eq=False)
