@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from html import escape
 
-from identification.words import TOLERANCE_BOUND_SIGMA, NominalGain, percent_text
+from identification.words import TOLERANCE_BOUND_SIGMA, NominalGain, count_noun, percent_text
 from identification.words.ports import FLOOR
 from mbw.page.numbers import format_percent
 from tuning import TunedFile
@@ -94,7 +94,7 @@ def at_bound_sentence(count: int, more: str = "") -> str:
         more: further clause.
     """
     return (
-        f"{_count(count, 'tolerance')} reached the bound of {TOLERANCE_BOUND_SIGMA:g} standard "
+        f"{count_noun(count, 'tolerance')} reached the bound of {TOLERANCE_BOUND_SIGMA:g} standard "
         f"deviations{more}."
     )
 
@@ -149,10 +149,10 @@ def describe_not_in_mjcf(names: Sequence[str], error: float | None, list_file: s
     for what, pattern, thing in _ELECTRIC:
         things = {re.split(pattern, name)[0] for name in rest if re.search(pattern, name)}
         rest = [name for name in rest if not re.search(pattern, name)]
-        parts += [f"{what} of {_count(len(things), thing)}"] if things else []
+        parts += [f"{what} of {count_noun(len(things), thing)}"] if things else []
     hits = {name.split(")")[0] for name in rest if name.startswith("hammer(")}
     rest = [name for name in rest if not name.startswith("hammer(")]
-    parts += [f"place and direction of {_count(len(hits), 'hit')}"] if hits else []
+    parts += [f"place and direction of {count_noun(len(hits), 'hit')}"] if hits else []
     by_reason: dict[str, list[str]] = {}
     for name in rest:
         parameter, _, reason = name.partition(" (")
@@ -182,10 +182,6 @@ def join_first(texts: list[str], separator: str = ", ") -> str:
     omitted = len(texts) - _MAX_LISTED_NAMES
     more = f" and {omitted} more" if omitted > 0 else ""
     return separator.join(texts[:_MAX_LISTED_NAMES]) + more
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 _MIN_SHOWN_DELAY_S = 1e-5  # half of the default tolerance

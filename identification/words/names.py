@@ -17,6 +17,11 @@ def shorten_names(names: Sequence[object], longest: int = 6) -> str:
     return ", ".join(texts)
 
 
+def count_noun(count: int, noun: str, plural: str = "") -> str:
+    """Return a count with its noun, such as ``2 bodies``; the plural ends in s if none is given."""
+    return f"{count} {noun if count == 1 else plural or noun + 's'}"
+
+
 def read_number(text: str) -> float:
     """Return the number that a text states; nan where it is another text."""
     try:

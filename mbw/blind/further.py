@@ -21,9 +21,8 @@ from identification.words import InputError, Layout
 from mbmodel.geometry.surfaces import MachineGeometry
 from mbw.blind.chosen_cases import BlindOptions, run_chosen, run_prediction
 from mbw.blind.grading import count_found
-from mbw.blind.page import size_text
+from mbw.blind.page import PLACES_SCRIPTS, find_points, size_text
 from mbw.blind.smallest import describe_unpredicted, predict, write
-from mbw.blind.smallest_page import PLACES_SCRIPTS, find_points
 from mbw.blind.user_test import read_test
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder

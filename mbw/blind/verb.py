@@ -26,7 +26,7 @@ from mbw.blind.chosen_cases import (
 )
 from mbw.blind.further import run_further
 from mbw.blind.grading import count_found, describe_discarded_draws, write_grades
-from mbw.blind.page import GRADES, PAGE
+from mbw.blind.page import GRADES, PAGE, render_sizes
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import choose_workers
 from mbw.blind.smallest import (
@@ -39,7 +39,6 @@ from mbw.blind.smallest import (
     size_table,
     write,
 )
-from mbw.blind.smallest_page import render
 from mbw.blind.user_test import read_test, title_of
 from mbw.files import write_json
 from mbw.messages import SCREEN
@@ -170,7 +169,13 @@ def run_smallest(options: BlindOptions, confirm: int) -> Path:
         rows: dict[str, Sequence[object]] = {"sizes": sizes, "confirmed": confirmed}
         table = size_table(sizes, confirmed)
         return write(
-            output, options.model, SMALLEST_FILES, "smallest sizes", rows, table, render=render
+            output,
+            options.model,
+            SMALLEST_FILES,
+            "smallest sizes",
+            rows,
+            table,
+            render=render_sizes,
         )
 
     return run_prediction(options, "smallest", SMALLEST_FILES[0], compute)

@@ -7,7 +7,7 @@ import numpy as np
 from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import name_direction
 from diagnosis.verdict.sentences import place_name
-from identification.words import Real, split_label
+from identification.words import Real, count_noun, split_label
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.headline import badges, doubts, lead
 from mbw.diagnose.link_axis import axis_words
@@ -44,8 +44,8 @@ def render(result: StoredDiagnosis) -> str:
         _data(result, places),
         title=escape(f"{shown.model}: what the model lacks"),
         subtitle=escape(
-            f"campaign {shown.campaign}, {_count(len(shown.tests), 'test')}, "
-            f"{_count(len(shown.channels), 'channel')}, {shown.lines} frequency lines "
+            f"campaign {shown.campaign}, {count_noun(len(shown.tests), 'test')}, "
+            f"{count_noun(len(shown.channels), 'channel')}, {shown.lines} frequency lines "
             f"{shown.band[0]:g}..{shown.band[1]:g} Hz"
         ),
         lead=escape(lead(result)),
@@ -65,10 +65,6 @@ def render(result: StoredDiagnosis) -> str:
 
 
 _NO_PLACES = "<p>No place stands out: the residual gap is too small to locate.</p>"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _lines(result: StoredDiagnosis) -> str:

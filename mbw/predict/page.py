@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import Real
+from identification.words import Real, count_noun
 from identification.words.file_access import read_bytes
 from mbmodel.geometry.surfaces import MachineGeometry
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
@@ -33,10 +33,10 @@ def render(outcome: Outcome, geometry: MachineGeometry, rates: Mapping[str, floa
     """
     prediction, machine = outcome.prediction, outcome.machine
     counts = (
-        f"{_count(len(machine.layout.bodies), 'body', 'bodies')}, "
-        f"{_count(len(machine.coordinates), 'joint coordinate')}, "
-        f"{_count(len(prediction.model.parameters), 'parameter')} of stiffness and damping, "
-        f"{_count(len(machine.layout.points), 'site')}"
+        f"{count_noun(len(machine.layout.bodies), 'body', 'bodies')}, "
+        f"{count_noun(len(machine.coordinates), 'joint coordinate')}, "
+        f"{count_noun(len(prediction.model.parameters), 'parameter')} of stiffness and damping, "
+        f"{count_noun(len(machine.layout.points), 'site')}"
     )
     gravity = "gravity on" if machine.gravity.any() else "gravity off"
     spins = ", ".join(f"{joint} spins at {rate:g} rad/s" for joint, rate in rates.items())
@@ -61,10 +61,6 @@ def read_page(path: Path) -> str:
     """
     file = path / PAGE if path.is_dir() else path
     return read_bytes(file, "run mbw predict again").decode("utf-8")
-
-
-def _count(number: int, singular: str, plural: str = "") -> str:
-    return f"{number} {singular if number == 1 else plural or singular + 's'}"
 
 
 def _data(outcome: Outcome, geometry: MachineGeometry) -> dict[str, object]:

@@ -6,7 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import Dof, InputError, Real, Signal, Tolerance, UsageError, shorten_names
+from identification.words import (
+    Dof,
+    InputError,
+    Real,
+    Signal,
+    Tolerance,
+    UsageError,
+    count_noun,
+    shorten_names,
+)
 from mbmodel import (
     HammerTestPlan,
     HitScatter,
@@ -23,7 +32,6 @@ from mbmodel.virtual_test.plan import BAND_SHARE
 from mbw.simulate.imitated_test import DEFAULT_HITS, DEFAULT_LEVEL_N, imitate_campaign
 from mbw.simulate.joint_laws import SimulatedMachine
 from mbw.simulate.option_values import TestOptions
-from mbw.simulate.summary import count_noun
 from mbw.site_kinds import hammer_sites, sensor_sites
 
 _RECORDER_RATE_HZ = 512.0

@@ -15,13 +15,13 @@ from identification.words import (
     Signal,
     Tolerance,
     UsageError,
+    count_noun,
     shorten_names,
 )
 from mbmodel import RecordedFile
 from mbmodel.virtual_test.plan import BAND_SHARE
 from mbw.messages import SCREEN
 from mbw.simulate.option_values import TestOptions
-from mbw.simulate.summary import count_noun
 from tuning import open_campaign
 
 DEFAULT_LEVEL_N = 200.0

@@ -148,16 +148,6 @@ def loop_sentences(record: LoopRecord, window: float | None) -> list[str]:
     return [f"{text}."]
 
 
-def count_noun(count: int, noun: str) -> str:
-    """Return a number with its noun, such as ``1 hit`` and ``10 hits``.
-
-    Args:
-        count: number of things.
-        noun: their name, in the singular.
-    """
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
 def step_sentence(step: TimeStep) -> str:
     """Return integrator, step and estimated error in words."""
     error = f"{step.error:.1g}" if math.isfinite(step.error) else "unknown"

@@ -13,6 +13,7 @@ from identification.words import (
     InputError,
     Quantity,
     UsageError,
+    count_noun,
 )
 from mbmodel import (
     refuse_difference,
@@ -55,7 +56,6 @@ from mbw.simulate.played_signal import (
 )
 from mbw.simulate.summary import (
     SimulationSummary,
-    count_noun,
     error_rows,
     error_sentences,
     loop_row,

@@ -20,6 +20,7 @@ from mbw.workbench.server import PageAnswer, list_assets
 from mbw.workbench.state import History, structure_hash
 from mbw.workbench.state_study import StateStudy
 from mbw.workbench.subject import WorkbenchSubject, port_labels
+from tuning.files.parameter_rows import finite_or_none
 
 
 def session_data(subject: WorkbenchSubject, plant: StateStudy) -> dict[str, Any]:
@@ -101,17 +102,13 @@ def _parameter_rows(subject: WorkbenchSubject) -> list[dict[str, Any]]:
             "scale": float(varies.scale[index]),
             "log": bool(varies.is_logarithmic[k]),
             "tolerance": bool(varies.is_tolerance[k]),
-            "low": _finite_or_none(varies.lower[k]),
-            "high": _finite_or_none(varies.upper[k]),
+            "low": finite_or_none(varies.lower[k]),
+            "high": finite_or_none(varies.upper[k]),
             "sd": float(varies.precision[k] ** -0.5) if varies.precision[k] > 0 else None,
             "interval": [end[name] for end in ends] if name in determined else None,
         }
         for k, (name, index) in enumerate(zip(varies.names, first.tolist(), strict=True))
     ]
-
-
-def _finite_or_none(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def scene_data(subject: WorkbenchSubject, plain: WorkbenchSubject) -> dict[str, Any]:

@@ -62,8 +62,8 @@ def parameter_rows(
                 drawn=parameter.drawn,
                 tuned=float(values[k]),
                 at_bound=bool(at_bound[k]),
-                low=None if ends is None else _finite(ends[0][k]),
-                high=None if ends is None else _finite(ends[1][k]),
+                low=None if ends is None else finite_or_none(ends[0][k]),
+                high=None if ends is None else finite_or_none(ends[1][k]),
                 deviation=None if ends is None else float(ends[2][k]),
                 prior=float(parametrisation.scale[k]) if is_tolerance else None,
                 pull=float(unbounded.x[unbounded.parametrisation.coordinate_of[k]])
@@ -75,7 +75,7 @@ def parameter_rows(
     return rows
 
 
-def _finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """Return a finite value, or None."""
     return float(value) if np.isfinite(value) else None
 
@@ -104,7 +104,7 @@ def search_fields(fit: Fit, confidence: ParameterConfidence | None) -> dict[str,
         "converged": fit.converged,
         "advice": fit.advice,
         "evaluations": fit.evaluations,
-        "cost": _finite(fit.cost),
+        "cost": finite_or_none(fit.cost),
         "chi_square": None if confidence is None else confidence.chi_square,
         "starts": len(fit.start_costs),
         "agreeing_starts": fit.agreeing_starts,
