@@ -11,7 +11,6 @@ import numpy as np
 
 from identification.words import InputError, Real
 from mbmodel.linearisation.closed_chains import Chains
-from mbmodel.linearisation.motors import ActuatorGain
 from mbmodel.linearisation.springs import Spring
 from mbmodel.linearisation.tendon_slopes import tendon_elongation
 from mbmodel.machine import Axle, Machine
@@ -47,7 +46,7 @@ def reduce_machine(machine: Machine, chains: Chains, remaining_force: Real) -> M
         curvature=_body_curvature(machine, chains),
         axles=tuple(_reduce_axle(axle, chains) for axle in machine.axles),
         motors={
-            name: ActuatorGain(chains.force(gain.joint), gain.body)
+            name: replace(gain, joint=chains.force(gain.joint))
             for name, gain in machine.motors.items()
         },
         tree=machine,

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from identification.words import Real
-from mbmodel.linearisation.motors import ActuatorGain
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import Machine
 
@@ -32,7 +31,7 @@ def add_coordinates(machine: Machine, names: tuple[str, ...], columns: Real) -> 
         curvature=_pad_curvature(machine.curvature, (0, count)),
         springs=tuple(_extend_spring(spring, count) for spring in machine.springs),
         motors={
-            name: ActuatorGain(np.pad(drive.joint, (0, count)), drive.body)
+            name: replace(drive, joint=np.pad(drive.joint, (0, count)))
             for name, drive in machine.motors.items()
         },
         sensors=machine.sensors.extend(coordinates=count),
@@ -70,7 +69,7 @@ def add_body(machine: Machine, name: str, centre: Real, motion: Real, mass: Real
             for spring in machine.springs
         ),
         motors={
-            name: ActuatorGain(drive.joint, np.pad(drive.body, (0, 6)))
+            name: replace(drive, body=np.pad(drive.body, (0, 6)))
             for name, drive in machine.motors.items()
         },
         sensors=machine.sensors.extend(bodies=1),

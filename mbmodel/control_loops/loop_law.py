@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Controller, Real, UsageError
+from mbmodel.linearisation.motors import Activation
 
 
 @dataclass(frozen=True)
@@ -100,16 +101,20 @@ class LoopLaw:
     Args:
         controller: K.
         delay_s: tau [s].
+        activation: of the actuator, which the law then contains; None if it has no state.
     """
 
     controller: Controller
     delay_s: float
+    activation: Activation | None = None
 
     def __call__(self, laplace: Complex) -> Complex:
         """Return it at each s; (n_freq,)."""
         is_static = laplace == 0
         rates = np.where(is_static, _LOWEST_RATE_RAD_S, laplace) if is_static.any() else laplace
-        gain = self.controller.response(np.asarray(rates, np.complex128))
+        rates = np.asarray(rates, np.complex128)
+        gain = self.controller.response(rates)
+        gain = gain if self.activation is None else gain * self.activation(rates)
         exponent = -laplace * self.delay_s
         growth = np.minimum(exponent.real, _MAX_EXPONENT) + 1j * exponent.imag
         return np.asarray(gain * np.exp(growth), np.complex128)
@@ -167,7 +172,7 @@ class LoopFraction:
     @property
     def order(self) -> int:
         """Number of states."""
-        return len(self.law.controller.dynamics) + self.delay_order
+        return len(self._controller.dynamics) + self.delay_order
 
     @property
     def constant(self) -> float:
@@ -212,5 +217,19 @@ class LoopFraction:
 
     @cached_property
     def _controller(self) -> Controller:
-        """The controller in continuous time."""
-        return continuous_equivalent(self.law.controller)
+        """The controller in continuous time, with the state of the actuator behind it."""
+        controller, activation = continuous_equivalent(self.law.controller), self.law.activation
+        if activation is None:
+            return controller
+        count, drive = len(controller.dynamics), activation.drive
+        return Controller(
+            np.block(
+                [
+                    [controller.dynamics, np.zeros((count, 1))],
+                    [drive * controller.output_matrix, np.array([[-activation.rate]])],
+                ]
+            ),
+            np.vstack([controller.input_matrix, drive * controller.feedthrough]),
+            np.eye(1, count + 1, count),
+            np.zeros((1, 1)),
+        )

@@ -77,7 +77,7 @@ class LoopPart:
                 np.vstack([ports.force, ports.motor]),
                 np.vstack([ports.readout.T, ports.joint_readout.T]),
                 core,
-                shape=LoopLaw(self.loop.controller, self.loop.delay),
+                shape=LoopLaw(self.loop.controller, self.loop.delay, *ports.activations),
             ),
         )
 

@@ -14,12 +14,14 @@ of the inputs are further states, so that nothing is approximated.
 The four matrices of a linear system, and its response.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 
 from identification.words import Complex, InputError, Real
+from mbmodel.linearisation.motors import Activation
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,24 @@ class SystemMatrices:
         for k, s in enumerate(laplace):
             values[k] = system.c @ np.linalg.solve(s * unit - system.a, system.b) + system.d
         return values
+
+    def behind(self, activations: Sequence[Activation | None]) -> "SystemMatrices":
+        """Return the system whose inputs act through actuators with a state, the last ones of x.
+
+        Args:
+            activations: of each input; None for one that acts at once; n_in.
+        """
+        lagged = {k: each for k, each in enumerate(activations) if each is not None}
+        if not lagged:
+            return self
+        places, rates = [*lagged], np.diag([each.rate for each in lagged.values()])
+        b, c, d = self.b.copy(), np.hstack([self.c, self.d[:, places]]), self.d.copy()
+        b[:, places] = d[:, places] = 0.0
+        drives = np.zeros((len(lagged), len(activations)))
+        drives[np.arange(len(lagged)), places] = [each.drive for each in lagged.values()]
+        below = np.zeros((len(lagged), self.order))
+        a = np.block([[self.a, self.b[:, places]], [below, -rates]])
+        return SystemMatrices(a, np.vstack([b, drives]), c, d)
 
     def join(self, parallel: "SystemMatrices") -> "SystemMatrices":
         """Return the sum of two systems, the states of this one first."""

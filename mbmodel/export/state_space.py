@@ -66,8 +66,8 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
             approximated; without such laws they do not matter.
 
     Returns:
-        The system with the states ``<coordinate>`` and ``<coordinate>'``, those of laws, and those
-        of the floor, ``floor_tx`` and ``floor_tx'``.
+        The system with the states ``<coordinate>`` and ``<coordinate>'``, those of laws, those of
+        the floor, ``floor_tx`` and ``floor_tx'``, and the activations ``<actuator>_act``.
 
     Raises:
         UsageError: a Part changes gain or delay of channels; no band for laws.
@@ -101,11 +101,14 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
     states += [f"{request.inputs[k]}{rate}" for rate in ("", "'") for k in moving]
     dynamics, gain = _append_integrators(form.dynamics, form.gain, moving)
     reading, feedthrough = _readings(ports, readout, orders, dynamics, gain, moving)
+    whole = SystemMatrices(dynamics, gain, reading, feedthrough).behind(ports.activations)
+    lagged = zip(request.inputs, ports.activations, strict=True)
+    states += [f"{port}.act" for port, activation in lagged if activation is not None]
     system = control.ss(
-        dynamics,
-        gain,
-        reading,
-        feedthrough,
+        whole.a,
+        whole.b,
+        whole.c,
+        whole.d,
         states=_signal_names(states),
         inputs=_signal_names(map(str, request.inputs)),
         outputs=_signal_names(map(str, request.outputs)),

@@ -198,7 +198,7 @@ def _motion_sums(solution: FrfSolution, adjoint: Complex) -> Real:
 
 def _drive_sums(solution: FrfSolution, adjoint: Complex) -> Real:
     """Return Re sum a s^q over lines; (nv, n_in)."""
-    total: Real = (adjoint @ solution.factor).real
+    total: Real = (adjoint * solution.drive_factor).sum(axis=-1).real
     return total
 
 

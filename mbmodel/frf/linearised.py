@@ -3,8 +3,8 @@
     H(s) = s^q [G Z(s)^-1 F + L U / s^2],   Z(s) = s^2 M + s C + K,   G = L T
     F = T' (P - Mb U) + motors
 
-times a factor c(s) of the inputs, the gain and delay of the force channel, and one of each output,
-the delay of its channel,
+times a factor c(s) of the inputs, the gain and delay of the force channel, one of each output,
+the delay of its channel, and one of each actuator with a state (``linearisation.motors``),
 
 with s = i w, time convention exp(+i w t); q = 0, 1, 2 for receptance, mobility, accelerance; L the
 rows of the outputs, P the forces of the inputs at the bodies, T the bodies' Jacobian. An
@@ -164,17 +164,17 @@ class Evaluator:
         if form is not None and not self._modal_form_agrees(solver, form, drive, motion, factor):
             solver = Solver(assembly.matrices, request.laplace, None)
             motion = solver.solve(drive, factor=factor)
+        whole: Solver | WoodburySolver = solver
         if assembly.frequency_dependent:
-            woodbury = WoodburySolver(solver, assembly.frequency_dependent)
-            motion = woodbury.solve(drive, factor=factor)
+            whole = WoodburySolver(solver, assembly.frequency_dependent)
+            motion = whole.solve(drive, factor=factor)
             if ports.has_floor:
                 forces = floor_forces_of_loops(assembly, ports, request)
-                motion = motion + woodbury.solve(forces)
-            return Linearised(
-                self.model, theta, request, self.condition, assembly, ports, woodbury, motion
-            )
+                motion = motion + whole.solve(forces)
+        if (lags := ports.lags(request.laplace)) is not None:
+            motion = motion * lags
         return Linearised(
-            self.model, theta, request, self.condition, assembly, ports, solver, motion
+            self.model, theta, request, self.condition, assembly, ports, whole, motion
         )
 
     def _ports_at(self, machine: Machine) -> Ports:

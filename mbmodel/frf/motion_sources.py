@@ -38,7 +38,7 @@ class MotionSources:
     def body_loads(self) -> Complex:
         """Forces P s^q - Zb (...) of each body on its joint; (6 n_body, n_in, n_freq)."""
         solution = self.solution
-        total: Complex = solution.ports.force[:, :, None] * solution.factor
+        total: Complex = solution.ports.force[:, :, None] * solution.drive_factor
         for power in np.flatnonzero(solution.assembly.body.any(axis=(1, 2))):
             motion = self.absolute if power == INERTIA_POWER else self.relative
             total -= (
@@ -61,8 +61,8 @@ class MotionSources:
             return self.solution.motion[..., span]
         if name in ("inputs", "floor"):
             n_in, solution = self.solution.values.shape[2], self.solution
-            factor = solution.factor if name == "inputs" else solution.floor_factor
-            return np.eye(n_in)[:, :, None] * factor[span]
+            factor = solution.drive_factor if name == "inputs" else solution.floor_factor
+            return np.eye(n_in)[:, :, None] * factor[..., span]
         motions = {
             "relative": self.relative,
             "absolute": self.absolute,

@@ -28,8 +28,8 @@ class FrfSolution:
         condition: of the test, or None.
         ports: L, P, U at theta.
         solver: of Z x = f.
-        motion: x = s^q c Z^-1 F of the joint coordinates, with c the factor of the inputs;
-            (nv, n_in, n_freq).
+        motion: x = s^q c Z^-1 F of the joint coordinates, with c the factor of the inputs, and
+            the lag of each actuator with a state; (nv, n_in, n_freq).
     """
 
     model: Model
@@ -85,7 +85,7 @@ class FrfSolution:
 
         The motion's order q is 0 here, since readings with further terms are of that order.
         """
-        values: Complex = further.direct[:, :, None] * self.factor
+        values: Complex = further.direct[:, :, None] * self.drive_factor
         for power in np.flatnonzero(further.motion.any(axis=(1, 2))):
             motion = self.motion * self.request.laplace**power
             values += real_times(further.motion[power], motion)
@@ -104,6 +104,12 @@ class FrfSolution:
     def factor(self) -> Complex:
         """Factor s^q c of the inputs; (n_freq,)."""
         return input_drive_factor(self.assembly, self.request)
+
+    @cached_property
+    def drive_factor(self) -> Complex:
+        """Factor s^q c of the inputs with the lags of actuators; (n_freq,) or (n_in, n_freq)."""
+        lags = self.ports.lags(self.request.laplace)
+        return self.factor if lags is None else self.factor * lags
 
     @cached_property
     def floor_factor(self) -> Complex:

@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 
 from identification.words import JOINT_PREFIX, InputError, Real
+from mbmodel.linearisation.motors import change_command
 from mbmodel.linearisation.sensor_rows import RestPose, SensorRows, closed_form_rows
 from mbmodel.mjcf.names import actuator_name, coordinate_names
 
@@ -277,9 +278,7 @@ def _reading_slopes(pose: RestPose) -> _Slopes:
         wrench[:, column] = _read(pose, np.zeros((3, nv)), wrenches=wrenches) - rest
     control = np.zeros((n, len(data.ctrl)))
     for column in range(control.shape[1]):
-        controls = np.zeros(control.shape[1])
-        controls[column] = 1.0
-        control[:, column] = _read(pose, np.zeros((3, nv)), controls=controls) - rest
+        control[:, column] = _read(pose, np.zeros((3, nv)), control=column) - rest
     if pose.chains is not None:
         at_joints = [_read(pose, np.zeros((3, nv)), forces=unit) - rest for unit in np.eye(nv)]
         control = np.column_stack([control, *at_joints])
@@ -292,7 +291,7 @@ def _read(
     change: Real,
     *,
     wrenches: Real | None = None,
-    controls: Real | None = None,
+    control: int | None = None,
     forces: Real | float = 0.0,
 ) -> Real:
     """Return MuJoCo's readings beside the state of rest, and the reactions; (n_reading,).
@@ -300,14 +299,14 @@ def _read(
     Args:
         change: of positions, velocities and accelerations of the joints; (3, nv).
         wrenches: at the centres of mass of the stages; (6 n_body,).
-        controls: change of the controls; (n_control,).
+        control: number of a control, or of the control of an activation, that is one unit larger.
         forces: at the joint coordinates, which only reactions read; (nv,).
     """
     model, probe = pose.model, copy.copy(pose.data)
     mujoco.mj_integratePos(model, probe.qpos, change[0], 1.0)
     probe.qvel[:] = change[1]
-    if controls is not None:
-        probe.ctrl[:] += controls
+    if control is not None:
+        change_command(model, probe, control, 1.0)
     if wrenches is not None:
         for stage, centre, wrench in zip(
             pose.stages, pose.centres, wrenches.reshape(-1, 6), strict=True

@@ -90,7 +90,7 @@ def _with_posed(machine: Machine, posed: Machine) -> Machine:
         springs=springs,
         axles=tuple(axles.get(axle.joint, axle) for axle in machine.axles),
         motors={
-            name: ActuatorGain(extend(gain.joint, count), extend(gain.body, size))
+            name: replace(gain, joint=extend(gain.joint, count), body=extend(gain.body, size))
             for name, gain in posed.motors.items()
         },
         statics=None,

@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.words import (
     DERIVATIVE_ORDER,
+    Complex,
     Dof,
     Input,
     Integers,
@@ -17,7 +18,7 @@ from identification.words import (
     Signal,
     UsageError,
 )
-from mbmodel.linearisation.motors import ActuatorGain
+from mbmodel.linearisation.motors import Activation, ActuatorGain
 from mbmodel.machine import Machine
 from mbmodel.parts import Change
 from mbmodel.ports.request import FrfRequest
@@ -102,6 +103,8 @@ class Ports:
         orders: derivative that each output reads: 0 position, 1 velocity, 2 acceleration; None
             for the quantity of the request; n_out.
         further: terms of readings that are no single derivative; None without any.
+        activations: dynamics from each input to what acts; None for an input that acts at once;
+            n_in.
     """
 
     readout: Real
@@ -111,6 +114,14 @@ class Ports:
     joint_readout: Real
     orders: tuple[int | None, ...]
     further: FurtherTerms | None = None
+    activations: tuple[Activation | None, ...] = ()
+
+    def lags(self, laplace: Complex) -> Complex | None:
+        """Return what acts per unit of each input; None if all act at once; (n_in, n_freq)."""
+        if not any(self.activations):
+            return None
+        unit = np.ones(len(laplace), np.complex128)
+        return np.array([unit if each is None else each(laplace) for each in self.activations])
 
     @property
     def has_floor(self) -> bool:
@@ -145,6 +156,7 @@ def _read_ports(machine: Machine, outputs: Sequence[Output], inputs: Sequence[In
     size, count, nv = len(machine.body_mass), len(inputs), len(machine.coordinates)
     force, floor = np.zeros((size, count)), np.zeros((size, count))
     motor = np.zeros((nv, count))
+    activations: list[Activation | None] = [None] * count
     for column, port in enumerate(inputs):
         if is_floor(machine, port):
             _refuse_tilt(machine, port)
@@ -154,6 +166,7 @@ def _read_ports(machine: Machine, outputs: Sequence[Output], inputs: Sequence[In
         elif isinstance(port, Signal) and not port.is_directed:
             gain = _motor(machine, port)
             motor[:, column], force[:, column] = gain.joint, gain.body
+            activations[column] = gain.activation
         else:
             force[:, column] = point_rows(machine.layout, port)
     readout, joint_readout = np.zeros((len(outputs), size)), np.zeros((len(outputs), nv))
@@ -182,7 +195,8 @@ def _read_ports(machine: Machine, outputs: Sequence[Output], inputs: Sequence[In
             readout[row] = point_rows(machine.layout, port)
     has_further = motion.any() or direct.any()
     further = FurtherTerms(motion, direct) if has_further else None
-    return Ports(readout, force, motor, floor, joint_readout, tuple(orders), further)
+    rows = readout, force, motor, floor, joint_readout
+    return Ports(*rows, tuple(orders), further, tuple(activations))
 
 
 def with_orders(request: FrfRequest, ports: Ports) -> FrfRequest:

@@ -15,6 +15,7 @@ is exact: its taps are g(t - tau).
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
+import mujoco
 import numpy as np
 
 from identification.words import ConvergenceError, Real
@@ -111,7 +112,8 @@ def choose_time_step(
     sample. For a faster damper MuJoCo's ``implicitfast`` takes its place, which is implicit in
     velocity; for a faster spring ``discrete``, which is implicit in position too and damps all
     modes, the less the shorter its step. Both are of first order: twice the difference. So is any
-    integrator with dry friction, which reverses within a step.
+    integrator with dry friction, which reverses within a step, or with an actuator whose filter is
+    exact over a step alone (``filterexact``).
 
     Args:
         gains: of the inputs; (n_record, n_control, n_in).
@@ -149,7 +151,10 @@ def choose_time_step(
 
     choices: list[TimeStep] = []
     for integrator, beginning in beginnings.items():
-        is_second_order = integrator == "RK4" and not has_dry_friction(model.compiled)
+        is_second_order = integrator == "RK4" and not (
+            has_dry_friction(model.compiled)
+            or (model.compiled.actuator_dyntype == mujoco.mjtDyn.mjDYN_FILTEREXACT).any()
+        )
         choices.append(
             _halve_step(
                 integrator, beginning, rate_hz, record, span, is_second_order=is_second_order

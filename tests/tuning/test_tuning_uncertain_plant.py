@@ -1,11 +1,13 @@
 """The uncertain plant F_u(M, Delta) against the model's own FRFs at the parameters of Delta."""
 
+import re
+
 import numpy as np
 import pytest
 from mbmodel_examples import random_request, random_tree
 
 from identification.words import Dof, UsageError
-from mbmodel import Evaluator, FrfRequest, machine_model
+from mbmodel import Evaluator, FrfRequest, machine_model, parse_input
 from tuning import ParameterPosterior
 from tuning.plant import assemble_uncertain_plant, measure_lft_error
 
@@ -142,3 +144,26 @@ def test_parameters_without_influence_get_no_block(from_text):
     fewer = assemble_uncertain_plant(posterior, request, 0.02)
     assert 0 < len(fewer.names) < len(whole.names)
     assert set(fewer.names) < set(whole.names)
+
+
+def test_actuators_with_a_state_lag_behind_their_inputs(from_text):
+    text = random_tree(1, n_body=3).replace("</mujoco>", "<actuator>{}</actuator></mujoco>")
+    dynamics = "filter", "none", "integrator"
+    joints = re.findall(r'<joint name="(\w+)"', text)[:3]
+    rows = zip(dynamics, joints, strict=True)
+    motors = [
+        f'<general name="{kind}" joint="{joint}" dyntype="{kind}" dynprm="0.01"/>'
+        for kind, joint in rows
+    ]
+    model = machine_model(from_text(text.format("".join(motors))))
+    inputs = tuple(parse_input(model.machine, kind) for kind in dynamics)
+    request = FrfRequest(FREQ, random_request(model.machine, FREQ, seed=1).outputs, inputs)
+    posterior = posterior_of(model)
+    plant = assemble_uncertain_plant(posterior, request, min_share=0.0)
+    delta = np.where(plant.is_exact & plant.is_relative, 0.2, 0.0)
+    x = np.zeros(posterior.posterior.size)
+    for name, value in zip(plant.names, delta, strict=True):
+        place = posterior.posterior.names.index(name)
+        x[place] = np.log1p(value) / posterior.posterior.scale[place]
+    expected = Evaluator(model, request).at(posterior.theta(x)).values
+    assert worst(upper_lft(plant, delta, FREQ), expected) < 1e-9

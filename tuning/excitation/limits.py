@@ -25,6 +25,7 @@ from identification.words import (
 from mbmodel import Evaluator, FrfRequest, Model, input_unit, output_unit
 from mbmodel.control_loops.loop_law import LoopLaw
 from mbmodel.machine import Machine
+from mbmodel.ports.ports import find_ports
 from mbmodel.ports.signal_rows import is_floor
 
 LIMITED = ("force", "current", "stroke", "speed")
@@ -142,6 +143,8 @@ def limited_signals(
         _check(drive, stated)
         per_unit, unit = force_per_unit(machine, drive)
         command = drive_command(model, theta, freq_hz, drives, number)
+        lags = find_ports(machine, (), (drive,)).lags(np.asarray(2j * np.pi * freq_hz, complex))
+        command = command if lags is None else command * lags[0][:, None]
         if stated.force is not None:
             signals.append(LimitedSignal(drive, "force", stated.force, unit, per_unit * command))
         if stated.current is not None and stated.motor_constant is not None:

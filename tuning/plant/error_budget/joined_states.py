@@ -88,18 +88,19 @@ def _machine_states(
     request = FrfRequest(lines, ports.outputs, ports.inputs, _QUANTITIES[order])
     system = export_state_space(model, theta, request).system
     floor = {str(port) for port in ports.inputs if str(port).startswith("floor:")}
-    integrators = sum(label.removesuffix("'") in floor for label in system.state_labels)
-    size, count, inputs = len(system.A) - integrators, len(ports.outputs), len(ports.inputs)
+    integrates = np.array([label.removesuffix("'") in floor for label in system.state_labels])
+    kept, integrators = np.flatnonzero(~integrates), np.flatnonzero(integrates)
+    count, inputs = len(ports.outputs), len(ports.inputs)
     feedthrough = np.zeros((count, 3 * inputs))
     feedthrough[:, :inputs] = system.D
-    if integrators:  # displacements of the moving inputs, then their velocities
+    if len(integrators):  # displacements of the moving inputs, then their velocities
         moving = [k for k, port in enumerate(ports.inputs) if str(port) in floor]
-        positions, rates = size, size + len(moving)
-        feedthrough[:, [2 * inputs + k for k in moving]] = system.C[:, positions:rates]
-        feedthrough[:, [inputs + k for k in moving]] = system.C[:, rates:]
-    gain = np.zeros((size, 3 * inputs))
-    gain[:, :inputs] = system.B[:size]
-    return MachineStates(system.A[:size, :size], gain, system.C[:, :size], feedthrough)
+        positions, rates = integrators.reshape(2, -1)
+        feedthrough[:, [2 * inputs + k for k in moving]] = system.C[:, positions]
+        feedthrough[:, [inputs + k for k in moving]] = system.C[:, rates]
+    gain = np.zeros((len(kept), 3 * inputs))
+    gain[:, :inputs] = system.B[kept]
+    return MachineStates(system.A[np.ix_(kept, kept)], gain, system.C[:, kept], feedthrough)
 
 
 @dataclass(frozen=True, eq=False)

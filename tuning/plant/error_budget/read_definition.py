@@ -6,7 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from identification.words import Input, InputError, Loop, PortSum, UsageError, sampling_period
+from identification.words import (
+    JOINT_PREFIX,
+    Input,
+    InputError,
+    Loop,
+    PortSum,
+    UsageError,
+    sampling_period,
+)
 from mbmodel import CONTROL, Machine, input_unit
 from tuning.control_loops.read_loops import read_input, read_loops, read_port_sum
 from tuning.plant.error_budget.budget_toml import (
@@ -262,6 +270,11 @@ def motor_force(path: Path, key: str, machine: Machine, port: Input, unit: str) 
         raise InputError(
             f"{path}: {key} is stated in {unit}, but {port} acts at no single slide or hinge: "
             "state it in units of its control, such as 1/sqrt(Hz)"
+        )
+    if gain.activation is not None:
+        raise InputError(
+            f"{path}: {key} is stated in {unit}, but {port} follows its control late: name the "
+            f"force {JOINT_PREFIX}{driven[0].joint}, or state it in units of its control"
         )
     axle, force = driven
     needed = "N m" if axle.turns else "N"

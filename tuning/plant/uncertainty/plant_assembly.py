@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Integers, Real, UsageError
-from mbmodel import Evaluator, FrfRequest, Linearised, Part, PartContext
+from mbmodel import Evaluator, FrfRequest, Linearised, Part, PartContext, SystemMatrices
 from mbmodel.export.branch_states import branch_states
 from mbmodel.export.state_space import first_order_form
 from tuning.assessment.parameter_posterior import PosteriorOfModel
@@ -216,4 +216,7 @@ def _open_plant(lines: Linearised, left: Real, right: Real) -> tuple[Real, Real,
     d = d + np.hstack([left[size:], np.zeros((len(c), n_in))])
     accelerates = np.array(request.output_orders) == 2
     d[accelerates, width:] += (lines.ports.readout @ lines.ports.floor)[accelerates]
-    return form.dynamics, form.gain, np.vstack([reading, c]), np.vstack([through, d])
+    plant = SystemMatrices(
+        form.dynamics, form.gain, np.vstack([reading, c]), np.vstack([through, d])
+    ).behind((None,) * width + lines.ports.activations)
+    return plant.a, plant.b, plant.c, plant.d
