@@ -19,7 +19,7 @@ from mbmodel.linearisation.sensor_rows import RestPose
 from mbmodel.linearisation.sensors import read_sensors
 from mbmodel.linearisation.spin import spin_remarks, spin_velocity
 from mbmodel.linearisation.springs import find_springs
-from mbmodel.linearisation.stage_pose import move_joints, refuse_return
+from mbmodel.linearisation.stage_pose import find_posed_chains, move_joints, refuse_return
 from mbmodel.linearisation.statics import Statics
 from mbmodel.linearisation.tendon_slopes import tendon_jacobian
 from mbmodel.machine import Axle, Machine
@@ -53,7 +53,7 @@ def load_machine(
         key: name of the keyframe that gives the pose and the controls, empty for none; by default
             the keyframe ``home`` if there is one, else none.
         pose: moves of slides and hinges from the drawing or keyframe, each with its springs, by
-            name [m, rad].
+            name; closed chains follow [m, rad].
         without_friction: whether dry friction (``frictionloss``), which has no linear model, is
             left out instead of refused.
         follow: whether the equilibrium follows the parameters wherever it depends on them; else
@@ -73,10 +73,12 @@ def load_machine(
         raise InputError(f"{path}: no body has a joint: give at least one body a joint")
     keyframe = choose_keyframe(model, path, key)
     start = pose_data(model, keyframe)
-    move_joints(model, start, pose or {}, path)
+    posed = move_joints(model, start, pose or {}, path)
     equilibrium = find_equilibrium(model, path, start)
     data, chains = equilibrium.data, equilibrium.chains
-    refuse_return(model, start, data, pose or {}, path)
+    if posed is not None:
+        refuse_return(model, posed, data, path)
+        chains = find_posed_chains(model, data, posed.following, path)
     stages = stage_bodies(model)
     masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
     names = {body_name(model, stage): stage for stage in stages}

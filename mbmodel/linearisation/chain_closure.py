@@ -128,19 +128,25 @@ def count_independent(rows: Real) -> int:
 
 
 def close_chains(
-    model: mujoco.MjModel, data: mujoco.MjData, following: Integers | None = None
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    following: Integers | None = None,
+    lengths: Real | None = None,
 ) -> float:
     """Move a machine until its chains close, by Newton's method; return the remaining gap [1].
 
     Args:
         data: the pose; moved in place.
         following: coordinates that move; all, as little as possible, if None.
+        lengths: motions of the coordinates that count alike; None for the machine's size and 1 rad
+            [m, rad]; (nv,).
 
     Returns:
         The largest gap, relative to the machine's size.
     """
     moving = np.arange(model.nv) if following is None else following
-    lengths, size = coordinate_lengths(model)[moving], max(model.stat.extent, 1e-300)
+    size = max(model.stat.extent, 1e-300)
+    lengths = (coordinate_lengths(model) if lengths is None else lengths)[moving]
     gap = np.inf
     for _ in range(_MAX_CLOSING_STEPS):
         closure = read_closure(model, data, data.qpos)

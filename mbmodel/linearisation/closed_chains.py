@@ -228,7 +228,9 @@ class Chains:
         return tuple(sentences)
 
 
-def find_chains(model: mujoco.MjModel, data: mujoco.MjData) -> Chains | None:
+def find_chains(
+    model: mujoco.MjModel, data: mujoco.MjData, following: Integers | None = None
+) -> Chains | None:
     """Return the closed chains at a pose; None without any.
 
     Rows are scaled by their size and translations by that of the machine, so that units do not
@@ -236,15 +238,22 @@ def find_chains(model: mujoco.MjModel, data: mujoco.MjData) -> Chains | None:
 
     Args:
         data: state at the pose, with its forces.
+        following: coordinates that follow, where another pose has chosen them; None to choose.
     """
     if not has_rigid_chains(model):
         return None
     closure = read_closure(model, data, data.qpos)
-    ties = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0)
-    driven = np.isin(model.dof_jntid, model.eq_obj1id[ties])
-    following = _choose_following(scale_rows(model, closure), closure.numbers, driven)
+    if following is None:
+        following = _find_following(model, closure)
     kept = np.setdiff1d(np.arange(model.nv), following)
     return Chains(model, copy.copy(data), kept, following, closure)
+
+
+def _find_following(model: mujoco.MjModel, closure: Closure) -> Integers:
+    """Return the coordinates that follow at a pose."""
+    ties = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0)
+    driven = np.isin(model.dof_jntid, model.eq_obj1id[ties])
+    return _choose_following(scale_rows(model, closure), closure.numbers, driven)
 
 
 def _choose_following(rows: Real, numbers: Integers, driven: Mask) -> Integers:

@@ -1,6 +1,9 @@
 """Machines with closed chains, as MJCF: planar linkages, a gear, and platforms on six legs."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 GRAVITY = 9.81
 
@@ -72,15 +75,22 @@ def hexapod(
     stiffness: float = 2e7,
     foot_stiffness: float = 40.0,
     gravity: float = GRAVITY,
+    pose: Sequence[float] = (0.0,) * 6,
 ) -> str:
     """Return a platform on six legs, each of two universal joints and a strut with a motor.
+
+    In another pose it is drawn there anew, by the inverse kinematics of the legs in closed form.
 
     Args:
         leg_mass: of each half of a leg; 0 for legs without mass [kg].
         stiffness: of each strut [N/m].
         foot_stiffness: of the hinges at each foot [N m/rad].
         gravity: downwards [m/s^2].
+        pose: of the platform's slides and hinges in which it is drawn [m, rad]; (6,).
     """
+    turns = [Rotation.from_euler(axis, angle) for axis, angle in zip("xyz", pose[3:], strict=True)]
+    centre = np.add([0, 0, 0.18], pose[:3])
+    turned = turns[0] * turns[1] * turns[2]
     legs, ties, motors, encoders = [], [], [], []
     tops = []
     low, high = platform_points()
@@ -90,7 +100,14 @@ def hexapod(
         z = along / length
         x = np.cross([0.0, 1.0, 0.0], z)
         x /= np.linalg.norm(x)
-        axes = " ".join(f"{v:.17g}" for v in (*x, *np.cross(z, x)))
+        drawn = Rotation.from_matrix(np.column_stack([x, np.cross(z, x), z]))
+        reach = turned.apply(head - [0, 0, 0.18]) + centre - foot
+        stroke = float(np.linalg.norm(reach)) - length
+        across, side, up = drawn.inv().apply(reach / (length + stroke))
+        first = Rotation.from_euler("x", np.arctan2(-side, up))
+        second = Rotation.from_euler("y", np.arcsin(across))
+        leg = (drawn * first * second).as_matrix()
+        axes = _words(leg[:, :2].T.ravel())
         part = (
             f'<inertial pos="0 0 {length / 4:.17g}" mass="{leg_mass}" '
             f'diaginertia="{0.002 * leg_mass} {0.002 * leg_mass} {0.0002 * leg_mass}"/>'
@@ -99,9 +116,10 @@ def hexapod(
         )
         legs.append(
             f'<body name="leg{number}" pos="{_words(foot)}" xyaxes="{axes}">'
-            f'<joint name="foot{number}_x" axis="1 0 0" stiffness="{foot_stiffness}"/>'
+            f'<joint name="foot{number}_x" axis="{_words(second.inv().apply([1, 0, 0]))}" '
+            f'stiffness="{foot_stiffness}"/>'
             f'<joint name="foot{number}_y" axis="0 1 0" stiffness="{foot_stiffness}"/>{part}'
-            f'<body name="strut{number}" pos="0 0 {length / 2:.17g}">'
+            f'<body name="strut{number}" pos="0 0 {length / 2 + stroke:.17g}">'
             f'<joint name="strut{number}" type="slide" axis="0 0 1" stiffness="{stiffness}" '
             f'damping="{stiffness * 1e-5}"/>{part}'
             f'<site name="head{number}_strut" pos="0 0 {length / 2:.17g}"/></body></body>'
@@ -112,19 +130,22 @@ def hexapod(
         )
         motors.append(f'<motor name="motor{number}" joint="strut{number}"/>')
         encoders.append(f'<jointpos name="encoder{number}" joint="strut{number}"/>')
+    after = {"rx": turns[1] * turns[2], "ry": turns[2], "rz": Rotation.identity()}
     joints = "".join(
         f'<joint name="platform_{kind}{axis}" type="{"slide" if kind == "t" else "hinge"}" '
-        f'axis="{vector}"/>'
+        f'axis="{_words(after.get(kind + axis, turned).inv().apply(vector))}"/>'
         for kind in "tr"
-        for axis, vector in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1"))
+        for axis, vector in zip("xyz", np.eye(3), strict=True)
     )
     bound = "" if leg_mass else ' boundmass="1e-12" boundinertia="1e-14"'
     return (
         f'<mujoco model="hexapod"><compiler angle="radian"{bound}/>'
         f'<option gravity="0 0 {-gravity}"/><worldbody>{"".join(legs)}'
-        f'<body name="platform" pos="0 0 0.18">{joints}<inertial pos="0 0 0.02" mass="15" '
-        'diaginertia="0.12 0.13 0.2"/><site name="acc1" pos="0.1 0 0.03"/>'
-        '<site name="acc2" pos="-0.05 0.09 0.03"/><site name="acc3" pos="-0.05 -0.09 0.03"/>'
+        f'<body name="platform" pos="{_words(centre)}" '
+        f'quat="{_words(turned.as_quat(scalar_first=True))}">{joints}'
+        '<inertial pos="0 0 0.02" mass="15" diaginertia="0.12 0.13 0.2"/>'
+        '<site name="acc1" pos="0.1 0 0.03"/><site name="acc2" pos="-0.05 0.09 0.03"/>'
+        '<site name="acc3" pos="-0.05 -0.09 0.03"/>'
         f"{''.join(tops)}</body></worldbody><equality>{''.join(ties)}</equality>"
         f"<actuator>{''.join(motors)}</actuator><sensor>{''.join(encoders)}</sensor></mujoco>"
     )

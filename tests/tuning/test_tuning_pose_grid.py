@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from closed_machines import hexapod, linkage, platform_points
+from scipy.spatial.transform import Rotation
 
 import mbworkbench as mb
-from identification.words import InputError
+from identification.words import DIRECTIONS, InputError
 from mbmodel import as_drawn, load_machine, model_modes
 from tuning.control_loops.stability import growing_pole
 from tuning.plant.error_budget.loop_plant import LoopPlant
@@ -138,3 +140,64 @@ def test_a_pose_beyond_the_stroke_is_refused(place):
     assert "2 points" in repr(
         mb.predict_poses(place / "arm.xml", [{"cart_tx": x} for x in (0, 0.1)])
     )
+
+
+@pytest.mark.parametrize("move", [0.0, 0.02])
+def test_a_machine_that_sags_has_poses(tmp_path, move):
+    text = ARM.replace('gravity="0 0 0"', 'gravity="-9.81 0 0"')
+    (tmp_path / "drawn.xml").write_text(text.format(place=0))
+    (tmp_path / "there.xml").write_text(text.format(place=move))
+    posed = load_machine(tmp_path / "drawn.xml", pose={"cart_tx": move})
+    there = load_machine(tmp_path / "there.xml")
+    np.testing.assert_allclose(posed.layout.centres, there.layout.centres, atol=1e-12)
+
+
+PLATFORM = {"platform_tx": 0.02, "platform_tz": -0.01, "platform_rx": 0.1, "platform_rz": -0.2}
+
+
+def test_legs_follow_a_platform_as_in_a_separate_model(tmp_path):
+    drawn, there = tmp_path / "drawn.xml", tmp_path / "there.xml"
+    drawn.write_text(hexapod())
+    there.write_text(hexapod(pose=[PLATFORM.get(f"platform_{d}", 0.0) for d in DIRECTIONS]))
+    ports = ("acc1:+tx", "joint:strut2", "joint:foot3_x"), ("motor1", "acc2:+tz"), FREQ_HZ
+    points = [GridPoint(dict.fromkeys(PLATFORM, 0.0)), GridPoint(PLATFORM)]
+    grid = pose_grid(drawn, points, GridRequest(*ports, "receptance"))
+    for number, path in enumerate((drawn, there)):
+        model = as_drawn(load_machine(path))
+        modes = model_modes(model, model.drawn)
+        np.testing.assert_allclose(
+            np.sort(grid.freq_hz[number]), np.sort(modes.freq_hz[modes.oscillates]), rtol=1e-8
+        )
+        exact = mb.read_model(path).frf(*ports, "receptance").values
+        np.testing.assert_allclose(
+            grid.frfs[number], exact, rtol=1e-7, atol=1e-9 * np.abs(exact).max()
+        )
+
+
+def test_a_platform_follows_the_stroke_of_its_struts(tmp_path):
+    drawn = tmp_path / "drawn.xml"
+    drawn.write_text(hexapod(gravity=0.0, foot_stiffness=0.0))
+    pose = np.array([0.02, 0.005, -0.01, 0.1, 0.05, -0.2])
+    (tmp_path / "there.xml").write_text(hexapod(gravity=0.0, foot_stiffness=0.0, pose=pose))
+    lower, upper = platform_points()
+    turned = Rotation.from_euler("XYZ", pose[3:])
+    heads = turned.apply(upper - [0, 0, 0.18]) + np.array([0, 0, 0.18]) + pose[:3]
+    strokes = np.linalg.norm(heads - lower, axis=1) - np.linalg.norm(upper - lower, axis=1)
+    legs = {f"strut{k + 1}": stroke for k, stroke in enumerate(strokes)}
+    machine, there = load_machine(drawn, pose=legs), load_machine(tmp_path / "there.xml")
+    np.testing.assert_allclose(machine.layout.centres, there.layout.centres, atol=1e-9)
+    frequencies = [
+        model_modes(as_drawn(each), as_drawn(each).drawn).freq_hz for each in (machine, there)
+    ]
+    np.testing.assert_allclose(*frequencies, rtol=1e-7)
+    lone = load_machine(drawn, pose={"strut1": 2e-3})  # the other struts keep their length
+    struts = [lone.layout.bodies.index(f"strut{k}") for k in range(1, 7)]
+    reach = np.linalg.norm(lone.layout.centres[struts] - lower, axis=1)
+    drawn_reach = 0.75 * np.linalg.norm(upper - lower, axis=1)
+    np.testing.assert_allclose(reach - drawn_reach, [2e-3, 0, 0, 0, 0, 0], atol=1e-9)
+
+
+def test_a_pose_that_a_chain_does_not_reach_is_refused(tmp_path):
+    (tmp_path / "linkage.xml").write_text(linkage(gravity=0.0))
+    with pytest.raises(InputError, match="rocker = 2 cannot be reached, because the chain of"):
+        load_machine(tmp_path / "linkage.xml", pose={"rocker": 2.0})
