@@ -165,7 +165,8 @@ def margins(
     """Return the margins of the loops of a budget, stable or not, and what limits each.
 
     Each mode that limits the gain comes with its part on the machine, a notch with its cost in
-    phase, and the change of the gain for 10 % more of each stiffness, damping and mass.
+    phase, and the change of the gain for 10 % more of each stiffness, damping and mass, for a moved
+    sensor or force, and for struts.
 
     Args:
         model: as for ``error_budget``; a tuning or diagnosis gives bands over its posterior.

@@ -9,6 +9,8 @@ from identification.words import Real
 from mbw.plant.margin_schema import (
     AllLoopsRow,
     CrossoverRow,
+    LimitingModeRow,
+    LoopLimitRow,
     LoopMarginsRow,
     MarginRow,
     MarginsRow,
@@ -19,6 +21,7 @@ from mbw.plant.margin_schema import (
 from tuning import NORMAL_QUANTILE_95
 from tuning.plant.control_loops.stability_margins import AllMargins, Margin
 from tuning.plant.error_budget.loop_margins import PlantMargins, VariantMargins
+from tuning.plant.error_budget.margin_design import LimitingMode, LoopDesign
 
 _ENDS = (0.025, 0.975)
 MarginName = Literal["crossover", "bandwidth", "gain", "reduction", "phase", "delay", "modulus"]
@@ -188,3 +191,39 @@ def _variant_row(names: tuple[str, ...], variant: VariantMargins) -> VariantRow:
 def _crossover_rows(crossovers: Real) -> list[CrossoverRow]:
     """Return crossovers with their margins."""
     return [CrossoverRow(frequency=float(f), margin=float(m)) for f, m in crossovers]
+
+
+def limit_rows(designs: Sequence[LoopDesign]) -> list[LoopLimitRow]:
+    """Return what limits the gain of each loop."""
+    return [
+        LoopLimitRow(
+            loop=design.loop,
+            modulus=design.modulus,
+            gain=_finite(design.gain),
+            crossover=_finite(design.crossover_hz),
+            modes=[_mode_row(mode) for mode in design.modes],
+        )
+        for design in designs
+    ]
+
+
+def _mode_row(mode: LimitingMode) -> LimitingModeRow:
+    """Return the row of a mode that limits a loop."""
+    has_notch = mode.notch is not None
+    return LimitingModeRow(
+        frequency=mode.freq_hz,
+        damping=mode.damping,
+        gain=mode.gain,
+        at=mode.at_hz,
+        springs=mode.springs,
+        bodies=mode.bodies,
+        notch=mode.notch,
+        notch_phase=mode.notch_phase_deg if has_notch else None,
+        notch_crossover=_finite(mode.notch_crossover_hz) if has_notch else None,
+        changes=mode.changes,
+    )
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, or None if it is none."""
+    return float(value) if np.isfinite(value) else None

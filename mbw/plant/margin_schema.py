@@ -146,3 +146,48 @@ class MarginsRow(ResultRow):
     loops: list[LoopMarginsRow]
     all_loops: AllLoopsRow | None
     variants: list[VariantRow]
+
+
+class LimitingModeRow(ResultRow):
+    """Mode that limits the gain of a loop.
+
+    Args:
+        frequency, damping: of the mode of the machine [Hz].
+        gain: factor by which the gain may rise as far as this mode is concerned.
+        at: frequency at which this gain is reached [Hz].
+        springs, bodies: shares of the parts that hold most strain and kinetic energy.
+        notch: ratio d of a notch at the mode, (s^2 + d w s + w^2) / (s^2 + w s + w^2); null where
+            it would be too shallow.
+        notch_phase: what it adds to the phase at the crossover [deg]; null without a notch.
+        notch_crossover: largest crossover with the notch [Hz]; null if there is none.
+        changes: of ``gain``, relative, with each change of the machine, the strongest first.
+    """
+
+    frequency: float
+    damping: float
+    gain: float
+    at: float
+    springs: dict[str, float]
+    bodies: dict[str, float]
+    notch: float | None
+    notch_phase: float | None
+    notch_crossover: float | None
+    changes: dict[str, float]
+
+
+class LoopLimitRow(ResultRow):
+    """What limits the gain of a loop.
+
+    Args:
+        loop: its name in budget.toml.
+        modulus: margin that is kept.
+        gain: largest factor of the gain with this margin; null if no gain has it.
+        crossover: crossover there [Hz]; null without one.
+        modes: those that limit the gain, from the most severe on.
+    """
+
+    loop: str
+    modulus: float
+    gain: float | None
+    crossover: float | None
+    modes: list[LimitingModeRow]

@@ -1,9 +1,11 @@
 """An error budget as rows of JSON."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from identification.words import Complex, Real
-from mbw.plant.margin_rows import margins_row
+from mbw.plant.margin_rows import limit_rows, margins_row
 from mbw.plant.schema import (
     BudgetRow,
     ErrorRow,
@@ -13,6 +15,7 @@ from mbw.plant.schema import (
     TouchRow,
 )
 from tuning.plant.error_budget.budget import ErrorBudget
+from tuning.plant.error_budget.margin_design import LoopDesign
 from tuning.plant.error_budget.plant_budget import PlantBudget
 
 _MAX_LISTED_SHARES = 12  # modes, joints and springs of an error
@@ -20,11 +23,18 @@ _MAX_CUMULATIVE_LINES = 600
 _MAX_POLE_AT_REST = 1e-9  # size of a pole over the largest: what rounding leaves of motions at rest
 
 
-def budget_row(plant: PlantBudget, file: str, before: str | None, remarks: list[str]) -> BudgetRow:
+def budget_row(
+    plant: PlantBudget,
+    file: str,
+    before: str | None,
+    remarks: list[str],
+    designs: Sequence[LoopDesign],
+) -> BudgetRow:
     """Return the rows of a budget.
 
     Args:
         before: the other machine; None without one.
+        designs: what limits each loop.
     """
     budget = plant.budget
     definition = budget.definition
@@ -40,6 +50,7 @@ def budget_row(plant: PlantBudget, file: str, before: str | None, remarks: list[
         margins=None
         if plant.margins is None
         else margins_row(plant.margins, plant.variant_margins, plant.margins_before),
+        limits=limit_rows(designs),
     )
 
 

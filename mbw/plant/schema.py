@@ -1,7 +1,7 @@
 """Rows of an error budget in the JSON file of ``mbw predict``."""
 
 from identification.readers.result_files import ResultRow
-from mbw.plant.margin_schema import MarginsRow
+from mbw.plant.margin_schema import LoopLimitRow, MarginsRow
 
 
 class ShareOfErrorRow(ResultRow):
@@ -151,6 +151,7 @@ class BudgetRow(ResultRow):
         errors: budget of each error.
         poles: of the machine with its loops, up to twice the band.
         margins: stability margins of the loops; null without loops.
+        limits: what limits the gain of each loop.
     """
 
     file: str
@@ -162,3 +163,4 @@ class BudgetRow(ResultRow):
     errors: list[ErrorRow]
     poles: list[PoleRow]
     margins: MarginsRow | None
+    limits: list[LoopLimitRow]

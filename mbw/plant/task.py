@@ -220,7 +220,7 @@ def _compute_budget(
         remarks.append(notes[-1])
     if plant.before_failure and before is not None:
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")
-    row = budget_row(plant, file.name, None if before is None else str(before), remarks)
+    row = budget_row(plant, file.name, None if before is None else str(before), remarks, designs)
     names = (machine.name, "" if before is None else _name_of(before))
     verdict = None if before is None or before.name != TUNED_MJCF else _verdict_of(path)
     units = [definition.units[error.name][1] for error in row.errors]

@@ -71,6 +71,39 @@ def test_a_tuned_machine_has_intervals_and_stands_beside_the_nominal_one(folder)
     }  # fmt: skip
 
 
+LIMITED = """
+band = [1, 100]
+[error.y]
+output = "acc2:+tx"
+[noise.n]
+loop = "a"
+density = 1e-9
+unit = "m/sqrt(Hz)"
+[loop.a]
+input = "acc1:+tx"
+output = "acc2:+tx"
+controller = { zeros = [-30.0], poles = [-600.0], gain = 2e5 }
+"""
+
+
+def test_the_json_has_what_limits_each_loop(folder):
+    (folder / "limited.toml").write_text(LIMITED)
+    files = "--budget", folder / "limited.toml", "--json", folder / "limited.json"
+    assert run("predict", folder / "two.xml", *files, "--no-pictures").exit_code == 0
+    (row,) = json.loads((folder / "limited.json").read_text())["budget"]["limits"]
+    (loop,) = mb.margins(folder / "two.xml", folder / "limited.toml").loops
+    assert (row["loop"], row["modulus"]) == ("a", 0.5)
+    assert (row["gain"], row["crossover"]) == pytest.approx((loop.gain, loop.crossover_hz))
+    assert len(row["modes"]) == len(loop.modes) > 0
+    for stated, mode in zip(row["modes"], loop.modes, strict=True):
+        values = stated["frequency"], stated["damping"], stated["gain"], stated["at"]
+        assert values == pytest.approx((mode.freq_hz, mode.damping, mode.gain, mode.at_hz))
+        assert stated["changes"] == pytest.approx(mode.changes)
+        assert stated["bodies"] == pytest.approx(mode.bodies)
+        assert (stated["notch"] is None) == (stated["notch_phase"] is None) == (mode.notch is None)
+    assert row["modes"][0]["notch_crossover"] == pytest.approx(loop.modes[0].notch_crossover_hz)
+
+
 def test_the_json_has_each_pole_of_the_closed_loops_and_the_page_those_that_oscillate(folder):
     # det(Z + K) = 0 with the loop, by hand: one real pole each of the controller.
     rows = json.loads((folder / "out.json").read_text())["budget"]["poles"]

@@ -217,3 +217,41 @@ def test_margins_without_a_loop_are_refused(place):
         mb.margins(place / "two.xml", place / "none.toml")
     with pytest.raises(UsageError, match="between 0 and 1"):
         mb.margins(place / "two.xml", place / f"{STABLE:g}.toml", modulus=2.0)
+
+
+TOWER = """
+<mujoco model="tower"><option gravity="0 0 0"/><worldbody><site name="wall" pos="0.1 0.02 0.9"/>
+  <body name="base"><inertial pos="0 0 0" mass="20" diaginertia="0.4 0.5 0.6"/>
+    <joint name="base_tx" type="slide" axis="1 0 0" stiffness="4e6" damping="300"/>
+    <joint name="base_ry" type="hinge" axis="0 1 0" stiffness="3e5" damping="20"/>
+    <site name="hit1" pos="-0.2 0 0.1"/>
+    <body name="head" pos="0 0 0.4"><inertial pos="0 0 0" mass="5" diaginertia="0.1 0.1 0.1"/>
+      <joint name="head_tx" type="slide" axis="1 0 0" stiffness="8e5" damping="60"/>
+      <joint name="head_ry" type="hinge" axis="0 1 0" stiffness="4e4" damping="3"/>
+      <site name="acc2" pos="0.1 0.02 0.1" euler="0 30 10"/>
+    </body></body></worldbody>
+  <tendon><spatial name="strut" stiffness="{stiffness}"><site site="{first}"/><site site="acc2"/>
+  </spatial></tendon></mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("first", "number", "name"),
+    [("hit1", 1, "between hit1 and acc2"), ("wall", 0, "from acc2 to the ground along z")],
+)
+def test_a_strut_changes_the_gain_as_a_drawn_one(tmp_path, first, number, name):
+    toml = LOOP.format(gain=2e6).replace("acc1:+tx", "hit1:+tx")
+    (tmp_path / "tower.toml").write_text(toml)
+
+    def limit(stiffness):
+        file = tmp_path / f"tower{stiffness}.xml"
+        file.write_text(TOWER.format(stiffness=stiffness, first=first))
+        return mb.margins(file, tmp_path / "tower.toml").loops[0].modes[number]
+
+    mode = limit(0.0)
+    (label,) = (text for text in mode.changes if name in text)
+    stiffness, step = float(label.split()[3]), 3e2
+    ends = np.log([limit(count * step).gain / mode.gain for count in (1, 2)])
+    slope = (4 * ends[0] - ends[1]) / (2 * step)
+    assert abs(slope * stiffness) > 0.01
+    assert np.log1p(mode.changes[label]) / stiffness == pytest.approx(slope, rel=0.03)

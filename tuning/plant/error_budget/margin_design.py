@@ -31,7 +31,7 @@ from tuning.plant.control_loops.loop_gain_lines import (
 )
 from tuning.plant.control_loops.stability_margins import LoopMargins
 from tuning.plant.error_budget.definition import BudgetDefinition
-from tuning.plant.error_budget.gain_changes import gain_changes
+from tuning.plant.error_budget.gain_changes import GainLimit, gain_changes
 from tuning.plant.error_budget.loop_plant import LoopPlant
 
 _MAX_NOTCH_RATIO = 0.5  # a shallower notch would not be one
@@ -250,6 +250,9 @@ def _limiting_modes(
         if not abs(turns[1] - turns[0]) < np.pi / 2:  # it encircles -1 otherwise
             reached = float("nan")
         cost = notch_response(np.array([crossover_hz]), place, notch or 1.0)
+        limit = GainLimit(
+            float(freq[line]), complex(gains[line]), gain, place, modes.shapes[:, number]
+        )
         limiting.append(
             LimitingMode(
                 place,
@@ -261,7 +264,7 @@ def _limiting_modes(
                 notch,
                 float(np.degrees(np.angle(cost[0]))),
                 crossover_of(freq, with_notch, reached),
-                gain_changes(plant, loop, float(freq[line]), complex(gains[line]), gain),
+                gain_changes(plant, loop, limit),
             )
         )
     return tuple(sorted(limiting, key=lambda mode: mode.gain))
