@@ -28,6 +28,7 @@ from identification.words import (
     ConvergenceError,
     Integers,
     Loop,
+    Mask,
     Real,
     UsageError,
     sampling_period,
@@ -55,7 +56,7 @@ class LoopRecord:
         loop: the loop.
         time_s: instants [s]; (n_time,).
         reference: r, in the unit of what it measures; (n_time,).
-        measured: y without noise and rounding; (n_time,).
+        measured: y without noise and rounding, a position from the first one of r; (n_time,).
         control: input of the machine within its limit; (n_time,).
     """
 
@@ -133,6 +134,27 @@ def drive_loops(model: TimeModel, loops: Sequence[Loop], inputs: Sequence[Drive]
         if isinstance(drive, LoopSignal):
             signals[drive.kind][row, names.index(drive.loop)] = 1.0
     return LoopDrives(find_drives(model, [loop.input for loop in loops]).gain, **signals)
+
+
+def reference_remarks(loops: Sequence[Loop], begins: Real) -> tuple[str, ...]:
+    """Return a sentence on each reference that does not begin at 0.
+
+    Args:
+        begins: first value of each reference; (n_loop,).
+    """
+    sentences = []
+    for loop, begin, rests in zip(loops, begins.tolist(), _read_positions(loops), strict=True):
+        where = "where the machine rests" if rests else "but the machine rests"
+        how = "begin at 0 for a step" if rests else "the loop begins with a step"
+        if begin:
+            sentences.append(f"{LoopSignal(loop.name)} begins at {begin:.4g}, {where}: {how}")
+    return tuple(sentences)
+
+
+def _read_positions(loops: Sequence[Loop]) -> Mask:
+    """Return which loops read a position, whose origin is where the machine rests; (n_loop,)."""
+    measured = [loop.measured for loop in loops]
+    return np.array([each.unit in ("m", "rad") and not each.derivative for each in measured], bool)
 
 
 def samples_per_period(loops: Sequence[Loop], rate_hz: float) -> int:
@@ -231,6 +253,9 @@ class ClosedLoopSteps:
         period = sampling_period(loops) or step_s
         self._steps_per_sample = round(period / step_s) if loops else 0
         self._steps_per_record = round(1 / (step_s * rate_hz))
+        begin = signals.spline(signals.start_s) @ drives.reference
+        # a span in the middle begins at rest, whatever it reads
+        self._origin = np.where(_read_positions(loops) | (signals.start_s > 0), begin, 0.0)
         matrices = [_matrices(loop, step_s) for loop in loops]
         self._a, self._b, self._c, self._d = (
             block_diag(*[each[k] for each in matrices]) if loops else np.zeros((0, 0))
@@ -304,8 +329,11 @@ class ClosedLoopSteps:
         """
         columns = zip(*self._log[: len(time_s)], strict=True)
         reference, read, control = (np.array(column) for column in columns)
+        origin = self._origin
         records = [
-            LoopRecord(loop, time_s, reference[:, k], read[:, k], control[:, k])
+            LoopRecord(
+                loop, time_s, reference[:, k] + origin[k], read[:, k] + origin[k], control[:, k]
+            )
             for k, loop in enumerate(self._loops)
         ]
         return tuple(records), read[:, len(records) :]
@@ -320,14 +348,13 @@ class ClosedLoopSteps:
         time_s = signals.start_s + (self._index + np.arange(count)) * self._step_s
         inside = np.minimum(time_s, signals.end_s)
         values = signals.spline(inside)
-        first = signals.spline(signals.start_s)  # a span in the middle begins at rest
         read = self._sensors
         floor = np.zeros((count, len(read.orders)))
         for order in set(read.orders) if signals.floor.any() else ():
             is_read = [each == order for each in read.orders]
             moved = floor_motion(signals.spline, signals.floor, inside, order)
             floor += np.where(is_read, moved @ read.axes.T, 0.0)
-        return (values - first) @ drives.reference, values @ drives.noise, floor
+        return values @ drives.reference - self._origin, values @ drives.noise, floor
 
     def _sample(self, measured: Real, reference: Real) -> None:
         """Let the controllers read, and put out their next control."""

@@ -15,6 +15,7 @@ from mbmodel.simulation.closed_loops import (
     SignalSplines,
     drive_loops,
     floor_motion,
+    reference_remarks,
     samples_per_period,
     steps_per_sample,
 )
@@ -39,7 +40,8 @@ class TimeResponse:
         outputs: motion relative to rest, in the order of the labels [m, m/s or m/s^2, rad for
             rotations; positions for joints]; (n_time, n_out).
         step: integrator and step with the estimated error.
-        remarks: sentences on stops that the motion reaches, and on laws that it misses.
+        remarks: sentences on stops that the motion reaches, on laws that it misses, and on
+            references that do not begin at 0.
         loops: reference, measurement and control of each closed loop.
         watched: further signals, without rounding; None without any; (n_time, n_signal).
     """
@@ -162,7 +164,8 @@ def simulate(  # noqa: PLR0913  # one for each thing that a simulation needs
     floor = floor_motion(spline, drives.floor, time_s - time_s[0], order)
     moved = motion + floor @ readings.world_axes.T
     records, seen = ((), None) if closed is None else closed.records(time_s)
-    return TimeResponse(time_s, moved, step, reach.remarks(), records, seen)
+    remarks = reference_remarks(loops, control.reference.T @ signals[0])
+    return TimeResponse(time_s, moved, step, (*reach.remarks(), *remarks), records, seen)
 
 
 def _fastest_part(signals: Real, length: int) -> int:

@@ -119,6 +119,34 @@ def test_a_sampled_loop_is_stepped_exactly(machine, derivative, gain, settings):
         assert np.abs(record.control).max() == pytest.approx(settings["limit"])
 
 
+def test_a_position_reference_begins_where_the_machine_rests(machine):
+    loop = loop_of(machine, controller_from_roots([0.95], [0.4], 3e4, PERIOD_S))
+    time_s = np.arange(COUNT) * PERIOD_S
+    reference = np.where(time_s >= 0.01, 1e-3, 0.0)[:, None]
+    begun, moved = (
+        simulate(machine, AXIS, (), time_s, reference + begin, loops=[loop]) for begin in (0, 0.2)
+    )
+    assert not begun.remarks
+    assert moved.remarks == (
+        "reference:axis begins at 0.2, where the machine rests: begin at 0 for a step",
+    )
+    near, far = begun.loops[0], moved.loops[0]
+    np.testing.assert_allclose(far.reference, 0.2 + near.reference, atol=1e-15)
+    np.testing.assert_allclose(far.measured, 0.2 + near.measured, atol=1e-12)
+    np.testing.assert_allclose(far.error, near.error, atol=1e-12)
+
+
+def test_a_reference_of_a_speed_begins_with_a_step(machine):
+    loop = loop_of(machine, controller_from_roots([0.95], [0.4], 60.0, PERIOD_S), 1, delay=1e-4)
+    time_s, reference = np.arange(COUNT) * PERIOD_S, np.full(COUNT, 0.05)
+    response = simulate(machine, AXIS, (), time_s, reference[:, None], loops=[loop])
+    measured, _, _ = step_exactly(loop, reference, 1)
+    assert np.abs(response.loops[0].measured - measured).max() < 1e-5 * np.abs(measured).max()
+    assert response.remarks == (
+        "reference:axis begins at 0.05, but the machine rests: the loop begins with a step",
+    )
+
+
 def test_a_delay_that_ends_within_a_step_is_right_to_second_order(machine):
     loop = loop_of(machine, controller_from_roots([0.95], [0.4], 3e4, PERIOD_S), delay=np.pi * 1e-4)
     coarse = np.arange(COUNT) * PERIOD_S
