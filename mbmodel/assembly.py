@@ -1,6 +1,6 @@
 """The equation of motion of a machine with its Parts, assembled at one theta."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -161,6 +161,12 @@ def add_product(total: Real, left: Real, core: Real, right: Real) -> None:
         total[power, rows[:, None], columns] += added
 
 
+def _at_joints(jacobian: Real, frame: Real) -> Real:
+    """Return T' F of a frame that few rows of bodies have; (nv, r)."""
+    rows = np.flatnonzero(frame.any(axis=1))
+    return np.asarray(jacobian[rows].T @ frame[rows])
+
+
 def nominal_coefficients(machine: Machine, jacobian: Real) -> Real:
     """Return the coefficients of bodies, gravity and what no Part changes.
 
@@ -180,25 +186,28 @@ def nominal_coefficients(machine: Machine, jacobian: Real) -> Real:
 
 
 def kinematics_and_coefficients(
-    machine: Machine, as_drawn: Real, path: Sequence[Change], body: Sequence[Change]
+    machine: Machine,
+    as_drawn: Callable[[], Real],
+    path: Sequence[Change],
+    body: Sequence[Change],
 ) -> tuple[Real, Real]:
     """Return T, and the coefficients of bodies and gravity, with the changes of Parts.
 
     Args:
         machine: at its static equilibrium.
-        as_drawn: coefficients without any Part; (3, nv, nv).
+        as_drawn: returns the coefficients without any Part; (3, nv, nv).
         path: changes of T.
         body: changes of Zb.
     """
     jacobian = machine.jacobian
     if not path:
-        total = as_drawn.copy()
+        total = as_drawn().copy()
     else:
         jacobian = jacobian + sum(c.left @ c.core[0] @ c.right.T for c in path)
         total = nominal_coefficients(machine, jacobian)
     for change in body:
-        left = jacobian.T @ change.left
-        right = left if change.right is change.left else jacobian.T @ change.right
+        left = _at_joints(jacobian, change.left)
+        right = left if change.right is change.left else _at_joints(jacobian, change.right)
         add_product(total, left, change.core, right)
         if machine.gravity.any() and change.core[2].any():
             added = change.left @ change.core[2] @ change.right.T

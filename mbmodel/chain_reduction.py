@@ -66,7 +66,8 @@ def _elongations(chains: Chains) -> Real:
 
 def _reduce_spring(spring: Spring, chains: Chains, elongation: float) -> Spring:
     """Return a spring in kept coordinates; what it carries at rest stiffens it geometrically."""
-    curved = elongation * np.tensordot(spring.direction, chains.bending, 1)
+    moved = np.flatnonzero(spring.direction)
+    curved = elongation * np.tensordot(spring.direction[moved], chains.bending[moved], 1)
     if spring.geometric is not None:
         curved = curved + chains.matrix(spring.geometric)
     return replace(
@@ -95,15 +96,23 @@ def _body_curvature(machine: Machine, chains: Chains) -> Real:
         (P_ij - 1/2) (w_i x v_j + v_i x w_j, w_i x w_j).
     """
     jacobian, basis = machine.jacobian, chains.basis
-    curvature: Real = np.tensordot(jacobian, chains.bending, 1)
+    bending, count = chains.bending, len(chains.kept)
+    curvature = np.zeros((len(jacobian), count, count))
     order = machine.precedence - 0.5
     for first in range(0, len(jacobian), 6):
         block = jacobian[first : first + 6]
-        moved, turned = block[:3].T, block[3:].T
+        below = np.flatnonzero(block.any(axis=0))
+        led = np.intersect1d(below, chains.following)
+        curvature[first : first + 6] = np.tensordot(block[:, led], bending[led], 1)
+        moved, turned = block[:3, below].T, block[3:, below].T
         between = np.cross(turned[:, None], moved[None]) + np.cross(moved[:, None], turned[None])
         both = np.concatenate([between, np.cross(turned[:, None], turned[None])], axis=2)
         curvature[first : first + 6] += np.einsum(
-            "ia,ij,ijd,jb->dab", basis, order, both, basis, optimize=True
+            "ia,ijd,jb->dab",
+            basis[below],
+            order[np.ix_(below, below)][:, :, None] * both,
+            basis[below],
+            optimize=True,
         )
     return curvature
 

@@ -40,7 +40,7 @@ def load_machine(
     *,
     without_friction: bool = False,
     pose: Mapping[str, float] | None = None,
-    follow: bool = False,
+    follow: bool | None = False,
     reading: Reading | None = None,
 ) -> Machine:
     """Read an MJCF, find its static equilibrium, and linearise the machine there.
@@ -56,8 +56,8 @@ def load_machine(
             name; closed chains follow [m, rad].
         without_friction: whether dry friction (``frictionloss``), which has no linear model, is
             left out instead of refused.
-        follow: whether the equilibrium follows the parameters wherever it depends on them; else
-            only where that changes T or K noticeably.
+        follow: whether the equilibrium follows the parameters wherever it depends on them; if
+            False only where that changes T or K noticeably, if None never.
         reading: as for ``compile_with_remarks``.
 
     Raises:
@@ -131,6 +131,8 @@ def load_machine(
     from_origins = np.array(centres) - data.xpos[stages]
     in_frames = np.einsum("bji,bj->bi", frames, from_origins)
     rest = data.qpos.copy()
+    if follow is None:
+        return machine
     statics = Statics(model, path, keyframe, rest, tuple(stages), frames, in_frames, chains)
     return with_statics(machine, statics, data, always=follow)
 

@@ -133,7 +133,7 @@ class PosedModel:
                 else:
                     by_slot[change.slot if change.slot in by_slot else "point"].append(change)
         jacobian, total = kinematics_and_coefficients(
-            self.machine, self._coefficients_as_drawn, by_slot["path"], by_slot["body"]
+            self.machine, lambda: self._coefficients_as_drawn, by_slot["path"], by_slot["body"]
         )
         for change in by_slot["joint"]:
             add_product(total, change.left, change.core, change.right)

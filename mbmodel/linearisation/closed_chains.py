@@ -20,7 +20,7 @@ give way, are switched off by the flag (``mbmodel.mjcf.read``).
 import copy
 from collections import Counter
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import mujoco
@@ -158,7 +158,7 @@ class Chains:
         missing = inertia + data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator - applied
         is_equality = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         rows = dense_rows(model, data)[is_equality]
-        reactions: Real = np.linalg.lstsq(rows.T, missing, rcond=MIN_INDEPENDENT_SHARE)[0]
+        reactions = _least_squares(rows.tobytes(), rows.shape) @ missing
         data.efc_force[is_equality] = reactions
         return self._in_world_axes(data, reactions.copy())
 
@@ -226,6 +226,18 @@ class Chains:
                     "are not unique, and the smallest are given"
                 )
         return tuple(sentences)
+
+
+@lru_cache(maxsize=1)  # of the rest, whose rows most readings share
+def _least_squares(rows: bytes, shape: tuple[int, ...]) -> Real:
+    """Return the pseudo-inverse of C'; (n_row, nv).
+
+    Args:
+        rows: C as bytes of float64.
+        shape: of C.
+    """
+    constraints = np.frombuffer(rows).reshape(shape)
+    return np.asarray(np.linalg.pinv(constraints.T, rcond=MIN_INDEPENDENT_SHARE), float)
 
 
 def find_chains(

@@ -168,11 +168,12 @@ def _refuse_singular_mass(model: mujoco.MjModel, data: mujoco.MjData, path: Path
     mass = _kept_mass(model, data, chains)
     scale = np.sqrt(np.diag(mass))
     if np.isfinite(mass).all() and scale.min(initial=1.0) > 0:
-        values, vectors = scipy.linalg.eigh(mass / np.outer(scale, scale))
-        unscaled = scipy.linalg.eigvalsh(mass)
-        if values[0] > _MIN_MASS_SHARE and unscaled[0] > _MIN_MASS_RATIO * unscaled[-1]:
+        scaled, unscaled = mass / np.outer(scale, scale), scipy.linalg.eigvalsh(mass)
+        smallest = scipy.linalg.eigvalsh(scaled)[0]
+        if smallest > _MIN_MASS_SHARE and unscaled[0] > _MIN_MASS_RATIO * unscaled[-1]:
             return
-        place = int(np.argmax(np.abs(vectors[:, 0])))
+        lightest = scipy.linalg.eigh(scaled)[1][:, 0]
+        place = int(np.argmax(np.abs(lightest)))
     else:
         place = int(np.argmin(np.where(np.isfinite(scale), scale, -1.0)))
     joint = joint_name(model, model.dof_jntid[_kept_place(chains, place)])

@@ -123,7 +123,7 @@ def actuator_gains(  # one argument for each thing known of the machine at rest
     Raises:
         InputError: an actuator whose force is at a limit at rest.
     """
-    pulls = tendon_body_jacobian(model, data, stages, centres)
+    pulls = tendon_body_jacobian(model, data, stages, centres) if model.nactuator else {}
     gains: dict[str, ActuatorGain] = {}
     idle = []
     for actuator in range(model.nactuator):

@@ -14,7 +14,7 @@ along the coordinates that the chains leave.
 """
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -129,7 +129,7 @@ def read_sensors(pose: RestPose, path: Path) -> MujocoSensors:
     model = pose.model
     if not model.nsensor and pose.chains is None:
         return MujocoSensors()
-    slopes = _reading_slopes(pose)
+    slopes, names = _reading_slopes(pose), [*_control_names(model), *_joint_ports(model)]
     readings: dict[str, SensorReading] = {}
     refused: dict[str, str] = {}
     for sensor in range(model.nsensor):
@@ -143,19 +143,20 @@ def read_sensors(pose: RestPose, path: Path) -> MujocoSensors:
             if rows is None:
                 refused[port] = reason
             else:
-                readings[port] = _reading(pose, sensor, rows, number, slopes.at(start + number))
+                at = slopes.at(start + number)
+                readings[port] = _reading(pose, sensor, rows, number, at, names)
     if pose.chains is not None:
         for number, (port, unit) in enumerate(pose.chains.reaction_names):
             if port in readings or port in refused:
                 raise InputError(f"{path}: a sensor is called {port!r}, as a reaction: rename it")
-            readings[port] = _reaction(pose, unit, slopes.at(model.nsensordata + number))
+            at = slopes.at(model.nsensordata + number)
+            readings[port] = _reaction(pose, unit, at, names)
     return MujocoSensors(readings, refused)
 
 
-def _reaction(pose: RestPose, unit: str, slopes: "_Slopes") -> SensorReading:
+def _reaction(pose: RestPose, unit: str, slopes: "_Slopes", names: Sequence[str]) -> SensorReading:
     """Return one reaction of a closed chain as a reading."""
     body, joint = pose.empty(1)
-    names = [*_control_names(pose.model), *_joint_ports(pose.model)]
     control = dict(zip(names, slopes.control.tolist(), strict=True))
     row = joint[0] @ pose.basis
     return SensorReading(unit, 0, body[0], row, slopes.motion, slopes.wrench, control)
@@ -204,8 +205,13 @@ def _rows_of(pose: RestPose, sensor: int, slopes: _Slopes) -> tuple[SensorRows |
     return rows, ""
 
 
-def _reading(
-    pose: RestPose, sensor: int, rows: SensorRows, number: int, slopes: _Slopes
+def _reading(  # one for each thing known of a reading
+    pose: RestPose,
+    sensor: int,
+    rows: SensorRows,
+    number: int,
+    slopes: _Slopes,
+    names: Sequence[str],
 ) -> SensorReading:
     """Return one number of a sensor; what differences show beyond its rows are further terms."""
     kind = _SENSOR_KIND(pose.model.sensor_type[sensor])
@@ -224,7 +230,7 @@ def _reading(
         joint,
         motion,
         wrench,
-        dict(zip(_control_names(pose.model), control.tolist(), strict=False)),
+        dict(zip(names[: len(pose.data.ctrl)], control.tolist(), strict=False)),
     )
 
 
@@ -308,12 +314,10 @@ def _read(
     if control is not None:
         change_command(model, probe, control, 1.0)
     if wrenches is not None:
-        for stage, centre, wrench in zip(
-            pose.stages, pose.centres, wrenches.reshape(-1, 6), strict=True
-        ):
-            arm = centre - pose.data.xipos[stage]
-            probe.xfrc_applied[stage, :3] += wrench[:3]
-            probe.xfrc_applied[stage, 3:] += wrench[3:] + np.cross(arm, wrench[:3])
+        forces_there, moments = wrenches.reshape(-1, 2, 3).swapaxes(0, 1)
+        arms = np.array(pose.centres) - pose.data.xipos[pose.stages]
+        probe.xfrc_applied[pose.stages, :3] += forces_there
+        probe.xfrc_applied[pose.stages, 3:] += moments + np.cross(arms, forces_there)
     mujoco.mj_fwdPosition(model, probe)
     mujoco.mj_sensorPos(model, probe)
     mujoco.mj_fwdVelocity(model, probe)

@@ -187,8 +187,10 @@ def _drive_at_pose(machine: Machine, gain: ActuatorGain, turns: Real) -> Actuato
     """Return a motor's gain in the axes of the turned bodies, for all coordinates and bodies."""
     nv, size = len(machine.coordinates), len(machine.body_mass)
     body = _turn_back(turns, gain.body[:, None])[:, 0]
-    return ActuatorGain(
-        np.pad(gain.joint, (0, nv - len(gain.joint))), np.pad(body, (0, size - len(body)))
+    return replace(
+        gain,
+        joint=np.pad(gain.joint, (0, nv - len(gain.joint))),
+        body=np.pad(body, (0, size - len(body))),
     )
 
 

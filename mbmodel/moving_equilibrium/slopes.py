@@ -16,6 +16,7 @@ the derivatives at fixed q are differences as well: off its zero, it moves the b
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -119,6 +120,13 @@ class EquilibriumPoint:
         Args:
             forces: f; (n_coordinate, n).
         """
+        shapes, amounts = self._flexibility
+        moved: Real = shapes @ (amounts[:, None] * (shapes.T @ forces))
+        return moved
+
+    @cached_property
+    def _flexibility(self) -> tuple[Real, Real]:
+        """Shapes of the static Parts with unit mass, and their inverse stiffness or 0 if free."""
         nv = self.statics.n_coordinate
         keep = [number for number, part in enumerate(self.model.parts) if is_static(part)]
         pieces = self.model.split_parameters(self.theta)
@@ -128,9 +136,7 @@ class EquilibriumPoint:
         stiffness = matrices.stiffness[:nv, :nv]
         values, shapes = scipy.linalg.eigh((stiffness + stiffness.T) / 2, matrices.mass[:nv, :nv])
         free = np.abs(values) <= _MIN_STIFFNESS_SHARE * np.abs(values).max(initial=0.0)
-        amounts = np.where(free, 0.0, 1.0 / np.where(free, 1.0, values))
-        moved: Real = shapes @ (amounts[:, None] * (shapes.T @ forces))
-        return moved
+        return shapes, np.where(free, 0.0, 1.0 / np.where(free, 1.0, values))
 
     def force_slopes(self, part: Part, values: Real, chosen: Mask | None = None) -> Real:
         """Return the derivative of the net force by each parameter of a Part; (n_coordinate, n).

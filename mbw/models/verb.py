@@ -78,7 +78,7 @@ def _row(path: Path, folder: Path) -> ModelRow:
     """Return the row of one model."""
     name = path.relative_to(folder).as_posix()
     try:
-        machine = load_machine(path)
+        machine = load_machine(path, follow=None)
     except WorkbenchError as failure:
         reason = str(failure).removeprefix(str(path)).lstrip(":, ")
         return ModelRow(model=name, coordinates=None, error=None, reason=reason)

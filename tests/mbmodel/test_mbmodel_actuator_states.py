@@ -125,6 +125,18 @@ def test_frfs_have_exact_slopes(tmp_path):
         np.testing.assert_allclose(columns[..., k], slope, atol=2e-6 * scale)
 
 
+def test_a_state_stays_where_the_equilibrium_moves(path, tmp_path):
+    (tmp_path / "stiffer.xml").write_text(ARM.replace('stiffness="900"', 'stiffness="1080"'))
+    values = []
+    for file, share in ((path, 1.2), (tmp_path / "stiffer.xml", 1.0)):
+        model = as_drawn(load_machine(file, follow=True))
+        assert model.machine.statics is not None
+        theta = model.drawn.copy()
+        theta[[each.name for each in model.parameters].index("a_r.stiffness")] *= share
+        values.append(Evaluator(model, request(model.machine, OUTPUTS, DRIVES)).at(theta).values)
+    np.testing.assert_allclose(*values, atol=1e-6 * np.abs(values[1]).max())
+
+
 @pytest.mark.parametrize("delay", [0.0, 2e-3])
 def test_a_loop_closes_through_the_state(machine, delay):
     controller = controller_from_roots([-30.0], [-200.0], 2.0)
