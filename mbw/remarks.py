@@ -11,6 +11,7 @@ from html import escape
 
 from identification.words import TOLERANCE_BOUND_SIGMA, NominalGain, count_noun, percent_text
 from identification.words.ports import FLOOR
+from mbmodel.mjcf.read import current_reading
 from mbw.page.numbers import format_percent
 from tuning import TunedFile
 from tuning.files.result import TUNED_JSON
@@ -34,6 +35,13 @@ def describe_search(fit: FitRow) -> str:
     if fit.starts == 1:
         return text
     return f"{text}; {fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost"
+
+
+def list_reading_options() -> list[str]:
+    """Return the words of the command line by which another verb reads models as this one does."""
+    reading = current_reading()
+    words = ["--without", ",".join(reading.without)] if reading.without else []
+    return [*words, "--soft-equalities"] if reading.soft_equalities else words
 
 
 def list_remarks(summary: TunedFile) -> list[str]:

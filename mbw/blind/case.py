@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from diagnosis import build_verdict, diagnose, hash_inputs, read_fault, refit_true_cause
 from identification.words import InputError, WorkbenchError
 from identification.words.file_access import write_text
+from mbmodel import Reading, read_as
 from mbw.blind.user_test import is_campaign, read_test, read_user_test
 from truth import (
     WHOLE_DECK,
@@ -53,6 +54,7 @@ class BlindCase:
         choice: effects, places and sizes that are drawn.
         further: name of the further test that is added to the test as it is; empty for none; None
             for a test that is drawn, or the user's own.
+        without: kinds that are left out of models, such as ``gravity``.
     """
 
     model: str
@@ -62,6 +64,7 @@ class BlindCase:
     band: tuple[float, float] | None = None
     choice: Choice = WHOLE_DECK
     further: str | None = None
+    without: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -184,7 +187,7 @@ def _note_worker(case: BlindCase) -> tuple[str, ...]:
 def _run_steps(case: BlindCase) -> CaseOutcome:
     """Draw the case, publish the hash of its answer, and diagnose it."""
     try:
-        with threadpool_limits(1):
+        with threadpool_limits(1), read_as(Reading(case.without)):
             answer_hash = _draw(case)
             _publish(case.out / HASHES, f"{case.name} {answer_hash}")
             _judge(case)
@@ -243,7 +246,8 @@ def _draw_case(case: BlindCase) -> DrawnCase:
     if is_campaign(Path(case.model)):
         test = read_user_test(Path(case.model), case.band)
         return draw_case(test.station, case.seed, case.number, case.choice, test.repeated)
-    return draw_case(read_station(Path(case.model)), case.seed, case.number, case.choice)
+    station = read_station(Path(case.model), case.without)
+    return draw_case(station, case.seed, case.number, case.choice)
 
 
 def _publish(path: Path, line: str) -> None:

@@ -8,6 +8,7 @@ import typer
 
 from identification.words import InputError, WorkbenchError
 from mbmodel import load_machine
+from mbmodel.mjcf.read import current_reading
 from mbw.blind.case import TREES, BlindCase
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import run_cases
@@ -90,9 +91,9 @@ def run_all(options: BlindOptions, out: Path, further: str | None = None) -> lis
         WorkbenchError: no case could be drawn.
     """
     model = options.model if options.model == TREES else str(Path(options.model).absolute())
-    shard = options.shard or Shard(1, 1)
+    shard, without = options.shard or Shard(1, 1), current_reading().without
     cases = [
-        BlindCase(model, options.seed, number, out, options.band, options.choice, further)
+        BlindCase(model, options.seed, number, out, options.band, options.choice, further, without)
         for number in shard.numbers(options.cases)
     ]
     failed = [outcome for outcome in run_cases(cases, options.workers) if outcome.error]

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Band, Jobs, Json, Overwrite, Quiet, Seed, out_option
+from mbw.options import Band, Jobs, Json, Overwrite, Quiet, Seed, Without, out_option
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -71,6 +71,7 @@ def blind(  # noqa: PLR0913  # one for each option
         typer.Option(min=0, help="Predictions that --cases drawn cases each confirm."),
     ] = 0,
     json: Json = None,
+    without: Without = None,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 from identification import read_settings
 from identification.words import InputError, UsageError
 from identification.words.file_access import read_bytes
+from mbmodel.mjcf.read import current_reading
 from mbw.blind.case import HASHES, REQUEST_JSON, TREES
 from mbw.blind.user_test import is_campaign, model_of
 from mbw.output_folder import RECORD
@@ -98,6 +99,8 @@ def build_request(
     }
     if choice is not None and choice != Choice():
         request["choice"] = json.loads(json.dumps(asdict(choice)))
+    if without := current_reading().without:
+        request["without"] = sorted(set(without))
     if shard is not None:
         request |= {"cases": cases, "version": version("mbworkbench"), "shard": str(shard)}
     return request
@@ -164,7 +167,7 @@ def _fingerprint(model: str) -> str:
         return _hash_campaign(Path(model))
     text = read_bytes(Path(model), f"name an MJCF file, or {TREES!r} for random machines")
     try:
-        station = read_station(Path(model))
+        station = read_station(Path(model), current_reading().without)
     except TruthError as error:
         raise InputError(str(error)) from error
     combined = hashlib.sha256(text)

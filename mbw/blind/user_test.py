@@ -9,6 +9,7 @@ from identification import read_settings
 from identification.readers.controller import CampaignLoopTable, find_controller
 from identification.readers.toml_files import toml_key, toml_value
 from identification.words import DERIVATIVE_ORDER, Campaign, Complex, InputError, Test
+from mbmodel.mjcf.read import current_reading
 from truth import (
     ClosedLoop,
     OwnTest,
@@ -86,7 +87,7 @@ def read_test(path: Path, band: tuple[float, float] | None) -> UserTest:
     if is_campaign(path):
         return read_user_test(path, band)
     try:
-        station = read_station(path)
+        station = read_station(path, current_reading().without)
         protocol = fit_to_machine(Protocol((station.first_aim(),)), station)
     except TruthError as error:
         raise InputError(str(error)) from error
@@ -117,7 +118,7 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
     moving = freq_hz > 0
     stated = tuple(_state(source, test, moving) for test in campaign.tests)
     try:
-        station = read_station(model_of(path))
+        station = read_station(model_of(path), current_reading().without)
         loops = tuple(_read_loop(source, station, *row) for row in settings.loop.items())
         station = replace(station, loops=loops)
         measured = locate_tests(station, freq_hz[moving], stated)

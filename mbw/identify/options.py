@@ -16,6 +16,7 @@ from mbw.options import (
     Pictures,
     Quiet,
     SingleJob,
+    Without,
     out_option,
 )
 
@@ -104,6 +105,7 @@ def identify(  # noqa: PLR0913  # one for each option
     ] = None,
     pictures: Pictures = True,
     jobs: SingleJob = 1,
+    without: Without = None,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:

@@ -10,6 +10,7 @@ import signal
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -22,6 +23,8 @@ from diagnosis import Verdict
 from diagnosis.next_test.provisional import ProvisionalCause, find_provisionally
 from identification.readers.array_records import write_array_records
 from identification.words import Dof, HitEstimate, Records, WorkbenchError
+from mbmodel import Reading, read_as
+from mbmodel.mjcf.read import current_reading
 from mbw.live.test import LiveTest, Place, Sheet
 from mbw.workbench.jobs import Job, JobQueue
 from mbw.workbench.opening import open_subject
@@ -65,6 +68,7 @@ def compute_findings(
     hits: int,
     planned: Sequence[Dof],
     band: tuple[float, float] | None = None,
+    reading: Reading | None = None,
 ) -> Findings:
     """Tune the model of a campaign of accepted hits, score effects, and rank planned hits.
 
@@ -74,8 +78,10 @@ def compute_findings(
         hits: their number.
         planned: as for ``find_provisionally``.
         band: band of the lines that count [Hz]; None for those with coherence.
+        reading: how the model is read; None for as it is.
     """
-    result = find_provisionally(open_session(folder, band), planned)
+    with read_as(reading or Reading()):
+        result = find_provisionally(open_session(folder, band), planned)
     names = [parameter.name for parameter in result.model.parameters]
     return Findings(
         tuple(places),
@@ -118,7 +124,7 @@ class FindingsWorker:
         planned = [place[1] for place in sheet.places if place not in places]
         dofs = [dof for dof in planned if isinstance(dof, Dof)]
         self._running = self._pool.submit(
-            compute_findings, self.folder, places, len(keys), dofs, self.band
+            compute_findings, self.folder, places, len(keys), dofs, self.band, current_reading()
         )
 
     def collect(self) -> "Findings | str | None":
@@ -238,7 +244,8 @@ class FullRefits:
         with write_atomically(snapshot) as staging:
             write_accepted(test, sheet, places, staging, snapshot)
         self.say(f"full diagnosis of {len(keys)} hits has begun; its input is {snapshot}")
-        Thread(target=self._add, args=(self._queue, snapshot), daemon=True).start()
+        add = (copy_context().run, self._add, self._queue, snapshot)  # models are read as here
+        Thread(target=add[0], args=add[1:], daemon=True).start()
 
     def close(self) -> None:
         """Interrupt what runs."""

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Band, Json, Overwrite, Quiet, SingleJob, out_option
+from mbw.options import Band, Json, Overwrite, Quiet, SingleJob, Without, out_option
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -34,6 +34,7 @@ def live(  # noqa: PLR0913  # one for each option
     out: Annotated[Path | None, out_option("<folder>-accepted beside it")] = None,
     json: Json = None,
     jobs: SingleJob = 1,
+    without: Without = None,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:

@@ -15,6 +15,7 @@ from mbw.live.session import LiveSession
 from mbw.live.summary import LiveSummary
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
+from mbw.remarks import list_reading_options
 from mbw.workbench.server import serve_beside
 
 _LOOK_INTERVAL_S = 0.2
@@ -65,7 +66,8 @@ def run_options(
         with outputs.open("live", session.test.source, "accepted", ["campaign.toml"]) as output:
             with output.write() as place:
                 session.write_accepted(place, output.path)
-            SCREEN.say(f"accepted hits are in {output.path}: mbw diagnose {output.path}")
+            words = " ".join([str(output.path), *list_reading_options()])
+            SCREEN.say(f"accepted hits are in {output.path}: mbw diagnose {words}")
     if json is not None:
         write_json(LiveSummary.of(session).model_dump_json(indent=1), json)
 

@@ -22,6 +22,7 @@ from mbw.remarks import (
     describe_gap,
     describe_search,
     gain_tolerance,
+    list_reading_options,
     list_remarks,
     number_text,
 )
@@ -179,8 +180,8 @@ def run(  # noqa: PLR0913  # one for each option
             summary = _write(tuned, output, outputs)
         _say(summary, output.path)
         if summary.fit.trusted:
-            place = shlex.quote(str(session.source.parent))
-            SCREEN.say(f"next: mbw diagnose {place} seeks what the model lacks")
+            words = shlex.join([str(session.source.parent), *list_reading_options()])
+            SCREEN.say(f"next: mbw diagnose {words} seeks what the model lacks")
         outputs.say_page(output.path / PAGE)
         if not tuned.interrupted:
             checkpoint.close()

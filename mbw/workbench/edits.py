@@ -206,7 +206,7 @@ def edit_machine(machine: Machine, edits: Sequence[MachineEdit], folder: Path) -
     if write_mjcf(machine.source, path, changes):  # a body of an included file
         write_mjcf(machine.source, path, changes, expanded=True)
     try:
-        edited = load_machine(path, key=machine.keyframe)
+        edited = load_machine(path, key=machine.keyframe, reading=machine.reading)
     except (InputError, ConvergenceError) as error:
         text = str(error).replace(str(path), f"{machine.source.name} with what was added")
         raise type(error)(text) from error

@@ -22,6 +22,7 @@ from pydantic import BaseModel, ValidationError
 
 from identification.words import UsageError
 from mbw.output_folder import ResultOptions
+from mbw.remarks import list_reading_options
 from mbw.workbench.saving import SAVED_MODEL, check_unchanged, save_state
 from mbw.workbench.state import SessionState
 from mbw.workbench.subject import WorkbenchSubject
@@ -52,6 +53,7 @@ class Job(BaseModel):
         key: hash of the machine that it was made from.
         band: lowest and highest frequency line of the page [Hz].
         partner: second campaign of a comparison; empty for partner verbs.
+        reading: options that say how models are read.
         status: what has become of it.
         code: exit code; None before its end.
         source: campaign that it reads in place of ``input``; empty for none.
@@ -65,6 +67,7 @@ class Job(BaseModel):
     key: str
     band: tuple[float, float]
     partner: str = ""
+    reading: tuple[str, ...] = ()
     status: Status = "waiting"
     code: int | None = None
     source: str = ""
@@ -138,6 +141,7 @@ class JobQueue:
                 key=state.machine_key,
                 band=(float(lines[0]), float(lines[-1])),
                 partner=partner,
+                reading=tuple(list_reading_options()),
             )
             self._keep(job.model_copy(update=self._write_input(job, subject, state)))
         return job
@@ -271,7 +275,7 @@ class JobQueue:
         job = self._keep(job.model_copy(update={"status": "running"}))  # before its process
         words = [sys.executable, "-m", "mbw", job.verb, source]
         words += [str(Path(job.partner).expanduser().absolute())] if job.partner else []
-        words += ["--out", "out", "--overwrite"]
+        words += ["--out", "out", "--overwrite", *job.reading]
         if job.verb in _FITS:  # on the lines of the page, so that their curves fit into it
             words += ["--band", *map(str, job.band)]
         if job.verb in _FITS and any((place / "out").glob("*.checkpoint.json")):

@@ -15,6 +15,7 @@ from identification.words import (
 from identification.words.file_access import real_path
 from mbmodel import load_machine, machine_model, mjcf_files, model_modes
 from mbw.output_folder import folder_beside, source_of
+from mbw.remarks import list_reading_options
 from mbw.results.diagnosed_files import read_result as read_diagnosis
 from mbw.results.measured_modes import read_measured_modes
 from mbw.workbench.causes import ShownVerdict
@@ -77,7 +78,7 @@ def _open_model(path: Path, band: tuple[float, float] | None, key: str | None) -
         campaign=None,
         freq_hz=np.geomspace(low, high, N_LINES),
         quantity="accelerance",
-        hashes=("", hash_rows(hash_files(mjcf_files(path), path.parent), key or "")),
+        hashes=("", _hash_model(path, path.parent, key)),
         source_content=path.read_bytes(),
         remarks=machine.remarks,
     )
@@ -106,15 +107,18 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
         campaign=campaign,
         freq_hz=campaign.freq_hz,
         quantity=campaign.tests[0].estimate.frf.quantity,
-        hashes=(
-            hash_rows(rows),
-            hash_rows(hash_files(mjcf_files(session.model.machine.source), source.parent)),
-        ),
+        hashes=(hash_rows(rows), _hash_model(session.model.machine.source, source.parent)),
         source_content=source.read_bytes(),
         result=path if path.is_dir() and path in folders.values() else None,
         remarks=remarks,
     )
     return show_results(subject, folders)
+
+
+def _hash_model(path: Path, folder: Path, key: str | None = None) -> str:
+    """Return the hash of the files of a model and of how it is read."""
+    how = " ".join([key or "", *list_reading_options()]).strip()
+    return hash_rows(hash_files(mjcf_files(path), folder), how)
 
 
 def show_results(subject: WorkbenchSubject, folders: Mapping[str, Path]) -> WorkbenchSubject:

@@ -15,6 +15,7 @@ import secrets
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import copy_context
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -103,7 +104,12 @@ class PageServer(ThreadingHTTPServer):
     def __init__(self, page: ServedPage, port: int = 0) -> None:
         self.page, self._token = page, secrets.token_urlsafe(24)
         self.cookie = secrets.token_urlsafe(24)  # of the browsers that came with a token
+        self._context = copy_context()  # how models are read
         super().__init__((HOST, port), _Handler)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer a request in the context of the call that made the server."""
+        self._context.copy().run(super().process_request_thread, request, client_address)
 
     def handle_error(self, request: object, client_address: object) -> None:
         """Report a failure of the server, but no browser that left before its answer."""

@@ -180,12 +180,12 @@ def port_labels(layout: Layout) -> list[str]:
     return [*axes, *map(str, layout.body_dofs())]
 
 
-def hash_rows(rows: Iterable[InputRow], key: str = "") -> str:
-    """Return one hash of all files, and of the keyframe that is read of them.
+def hash_rows(rows: Iterable[InputRow], how: str = "") -> str:
+    """Return one hash of all files, and of how they are read.
 
     Args:
         rows: files with their hashes.
-        key: name of the keyframe; empty for the default.
+        how: keyframe and options of the command; empty for the default.
     """
-    text = "".join(f"{row.file} {row.sha256}\n" for row in rows) + key
+    text = "".join(f"{row.file} {row.sha256}\n" for row in rows) + how
     return hashlib.sha256(text.encode()).hexdigest()

@@ -10,7 +10,7 @@ Read a machine: one that its own values describe in full, else any MJCF through 
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -43,6 +43,14 @@ _JOINT_SENSORS = {
     int(mujoco.mjtSensor.mjSENS_JOINTVEL): 1,
 }
 
+# Flags of MJCF by what they switch off, with MuJoCo's bits.
+SWITCHES = {
+    "contact": ("contact", mujoco.mjtDisableBit.mjDSBL_CONTACT),
+    "friction": ("frictionloss", mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS),
+    "limits": ("limit", mujoco.mjtDisableBit.mjDSBL_LIMIT),
+    "gravity": ("gravity", mujoco.mjtDisableBit.mjDSBL_GRAVITY),
+}
+
 
 @dataclass(frozen=True, eq=False)
 class CompiledModel:
@@ -69,11 +77,11 @@ class CompiledModel:
         return str(self.model.joint(self.model.sensor_objid[number]).name), order
 
 
-def read_machine(path: Path) -> Station:
+def read_machine(path: Path, without: Iterable[str] = ()) -> Station:
     """Read a nominal machine, as it is at its static equilibrium.
 
     Args:
-        path: an MJCF of rigid bodies.
+        path, without: as for ``read_station``; copies of the files switch off the same.
 
     Raises:
         TruthError: MuJoCo refuses the file, or the machine has no stable equilibrium.
@@ -86,6 +94,9 @@ def read_machine(path: Path) -> Station:
         raise TruthError(f"{path}: MuJoCo refuses it: {message}") from error
     if not model.nv:
         raise TruthError(f"{path}: no body has a joint; give at least one body a joint")
+    flags = [SWITCHES[kind] for kind in without]
+    model.opt.disableflags |= sum(int(bit) for _, bit in flags)
+    files = switch_off(files, entry, [name for name, _ in flags])
     _refuse_unlinear(path, model)
     data = mujoco.MjData(model)
     names = [model.key(number).name for number in range(model.nkey)]
@@ -211,6 +222,21 @@ def gather_files(path: Path) -> tuple[Mapping[str, bytes], str]:
     return contents, Path(os.path.normpath(main)).relative_to(common).as_posix()
 
 
+def switch_off(files: Mapping[str, bytes], entry: str, flags: Iterable[str]) -> Mapping[str, bytes]:
+    """Return the files of an MJCF, whose main one sets flags of MuJoCo to ``disable``.
+
+    Args:
+        files, entry: as ``gather_files`` returns them.
+        flags: attributes of ``<flag>``; without any, the files are returned as they are.
+    """
+    values = dict.fromkeys(flags, "disable")
+    if not values:
+        return files
+    root = ET.fromstring(files[entry])
+    ET.SubElement(ET.SubElement(root, "option"), "flag", values)  # the last one counts
+    return {**files, entry: ET.tostring(root)}
+
+
 def _content(file: Path) -> bytes:
     if file.exists() and not file.is_file():  # a pipe or device could be without an end
         raise TruthError(f"{file}: is no file; give an MJCF file")
@@ -239,7 +265,7 @@ def _list_named_files(file: Path, content: bytes, folder: Path) -> list[Path]:
     return [place for place in places if place.is_file()]
 
 
-def read_station(path: Path) -> Station:
+def read_station(path: Path, without: Iterable[str] = ()) -> Station:
     """Read a nominal machine.
 
     Bodies with springs along joints, without weight, tendons or actuators, become a station that
@@ -248,6 +274,7 @@ def read_station(path: Path) -> Station:
 
     Args:
         path: an MJCF.
+        without: what is switched off: ``contact``, ``friction``, ``limits``, ``gravity``.
 
     Raises:
         TruthError: the file cannot be read, or has no linear model.
@@ -255,7 +282,7 @@ def read_station(path: Path) -> Station:
     try:
         return mjcf_reader.read_station(path)
     except TruthError:
-        return read_machine(path)
+        return read_machine(path, without)
 
 
 def why_as_drawn(path: Path) -> str:
