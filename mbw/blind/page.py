@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -89,18 +90,22 @@ def describe_draws(folder: Path) -> str:
 
 
 def describe_failures(folder: Path) -> list[str]:
-    """Return a sentence on each case that ended in an exception."""
+    """Return a sentence on each error with which cases ended."""
+    cases: dict[str, list[str]] = {}
+    for file in sorted(folder.glob("cases/*/failed.txt")):
+        cases.setdefault(_last_error(file.read_text("utf-8")), []).append(file.parent.name)
     return [
-        f"case {file.parent.name} could not be run: {_last_error(file.read_text('utf-8'))}"
-        for file in sorted(folder.glob("cases/*/failed.txt"))
+        f"case{'s' if len(names) > 1 else ''} {', '.join(names)} could not be run: {error}"
+        for error, names in cases.items()
     ]
 
 
 def _last_error(traceback: str) -> str:
-    """Return type and message of the error: the lines after the last indented one."""
+    """Return the message of the error, after its type unless it is a sentence for the user."""
     lines = traceback.splitlines()
     stack = [number for number, line in enumerate(lines) if line.startswith("  ")]
-    return " ".join(" ".join(lines[stack[-1] + 1 if stack else 0 :]).split())
+    error = " ".join(" ".join(lines[stack[-1] + 1 if stack else 0 :]).split())
+    return re.sub(r"^(truth\.errors|identification\.words\.errors)\.\w+: ", "", error)
 
 
 _NEAR_ONE = 0.1  # a factor or gain: its difference from 1 is the effect

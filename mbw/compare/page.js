@@ -4,6 +4,7 @@ const FREQ = Array.from(floats(DATA.freq)), FRF = shorts(DATA.frf), NOISE = shor
 const state = {cell: 0, mode: 0, playing: false};
 const colour = test => HUES[test % HUES.length];
 const number = (value, text) => value === null || value === undefined ? "-" : text(value);
+const sigmas = value => value < 1000 ? value.toPrecision(3) : value.toFixed(0);
 const percent = size => value => (100 * value / size).toPrecision(2) + " %";
 
 function fill(id, columns, rows, click) {
@@ -28,10 +29,10 @@ function pairTable() {
     const shift = mode.frequency_shift, loss = mode.damping_shift, size = mode.frequency[0] / 100;
     const mark = row => row && row.changed ? "changed" : "";
     return [[String(k + 1)], ...mode.frequency.map(v => [number(v, digits)]), [number(shift, s => (s.value / size).toFixed(3)), mark(shift)], [number(shift, s => deviation(s.sd / size))],
-      [number(shift && shift.significance, v => v.toPrecision(3))], ...mode.damping.map(v => [number(v, d => (100 * d).toFixed(3))]), [number(loss, s => deviation(100 * s.sd)), mark(loss)],
-      [number(loss && loss.significance, v => v.toPrecision(3))], [shift ? mode.mac[1].toFixed(2) : "-"]];
+      [number(shift && shift.significance, sigmas)], ...mode.damping.map((v, test) => [number(v, d => (100 * d).toFixed(3)), test ? mark(loss) : ""]), [number(loss, s => deviation(100 * s.sd))],
+      [number(loss && loss.significance, sigmas)], [shift ? mode.mac[1].toFixed(2) : "-"]];
   }));
-  byId("modes-note").textContent = "Red: changed beyond noise" + (DATA.kind === "visits" ? " and what differs between two visits of itself." : ".") + " A mode with one frequency has no partner.";
+  byId("modes-note").textContent = "Red: changed beyond noise" + (DATA.kind === "visits" ? " and what differs between two visits of itself." : ".") + " ±: one standard deviation of the difference; sigma: the difference in standard deviations. A mode with one frequency has no partner.";
 }
 
 function fleetTable() {

@@ -57,7 +57,7 @@ def render(result: ComparedFile, comparison: TestComparison, report: str | None)
         title=escape(f"{' and '.join(names[:2])}{' ...' if len(names) > 2 else ''}: what differs"),
         subtitle=escape(
             f"{_SUBTITLES[result.kind]}: {len(names)} tests, {len(result.channels)} shared "
-            f"channels, {result.band[0]:g}..{result.band[1]:g} Hz"
+            f"channels, {result.band[0]:.4g}..{result.band[1]:.4g} Hz"
         ),
         lead=escape(lead) + link,
         warnings=warning_boxes(notes, notes),

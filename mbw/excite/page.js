@@ -18,7 +18,7 @@ function draw(place, x, lines, xaxis, yaxis) {
 }
 
 const named = key => DATA.drives.map(drive => ({name: drive.name + " [" + drive.unit + "]", values: floats(drive[key])}));
-fill("limits", DATA.limits.map(r => [r.drive, r.what, r.reached, r.limit, r.unit]));
+fill("limits", DATA.limits.map(r => [r.drive, r.what, r.reached, r.limit, r.unit, 100 * r.reached / r.limit]));
 fill("parameters", DATA.parameters.map(r => [r.parameter, r.nominal, r.interval[0], r.interval[1], r.unit, r.determined ? "yes" : "no"]));
 draw("spectrum", freq, named("amplitude"), {title: {text: "frequency / Hz"}}, {title: {text: "amplitude"}, type: "log", exponentformat: "power"});
 draw("period", Array.from(floats(DATA.time)), named("period"), {title: {text: "time / s"}}, {title: {text: "signal"}});

@@ -7,7 +7,7 @@ import numpy as np
 
 from identification.words.file_access import read_bytes
 from mbw.excite.schema import ExcitationFile
-from mbw.excite.summary import describe_excitation
+from mbw.excite.summary import describe_forecast, describe_signal, describe_sliding
 from mbw.page.html import fill_template, pack_real, warning_boxes
 from tuning.excitation.design import Excitation
 from tuning.excitation.prediction import predict_coherence
@@ -50,13 +50,15 @@ def render(excitation: Excitation, summary: ExcitationFile) -> str:
         "limits": [row.model_dump() for row in summary.limits],
         "parameters": [row.model_dump() for row in summary.parameters],
     }
-    sentences = list(describe_excitation(summary))[len(summary.remarks) :]
+    sentences = [f"{text[0].upper()}{text[1:]}." for text in describe_forecast(summary)]
+    sliding = "".join(f"<li>{escape(describe_sliding(row))}</li>" for row in summary.sliding)
     return fill_template(
         "excite/template.html",
         data,
         scripts=["excite/page.js"],
         title=escape(f"{excitation.model.machine.name}: excitation"),
-        subtitle=escape(sentences[0]),
+        subtitle=escape(describe_signal(summary)),
         warnings=warning_boxes(summary.remarks, summary.remarks),
-        sentences="".join(f"<li>{escape(text)}</li>" for text in sentences[1:]),
+        lead=escape(" ".join(sentences)),
+        sliding=f"<ul>{sliding}</ul>" if sliding else "",
     )

@@ -149,32 +149,17 @@ def _remark_on_strokes(sliding: Sequence[SlidingRow]) -> list[str]:
 
 
 def describe_excitation(summary: ExcitationFile) -> Iterator[str]:
-    """Yield the sentences that the terminal and the page show."""
+    """Yield the sentences that the terminal shows."""
     yield from summary.remarks
-    names = ", ".join(row.drive for row in summary.drives)
-    low, high = summary.band
-    yield (
-        f"{summary.kind} for {names}: {summary.lines} lines from {low:.4g} to {high:.4g} Hz; "
-        f"{summary.realisations} x {summary.periods} periods of {summary.period:.4g} s, "
-        f"{summary.seconds:.4g} s at {summary.rate:.6g} Hz"
-    )
+    yield describe_signal(summary)
     for limit in summary.limits:
         share = 100 * limit.reached / limit.limit
         yield (
             f"{limit.drive}: {limit.what} {limit.reached:.3g} {limit.unit}, "
             f"{share:.0f} % of its limit"
         )
-    criterion = summary.criterion
-    shrink = np.exp((criterion.flat - criterion.value) / (2 * len(criterion.of)))
-    yield (
-        f"designed for {describe_aim(criterion)} (D-optimal): intervals are {shrink:.2g} times "
-        "those of a flat spectrum under the same limits (geometric mean)"
-    )
+    yield from describe_forecast(summary)
     determined = [row for row in summary.parameters if row.determined]
-    yield (
-        f"{len(determined)} of {len(summary.parameters)} stiffnesses and dampings will be "
-        "determined"
-    )
     for row in sorted(determined, key=_relative_width, reverse=True)[:_LISTED_INTERVALS]:
         low, high = row.interval
         yield f"expected: {row.parameter} {low:.4g} to {high:.4g} {row.unit} (95 %)"
@@ -183,6 +168,29 @@ def describe_excitation(summary: ExcitationFile) -> Iterator[str]:
     if len(vague) > _LISTED_INTERVALS:
         yield f"{len(vague) - _LISTED_INTERVALS} further ones stand in {EXCITATION_JSON}"
     yield from map(describe_sliding, summary.sliding)
+
+
+def describe_signal(summary: ExcitationFile) -> str:
+    """Return kind, drives, lines and length of the signal."""
+    names = ", ".join(row.drive for row in summary.drives)
+    low, high = summary.band
+    return (
+        f"{summary.kind} for {names}: {summary.lines} lines from {low:.4g} to {high:.4g} Hz; "
+        f"{summary.realisations} x {summary.periods} periods of {summary.period:.4g} s, "
+        f"{summary.seconds:.4g} s at {summary.rate:.6g} Hz"
+    )
+
+
+def describe_forecast(summary: ExcitationFile) -> Iterator[str]:
+    """Yield for what the signal was designed, and how much it will determine."""
+    criterion = summary.criterion
+    shrink = np.exp((criterion.flat - criterion.value) / (2 * len(criterion.of)))
+    yield (
+        f"designed for {describe_aim(criterion)} (D-optimal): intervals are {shrink:.2g} times "
+        "those of a flat spectrum under the same limits (geometric mean)"
+    )
+    determined = sum(row.determined for row in summary.parameters)
+    yield f"{determined} of {len(summary.parameters)} stiffnesses and dampings will be determined"
 
 
 def describe_aim(criterion: CriterionRow) -> str:

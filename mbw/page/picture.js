@@ -194,7 +194,7 @@ function scene() {
   const axis = (k, name) => ({range: [0, 1].map(e => (EXTENT.low[k] + EXTENT.high[k]) / 2 + (e ? 1 : -1) * half[k]),
     title: {text: name + " / m", font: {size: 11}}, tickfont: {size: 10}, nticks: 5, showbackground: false,
     gridcolor: GRID, zerolinecolor: PALE, showspikes: false, autorange: false});
-  const mean = Math.cbrt(half[0] * half[1] * half[2]), far = distance(span.map(v => v / 4 / mean));
+  const mean = Math.cbrt(half[0] * half[1] * half[2]), far = distance(half.map(v => v / 2 / mean));
   return {xaxis: axis(0, "x"), yaxis: axis(1, "y"), zaxis: axis(2, "z"), aspectmode: "manual", aspectratio: {x: half[0] / mean, y: half[1] / mean, z: half[2] / mean}, dragmode: "turntable",
     camera: {eye: {x: far * LOOK[0], y: far * LOOK[1], z: far * LOOK[2]}, center: {x: 0, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}};
 }

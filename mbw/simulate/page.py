@@ -52,7 +52,12 @@ class PageView:
 
 
 def render(
-    title: str, subtitle: str, step: str, remarks: Sequence[str], views: Sequence[PageView]
+    title: str,
+    subtitle: str,
+    step: str,
+    remarks: Sequence[str],
+    views: Sequence[PageView],
+    sentences: Sequence[str] = (),
 ) -> str:
     """Return the HTML page of a simulation.
 
@@ -62,6 +67,7 @@ def render(
         step: sentence on integrator and error.
         remarks: for the user.
         views: records that are shown.
+        sentences: what it showed.
     """
     return fill_template(
         "simulate/template.html",
@@ -69,6 +75,7 @@ def render(
         title=escape(title),
         subtitle=escape(subtitle),
         step=escape(step),
+        lead=f'<p class="lead">{escape(" ".join(sentences))}</p>' if sentences else "",
         warnings=warning_boxes(remarks),
         scripts=["simulate/page.js"],
     )

@@ -275,6 +275,10 @@ def play_signal(
             (str(reading), output_unit(machine, reading, quantity), response.outputs[:, k])
             for k, reading in enumerate(readings)
         ]
+        sentences = [
+            *error_sentences(result, duration),
+            *(text for loop in response.loops for text in loop_sentences(loop, options.window)),
+        ]
         with output.write() as place:
             names_of_inputs = [label for label, _, _ in inputs]
             further = [
@@ -285,11 +289,13 @@ def play_signal(
             if outputs.pictures:
                 text = render(
                     f"{machine.name}: response in time",
-                    f"inputs: {len(drives)}, outputs: {len(readings)}, "
-                    f"loops: {len(response.loops)}",
+                    f"{count_noun(len(inputs), 'input')}, "
+                    f"{count_noun(len(errors) + len(motion), 'output')}, "
+                    f"{count_noun(len(response.loops), 'closed loop')}",
                     step_sentence(response.step),
                     (*machine.remarks, *response.remarks, *result.remarks),
                     [PageView("", signal.time_s, inputs, [*errors, *motion], loops=response.loops)],
+                    sentences,
                 )
                 (place / PAGE).write_text(text, encoding="utf-8")
     if options.animate is not None:
@@ -297,10 +303,7 @@ def play_signal(
         write_animation(options.animate, machine, signal.time_s, places.outputs)
     for remark in (*response.remarks, *result.remarks):
         SCREEN.say(remark)
-    for sentence in (
-        *error_sentences(result, duration),
-        *(text for loop in response.loops for text in loop_sentences(loop, options.window)),
-    ):
+    for sentence in sentences:
         (SCREEN.say if outputs.has_json_on_stdout else typer.echo)(sentence)
     SCREEN.say(step_sentence(response.step))
     counts = f"{count_noun(len(columns) - len(inputs), 'channel')}, {len(signal.time_s)} samples"

@@ -112,6 +112,6 @@ Plotly.newPlot("gap", DATA.gap.map(g => ({type: "bar", name: g.name, x: ["at the
    legend: {orientation: "h", y: 1.16, x: 0.2}}, {...CONFIG, displayModeBar: false});
 Plotly.newPlot("where", [{type: "bar", orientation: "h", y: DATA.where.map(w => w.body).reverse(),
   x: DATA.where.map(w => 100 * w.share).reverse(), marker: {color: BLUE}, text: DATA.where.map(w =>
-  "excess " + w.excess.toPrecision(2)).reverse(), textposition: "auto", hovertemplate: "%{x:.0f} %<extra></extra>"}],
+  "excess " + w.excess.toPrecision(2)).reverse(), textposition: "auto", textangle: 0, cliponaxis: false, hovertemplate: "%{x:.0f} %<extra></extra>"}],
   {...small, margin: {l: 120, r: 20, t: 40, b: 40}, title: {text: "Share of the remaining gap, by body", x: 0.02, font: {size: 14}},
    xaxis: {ticksuffix: " %", gridcolor: GRID, rangemode: "tozero"}}, {...CONFIG, displayModeBar: false});

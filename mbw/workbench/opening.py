@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.campaign_toml import find_campaign_file
+from identification.readers.result_files import read_result_json
 from identification.result.stored_result import MODES_JSON
 from identification.words import (
     InputError,
@@ -17,12 +18,20 @@ from mbmodel import load_machine, machine_model, mjcf_files, model_modes
 from mbw.output_folder import folder_beside, source_of
 from mbw.remarks import list_reading_options
 from mbw.results.diagnosed_files import read_result as read_diagnosis
+from mbw.results.diagnosed_schema import ShownFile
 from mbw.results.measured_modes import read_measured_modes
 from mbw.workbench.causes import ShownVerdict
 from mbw.workbench.subject import StoredFrfs, WorkbenchSubject, hash_rows
 from tuning import open_session, parametrise, read_result
 from tuning.files.input_files import hash_files, input_rows
-from tuning.files.plant_folder import AUGMENTED, SHOWN, VERDICT, HeldOutResult, read_held_out
+from tuning.files.plant_folder import (
+    AUGMENTED,
+    DIAGNOSE_VERB,
+    SHOWN,
+    VERDICT,
+    HeldOutResult,
+    read_held_out,
+)
 from tuning.files.result import TUNED_JSON, TUNED_MJCF
 from tuning.files.schema import InputRow
 
@@ -93,7 +102,7 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
         if _is_result_of(source, folder, file)
     }
     tuned = read_result(folders["tuned"]).summary if "tuned" in folders else None
-    session = open_session(source, band or (None if tuned is None else tuned.band))
+    session = open_session(source, band or _find_band(path, folders))
     campaign = session.campaign.leave_out_after()
     rows = input_rows(session)
     remarks = campaign.remarks
@@ -113,6 +122,13 @@ def _open_campaign(path: Path, source: Path, band: tuple[float, float] | None) -
         remarks=remarks,
     )
     return show_results(subject, folders)
+
+
+def _find_band(path: Path, folders: Mapping[str, Path]) -> tuple[float, float] | None:
+    """Return the band of the fit that was opened, else of one beside it; None without any."""
+    if "diagnosed" in folders and ("tuned" not in folders or folders["diagnosed"] == path):
+        return read_result_json(folders["diagnosed"] / SHOWN, ShownFile, DIAGNOSE_VERB).band
+    return read_result(folders["tuned"]).summary.band if "tuned" in folders else None
 
 
 def _hash_model(path: Path, folder: Path, key: str | None = None) -> str:

@@ -25,18 +25,53 @@ PAINTED = "new Promise(done => setTimeout(() => requestAnimationFrame(() => done
 ASSETS = Path("assets")  # from the root of the repository: pages print these paths
 AXIS = ASSETS / "gallery" / "servo-axis"
 
+BODIES, LINEAR = ASSETS / "two_bodies.xml", ASSETS / "axis" / "axis.xml"
+BUDGET = f"--budget {LINEAR.parent / 'budget.toml'}"
+HEAVY = 'mass="80"', 'mass="88"'  # the stage of the second visit
+HITS = "--hammer acc1 --hammer acc3 --hits 5 --rate 512 --block 4 --no-pictures"
+
+# Calls of each page, with {out} for its folder, and the page's file.
 PAGES = {
-    "identify": (f"identify {AXIS}", "identify.html"),
-    "tune": (f"tune {AXIS}", "report.html"),
-    "diagnose": (f"report {AXIS}-diagnosed", "report.html"),
+    "identify": (f"identify {AXIS} --out {{out}}", "identify.html"),
+    "tune": (f"tune {AXIS} --out {{out}}", "report.html"),
+    "diagnose": (f"report {AXIS}-diagnosed --out {{out}}", "report.html"),
+    "predict": (f"predict {LINEAR} {BUDGET} --out {{out}}", "predict.html"),
+    "simulate": (
+        f"simulate {LINEAR} {BUDGET} --signal move --at reference:x --amplitude 0.01 "
+        "--limits 0.1,1,50,1e4 --duration 0.6 --out {out}",
+        "simulate.html",
+    ),
+    "compare": (
+        f"simulate {BODIES} {HITS} --seed 1 --out {{out}}/march; "
+        f"simulate {{out}}/heavy.xml --nominal {BODIES} {HITS} --seed 2 --out {{out}}/june; "
+        "compare {out}/march {out}/june --band 20 200 --out {out}/compared",
+        "page.html",
+    ),
+    "blind": (
+        f"blind {BODIES} --cases 16 --effect mass_error --effect missing_dof --effect appendage "
+        "--out {out}",
+        "blind.html",
+    ),
+    "match": (
+        f"match {ASSETS / 'gondola/shapes.vtu'} {ASSETS / 'gondola/campaign'} --out {{out}}",
+        "match.html",
+    ),
+    "excite": (
+        f"excite {LINEAR} --drives motor --limit motor:force=150,stroke=5e-3,speed=0.2 "
+        "--band 5 200 --out {out}",
+        "excitation.html",
+    ),
 }
 
 
 def write_page(name: str, folder: Path) -> Path:
-    """Run the verb of a page into a folder; return the page."""
-    words, page = PAGES[name]
+    """Run the verbs of a page in a folder; return the page."""
+    calls, page = PAGES[name]
     out = folder / name
-    run_verb(*words.split(), "--out", str(out))
+    out.mkdir()
+    (out / "heavy.xml").write_text(BODIES.read_text("utf-8").replace(*HEAVY), encoding="utf-8")
+    for call in calls.format(out=out).split("; "):
+        run_verb(*call.split())
     return next(iter(sorted(out.rglob(page))))
 
 

@@ -1,6 +1,8 @@
 """The gallery opens from its committed results, and two machines come out the same again."""
 
 import io
+import json
+import shutil
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from mbw.command import app
 from mbw.open import gallery
 from mbw.open.gallery import resolve_gallery
 from mbw.workbench.opening import open_subject
+from tests.bench.gallery import MOST_CORE_S, open_machine
 from tests.docs.gallery_page import GALLERY_PAGE, GALLERY_PICTURES, gallery_page
 from tests.docs.gallery_pictures import MOST_BYTES
 from tests.gallery.__main__ import main
@@ -63,6 +66,19 @@ def test_a_campaign_drawn_anew_is_diagnosed_as_the_committed_one(name, tmp_path)
         (row.effect, row.location, row.dof) for row in machine.verdict.causes
     ]
     assert verdict.gap.after.excess == pytest.approx(machine.verdict.gap.after.excess, rel=0.01)
+
+
+def test_the_command_serves_a_machine_in_seconds(tmp_path):
+    _, core = open_machine(AGAIN[0], tmp_path)
+    assert core < 3 * MOST_CORE_S, "make bench ONLY=gallery measures all of them"
+
+
+def test_a_diagnosis_opens_on_its_own_band(tmp_path):
+    copy = shutil.copytree(GALLERY, tmp_path / "gallery")
+    file = copy / MACHINES[AGAIN[0]].diagnosed.name / "diagnosis.json"
+    file.write_text(json.dumps(json.loads(file.read_text("utf-8")) | {"band": [40.0, 100.0]}))
+    freq_hz = open_subject(file.parent, None, None).freq_hz
+    assert (freq_hz[0], freq_hz[-1]) == (40.0, 100.0)
 
 
 def test_the_list_has_a_sentence_for_each_machine():

@@ -11,6 +11,7 @@ from browser import CHROMIUM, browse, data_of
 from typer.testing import CliRunner
 
 from mbw.blind import case as blind_case
+from mbw.blind.page import describe_failures
 from mbw.command import app
 from truth import TruthError
 from truth.campaign.file_formats import model_xml
@@ -275,6 +276,21 @@ def test_random_trees_need_no_model(tmp_path, quick):
     assert result.exit_code == 0
     assert json.loads(result.stdout)["cases"] == 1
     assert json.loads((tmp_path / "out" / "grades.json").read_text())["cases"] == 1
+
+
+def test_cases_of_one_error_share_a_sentence_without_the_name_of_a_class(tmp_path):
+    said = "truth.errors.NoPlaceError: pair has no place for it"
+    errors = {"0001": said, "0003": said, "0004": "RuntimeError: odd"}
+    for name, error in errors.items():
+        (tmp_path / "cases" / name).mkdir(parents=True)
+        trace = (
+            f'Traceback (most recent call last):\n  File "a.py", line 3, in f\n    g()\n{error}\n'
+        )
+        (tmp_path / "cases" / name / "failed.txt").write_text(trace)
+    assert describe_failures(tmp_path) == [
+        "cases 0001, 0003 could not be run: pair has no place for it",
+        "case 0004 could not be run: RuntimeError: odd",
+    ]
 
 
 def test_report_writes_the_page_of_a_blind_test_again(model, tmp_path, quick):

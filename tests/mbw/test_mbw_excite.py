@@ -82,7 +82,8 @@ def test_the_terminal_says_limits_intervals_and_what_stays_open(said, folder):
         "mbw tune",
     ):
         assert words in said
-    assert (folder / "excitation.html").is_file()
+    lead = (folder / "excitation.html").read_text().partition('<p class="lead">')[2]
+    assert lead.startswith("Designed for all ")
 
 
 PROBE = """<script>addEventListener("load", () => setTimeout(() => {

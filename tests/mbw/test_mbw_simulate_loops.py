@@ -69,7 +69,9 @@ def test_a_move_that_is_limited_by_force_stays_behind(place):
     assert limited["rms"] > 1.02 * free["rms"]
     assert "at its limit of 3" in said
     assert "limit, quantisation and resolution of axis act in mbw simulate" in said
-    assert '"limit":3.0' in (place / "move1" / "simulate.html").read_text().replace(": ", ":")
+    page = (place / "move1" / "simulate.html").read_text()
+    assert "at its limit of 3 for" in page.partition('<p class="lead">')[2].partition("</p>")[0]
+    assert '"limit":3.0' in page.replace(": ", ":")
 
 
 def test_python_simulates_the_same_and_takes_controllers(place):
