@@ -1,5 +1,6 @@
 """Loading of a verb's code when it runs, so that help and usage errors load no numpy or MuJoCo."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import import_module
 from typing import get_origin
@@ -29,6 +30,7 @@ def run_verb(  # what all verbs share
     module: str,
     *arguments: object,
     quiet: bool,
+    gallery: str = "campaign",
     without: str | None = None,
     soft_equalities: bool = False,
     **options: object,
@@ -39,6 +41,7 @@ def run_verb(  # what all verbs share
         module: dotted name of the verb's module.
         arguments: positional arguments of ``run_options``.
         quiet: whether only errors are printed.
+        gallery: what ``gallery:NAME`` stands for: ``campaign``, ``model`` or ``diagnosed``.
         without: what is left out of the models that the verb reads, as ``--without`` lists it.
         soft_equalities: whether their equality constraints give way as MuJoCo's do.
         options: values of the verb's options; None becomes [] where ``run_options`` takes a list.
@@ -57,13 +60,18 @@ def run_verb(  # what all verbs share
         raise_on_interrupt()
         kinds = code.run_options.__annotations__
         lists = {name for name in options if get_origin(kinds[name]) is list}
-        empty: dict[str, object] = {name: [] for name in lists if options[name] is None}
-        if without is None and not soft_equalities:
-            code.run_options(*arguments, **options | empty)
-            return
-        models = import_module("mbmodel")
-        kinds_left_out = tuple(word.strip() for word in (without or "").split(",") if word.strip())
-        with models.read_as(models.Reading(kinds_left_out, soft_equalities)):
-            code.run_options(*arguments, **options | empty)
+        stated = options | {name: [] for name in lists if options[name] is None}
+        words = [*arguments, *stated.values()]
+        values, stems = import_module("mbw.gallery").resolve_names(words, gallery)
+        n = len(arguments)
+        with ExitStack() as stack:
+            if stems:
+                stack.enter_context(import_module("mbw.output_folder").results_beside(stems))
+            if without is not None or soft_equalities:
+                models = import_module("mbmodel")
+                kinds_left_out = tuple(filter(None, map(str.strip, (without or "").split(","))))
+                reading = models.Reading(kinds_left_out, soft_equalities)
+                stack.enter_context(models.read_as(reading))
+            code.run_options(*values[:n], **dict(zip(stated, values[n:], strict=True)))
 
     messages.handle_errors(run)()

@@ -53,7 +53,9 @@ Band = Annotated[
 Json = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Write the result as JSON; - is stdout.")
 ]
-CampaignFolder = Annotated[Path, typer.Argument(help="Folder with a campaign.toml.")]
+CampaignFolder = Annotated[
+    Path, typer.Argument(help="Folder with a campaign.toml, or gallery:NAME for a built-in one.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Overwrite = Annotated[
     bool,

@@ -7,10 +7,12 @@ one campaign replace each other; files of another one stay unless the user state
 import json
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from identification.words import InputError
 from identification.words.file_access import real_path
@@ -161,6 +163,23 @@ def open_output_folder(request: OutputRequest) -> Iterator[OutputFolder]:
                 path.rmdir()
 
 
+_STEMS: ContextVar[Mapping[Path, Path]] = ContextVar("stems", default=MappingProxyType({}))
+
+
+@contextmanager
+def results_beside(stems: Mapping[Path, Path]) -> Iterator[None]:
+    """Let results of some campaigns and models lie beside other paths.
+
+    Args:
+        stems: these paths, by the absolute path of the campaign's folder or of the model.
+    """
+    token = _STEMS.set(stems)
+    try:
+        yield
+    finally:
+        _STEMS.reset(token)
+
+
 def folder_beside(source: Path, suffix: str) -> Path:
     """Return the folder beside a campaign or model and named after it, such as ``test1-tuned``.
 
@@ -170,6 +189,7 @@ def folder_beside(source: Path, suffix: str) -> Path:
     """
     path = Path(os.path.abspath(source))
     path = path.parent if path.suffix == ".toml" else path
+    path = _STEMS.get().get(path, path)
     return path.with_name(f"{path.name if path.is_dir() else path.stem}-{suffix}")
 
 

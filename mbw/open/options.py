@@ -46,4 +46,4 @@ def open_page(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Open the workbench: a live page on which the model follows its sliders beside the test."""
     del jobs
-    run_verb("mbw.open.verb", **locals())
+    run_verb("mbw.open.verb", gallery="diagnosed", **locals())

@@ -11,7 +11,6 @@ from identification.words.file_access import temporary_folder
 from mbw.any_campaign import check_band
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
-from mbw.open.gallery import resolve_gallery
 from mbw.output_folder import ResultOptions, default_folder
 from mbw.workbench.desk import Desk
 from mbw.workbench.jobs import JobQueue
@@ -63,10 +62,6 @@ def run_options(  # noqa: PLR0913  # one for each option
     check_band(band)
     if json is not None:
         check_json_target(json)
-    opened = resolve_gallery(path, out)
-    if opened is None:
-        return
-    path, out = opened
     with SCREEN.status(f"opening {path}"):
         subject = open_subject(path, band, key)
     first = subject.first_state()

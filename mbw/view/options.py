@@ -38,4 +38,4 @@ def view(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Show a machine in MuJoCo's viewer, at rest or moving in a mode; or write a picture."""
     del jobs
-    run_verb("mbw.view.verb", **locals())
+    run_verb("mbw.view.verb", gallery="model", **locals())

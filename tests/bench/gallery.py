@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from mbw.open.gallery import read_gallery
+from mbw.gallery import read_gallery
 
 RUNS = 5
 READ = ("/", "/session", "/scene", "/frame")  # by the page before it is shown

@@ -21,6 +21,9 @@ Nine machines, each with a model, a test, a verdict and a picture.
 
 The first line lists the machines.
 The second opens one on [the workbench](howto/workbench.md), with its test and its verdict.
+Every verb that reads a campaign takes such a name.
+`mbw diagnose gallery:servo-axis` writes `servo-axis-diagnosed` into the current folder.
+To change a machine, copy `assets/gallery`: its model and its campaign are plain files.
 
 Eight machines are virtual: their tests were drawn by seed, with errors of sensors and hammer.
 Each hides another effect, which its drawing lacks; no step of the diagnosis reads the answer.

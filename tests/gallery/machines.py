@@ -23,7 +23,7 @@ from diagnosis import Verdict
 from mbmodel import mjcf_files
 from mbw.command import app
 from mbw.demo.verb import grade_verdict
-from mbw.open.gallery import diagnosed_folder, read_gallery
+from mbw.gallery import find_part, read_gallery
 from mbw.results.diagnosed_files import PAGE
 from tests.docs.results import ROOT
 from truth import Cause, Plan, Protocol, VirtualCampaign, Wanted, draw_campaign, read_station
@@ -53,7 +53,7 @@ class GalleryMachine:
         self.name, self.row = name, read_gallery()[name]
         self.model = (GALLERY / self.row["model"]).resolve()
         self.campaign = (GALLERY / self.row.get("campaign", name)).resolve()
-        self.diagnosed = diagnosed_folder(name)
+        self.diagnosed = find_part(name, "diagnosed")
 
     @property
     def is_measured(self) -> bool:

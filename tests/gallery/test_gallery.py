@@ -3,6 +3,7 @@
 import io
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +14,7 @@ from diagnosis import build_verdict, diagnose
 from identification.words import InputError
 from mbmodel import load_machine
 from mbw.command import app
-from mbw.open import gallery
-from mbw.open.gallery import resolve_gallery
+from mbw.gallery import find_part, resolve_names
 from mbw.workbench.opening import open_subject
 from tests.bench.gallery import MOST_CORE_S, open_machine
 from tests.docs.gallery_page import GALLERY_PAGE, GALLERY_PICTURES, gallery_page
@@ -31,12 +31,11 @@ MOST_BYTES_OF_ALL = 10_000_000
 @pytest.mark.parametrize("name", MACHINES)
 def test_a_machine_opens_with_the_verdict_that_is_committed(name):
     machine = MACHINES[name]
-    folder, out = resolve_gallery(gallery.Path(f"gallery:{name}"), None)
+    folder = find_part(name, "diagnosed")
     subject = open_subject(folder, None, None)
     assert subject.verdict.diagnosis.verdict == machine.verdict
     assert "diagnosed" in subject.stored
     assert not [remark for remark in subject.remarks if str(folder) in remark]
-    assert out == gallery.Path(f"{name}-opened")
     # The page begins at the fit: with what the diagnosis found, it is far nearer to the test.
     gap = machine.verdict.gap
     assert (gap.after.excess or gap.retuned.excess) < 0.5 * gap.as_drawn.excess
@@ -94,11 +93,38 @@ def test_the_list_has_a_sentence_for_each_machine():
 
 def test_an_unknown_machine_is_refused_with_the_nearest_name():
     with pytest.raises(InputError, match="did you mean gallery:gantry"):
-        resolve_gallery(gallery.Path("gallery:gantri"), None)
+        resolve_names([Path("gallery:gantri")], "campaign")
 
 
-def test_other_paths_stay_as_they_are(tmp_path):
-    assert resolve_gallery(tmp_path, None) == (tmp_path, None)
+def test_other_values_stay_as_they_are(tmp_path):
+    values = [tmp_path, "gantry", 3, None, [tmp_path, 2.0]]
+    assert resolve_names(values, "campaign") == (values, {})
+
+
+def test_a_verb_takes_a_machine_by_name_and_writes_into_the_current_folder(tmp_path, monkeypatch):
+    before = sorted(GALLERY.rglob("*"))
+    monkeypatch.chdir(tmp_path)
+    words = {
+        "tune": "gallery:servo-axis --no-pictures",
+        "predict": "gallery:tower --no-pictures",
+        "blind": "gallery:servo-axis --smallest --effect mass_error --place body:slide",
+    }
+    for verb, options in words.items():
+        done = CliRunner().invoke(app, [verb, *options.split(), "--quiet"])
+        assert done.exit_code in (0, 4), done.output
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "servo-axis-tuned",
+        "servo-axis-smallest",
+    }
+    assert sorted(GALLERY.rglob("*")) == before
+    tuned = open_subject(tmp_path / "servo-axis-tuned", None, None)
+    assert tuned.source == MACHINES["servo-axis"].campaign / "campaign.toml"
+    refused = CliRunner().invoke(app, ["diagnose", "gallery:servo"])
+    assert refused.exit_code == 3
+    assert "did you mean gallery:servo-axis?" in refused.stderr
+    picture = ["view", "gallery:servo-axis", "--out", "axis.png"]
+    assert CliRunner().invoke(app, picture).exit_code == 0
+    assert (tmp_path / "axis.png").is_file()
 
 
 def test_what_exists_is_not_made_again(capsys, monkeypatch):

@@ -77,9 +77,9 @@ def test_every_package_of_the_wheel_is_typed_and_is_not_the_clone(environment, t
 def test_the_gallery_opens_from_the_wheel(environment, tmp_path):
     code = (
         "import sys\n"
-        "from mbw.open.gallery import diagnosed_folder\n"
+        "from mbw.gallery import find_part\n"
         "from mbw.workbench.opening import open_subject\n"
-        "folder = diagnosed_folder('servo-axis')\n"
+        "folder = find_part('servo-axis', 'diagnosed')\n"
         "assert sys.prefix in str(folder), folder\n"
         "print(open_subject(folder, None, None).verdict.diagnosis.verdict.causes[0].effect)\n"
     )
