@@ -10,6 +10,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from identification.words import InputError
+
 _ROS_PACKAGE = "package://"
 _URDF_MESH_SUFFIXES = (".stl", ".obj", ".msh", ".vtu")
 
@@ -24,20 +26,30 @@ def settle_links(spec: mujoco.MjSpec, path: Path, with_mass: set[str]) -> tuple[
 
     Returns:
         A remark on meshes that are left out, if there are any.
+
+    Raises:
+        InputError: a mesh that gives mass cannot be read.
     """
     left_out = []
     for mesh in list(spec.meshes):
         if mesh.file.startswith(_ROS_PACKAGE):
             place = _find_in_package(mesh.file.removeprefix(_ROS_PACKAGE), path)
             mesh.file = str(place or mesh.file)
-        file = path.parent / mesh.file
-        if mesh.name not in with_mass and not (
-            file.is_file() and file.suffix.lower() in _URDF_MESH_SUFFIXES
-        ):
-            left_out.append(mesh.file)
-            for geom in [geom for geom in spec.geoms if geom.meshname == mesh.name]:
-                spec.delete(geom)
-            spec.delete(mesh)
+        name = Path(mesh.file).name if spec.strippath else mesh.file
+        file = path.parent / spec.meshdir / name
+        if file.is_file() and file.suffix.lower() in _URDF_MESH_SUFFIXES:
+            continue
+        shapes = [geom for geom in spec.geoms if geom.meshname == mesh.name]
+        if mesh.name in with_mass:
+            why = "is of a kind that MuJoCo does not read" if file.is_file() else "is missing"
+            raise InputError(
+                f"{path}: link {shapes[0].parent.name!r} has no <inertial>, and the mesh that "
+                f"would give its mass {why} ({mesh.file}): add the <inertial>, or the mesh as .stl"
+            )
+        left_out.append(mesh.file)
+        for geom in shapes:
+            spec.delete(geom)
+        spec.delete(mesh)
     for body in spec.bodies:
         if not any(above.joints for above in with_parents(body)):
             body.explicitinertial = False

@@ -23,6 +23,9 @@ from mbw.tune import verb as tune
 from mbw.tune.page import PAGE as TUNED_PAGE
 from tuning.files.plant_folder import VERDICT
 
+# Values at which parameters change nothing; it is zero for all others.
+NEUTRAL = {"fraction": 1.0, "factor": 1.0, "gain": 1.0}
+
 
 def run_options(
     *,
@@ -78,6 +81,8 @@ def run(
 def grade_verdict(verdict: Verdict, answer: Mapping[str, Any]) -> list[str]:
     """Return lines that compare a verdict with the truth.
 
+    A parameter is off by |stated - true| / |true - neutral|, a share of what the effect changes.
+
     Args:
         answer: true effect of the campaign, as in ``answer.toml``.
     """
@@ -100,7 +105,8 @@ def grade_verdict(verdict: Verdict, answer: Mapping[str, Any]) -> list[str]:
         if estimate is not None:
             stated = np.ravel(np.array(estimate, float))
             is_stated = np.isfinite(stated)  # components that no motion shows are null
-            off = np.linalg.norm((stated - np.ravel(true))[is_stated]) / np.linalg.norm(true)
+            size = np.linalg.norm(np.ravel(true) - NEUTRAL.get(name, 0.0))
+            off = np.linalg.norm((stated - np.ravel(true))[is_stated]) / size
             said = _number(stated[is_stated].tolist())
             lines.append(f"{name}: {said}, true {_number(true)}, {off:.2%} off")
     return lines

@@ -2,6 +2,7 @@
 
 import pytest
 
+from identification.words import InputError
 from mbmodel import as_drawn, load_machine, model_modes
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -53,5 +54,29 @@ def test_shapes_of_stated_masses_may_be_missing(package, mesh, count):
 def test_a_mesh_that_gives_the_mass_comes_from_its_package(package):
     text = ROBOT.format(inertial="", mesh="arm.obj")
     package.write_text(text.replace("nowhere/arm.dae", "arm_description/meshes/arm.obj"))
+    model = as_drawn(load_machine(package))
+    assert model.assemble(model.drawn).matrices.mass[0, 0] == pytest.approx(1000 / 6)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "why"),
+    [("gone.stl", "is missing"), ("arm.dae", "of a kind that MuJoCo")],
+)
+def test_a_missing_mesh_that_would_give_the_mass_is_one_sentence(package, mesh, why):
+    (package.parent.parent / "meshes" / "arm.dae").write_text("<COLLADA/>")
+    package.write_text(ROBOT.format(inertial="", mesh=mesh))
+    with pytest.raises(InputError, match=rf"link 'arm' has no <inertial>.*{why}.* \(.*{mesh}\)"):
+        load_machine(package)
+
+
+def test_a_mesh_that_gives_the_mass_may_lie_in_a_folder_of_its_own(package):
+    inside = '<compiler meshdir="../meshes" discardvisual="false"/>'
+    text = ROBOT.format(inertial="", mesh="arm.obj").replace(
+        '<compiler discardvisual="false"/>', inside
+    )
+    text = text.replace("package://arm_description/meshes/", "").replace(
+        "package://nowhere/arm.dae", "arm.obj"
+    )
+    package.write_text(text)
     model = as_drawn(load_machine(package))
     assert model.assemble(model.drawn).matrices.mass[0, 0] == pytest.approx(1000 / 6)

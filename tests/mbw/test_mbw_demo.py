@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from diagnosis import Verdict
-from mbw.demo.verb import grade_verdict
+from mbw.demo.verb import NEUTRAL, grade_verdict
+from truth.grade.names import CATALOGUE
 
 ROOT = Path(__file__).resolve().parents[2]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -144,6 +145,14 @@ def test_a_wrong_verdict_is_graded_as_wrong():
     assert effect == "effect: mass_error, wrong: it is appendage"
     assert place == "location: body:spindle, right"
     assert mass.endswith("100.00% off")
+    # Three supports that carry all, of four: half of the loss of the fourth is half off.
+    lost = row | {"parameters": {"fraction": [0.95, 1, 1, 1]}}
+    named = verdict.model_copy(update={"causes": [verdict.causes[0].model_validate(lost)]})
+    assert grade_verdict(
+        named, {"effect": "mass_error", "parameters": {"fraction": [0.9, 1, 1, 1]}}
+    )[-1].endswith("50.00% off")
+    stated = {entry.size: entry.neutral for entry in CATALOGUE.values() if entry.neutral}
+    assert stated == NEUTRAL
     doubted = verdict.model_copy(update={"verdict": "unexplained"})
     assert grade_verdict(doubted, answer)[0] == "verdict: unexplained, wrong: it is explained"
     assert along == "dof: None, wrong: it is tx"
