@@ -88,9 +88,10 @@ def run_entry(
         limit: the first cases alone.
 
     Raises:
-        RunError: the file holds answers of another command or set.
+        RunError: there is no such command, or the file holds answers of another command or set.
         KeyboardInterrupt: interrupted; the case that ran is run again the next time.
     """
+    _check_command(command)
     head = {"command": list(command), "seed": keys["seed"], "seconds": seconds}
     rows: dict[str, dict[str, Any]] = {}
     if out.exists() and out.stat().st_size:
@@ -115,6 +116,17 @@ def run_entry(
         said = row.get("error", "answered")
         cost = f"{row['core_seconds']:.1f} core seconds"
         print(f"{number}/{len(names[:limit])} {name}: {said}, {cost}", file=sys.stderr, flush=True)
+
+
+def _check_command(command: Sequence[str]) -> None:
+    """Refuse a command that cannot be run, before a file says that it ran."""
+    if not command:
+        raise RunError("give the command that answers: gapbench run -- python mine.py")
+    if shutil.which(command[0]) is None:
+        remedy = "name a program in PATH, or an executable file"
+        if len(command[0].split()) > 1:
+            remedy = f"do not quote it as one word: gapbench run -- {command[0]}"
+        raise RunError(f"{command[0]}: there is no such command: {remedy}")
 
 
 def _run_case(

@@ -17,10 +17,11 @@ from truth.grade.verdict import CATALOGUE
 from truth.machine.random_tree import draw_tree
 
 
-def test_the_bundled_set_is_that_of_its_seed(tmp_path):
+def test_the_bundled_set_is_that_of_its_seed(tmp_path, capsys):
     folder = tmp_path / "set"
     words = ["draw", str(folder), "--seed", "930000", "--count", "1", "--strata", "force", "real"]
     assert main(words) == 0
+    assert "seed 930000 gives the bundled set" in capsys.readouterr().err
     keys = json.loads((folder / "keys.json").read_text("utf-8"))
     with open_set(BUNDLED) as (bundled, whole):
         assert set(whole["effects"]) == set(CATALOGUE)

@@ -266,3 +266,18 @@ def test_numbers_and_strata_that_make_no_sense_are_refused(cases, tmp_path, opti
         run(cases, tmp_path, SAYS_NONE, *option)
     assert ended.value.code == 2
     assert not (tmp_path / "answers.jsonl").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ([], "give the command that answers"),
+        (["no-such-entry"], "no-such-entry: there is no such command: name a program in PATH"),
+        (["python mine.py"], "do not quote it as one word: gapbench run -- python mine.py"),
+    ],
+)
+def test_a_command_that_is_not_there_leaves_no_answers(cases, tmp_path, capsys, command, said):
+    answers = tmp_path / "answers.jsonl"
+    assert main(["run", "--set", str(cases), "--out", str(answers), "--", *command]) == 3
+    assert said in capsys.readouterr().err
+    assert not answers.exists()
