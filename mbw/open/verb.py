@@ -82,6 +82,7 @@ def run_options(  # noqa: PLR0913  # one for each option
 
         jobs = JobQueue(log.path.with_suffix(".jobs"), desk.adopt)
         with start_server(Workbench(desk, jobs, tasks, announce), port) as server:
+            jobs.show_again()
             jobs.begin()
             SCREEN.say(f"workbench of {subject.name}: {server.address}")
             SCREEN.say(f"actions are kept in {log.path}; Ctrl-C ends the workbench")

@@ -5,6 +5,7 @@ import {create} from "./sliders.js";
 
 const POLL_MS = 1000, IDLE_MS = 10000, LINES = 14;  // idle: another window may have begun one
 const WORDS = {tune: "Tune", diagnose: "Diagnose", identify: "Identify", predict: "Predict", blind: "Blind", compare: "Compare"};
+const SHOWN = ["tune", "diagnose", "identify"];  // as curves or modes of this page
 const ALONE = ["predict", "blind"];  // of a model without measurements
 const MARK = {waiting: "…", running: "▶", done: "✓", failed: "✕", cancelled: "–", interrupted: "‖"};
 
@@ -38,10 +39,11 @@ export function createJobs(place, adders, session, machine) {
     };
     const words = [create("strong", {textContent: `${MARK[job.status]} ${job.number} ${job.verb}`}), create("span", {className: "soft", textContent: job.status + (job.code ? `, exit code ${job.code}` : "")})];
     if (job.key !== machine()) words.push(create("span", {className: "soft", textContent: "of another state"}));
+    if (job.is_shown && SHOWN.includes(job.verb)) words.push(create("span", {className: "soft", textContent: "shown"}));
     const tools = create("span", {className: "tools"});
     if (job.status === "waiting" || job.status === "running") tools.append(button("Cancel", "cancel", "cancel"));
     if (["cancelled", "interrupted", "failed"].includes(job.status)) tools.append(button("Resume", "resume", "resume"));
-    if (job.status === "done" && ["tune", "diagnose", "identify"].includes(job.verb)) tools.append(button("Show", "show", "show the result of"));
+    if (job.status === "done" && SHOWN.includes(job.verb)) tools.append(button("Show", "show", "show the result of"));
     if (job.has_page) tools.append(create("a", {href: `/result/${job.number}`, target: "_blank", rel: "noopener", textContent: "page"}));
     const log = create("details", {open: job.status === "running" || job.status === "failed"}, create("summary", {className: "soft", textContent: "log", title: `result in ${job.folder}`}),
       create("pre", {tabIndex: 0, textContent: job.log.split(/\r?\n/).map(line => line.split("\r").pop()).filter(Boolean).slice(-LINES).join("\n")}));

@@ -60,6 +60,7 @@ class Job(BaseModel):
         pid: process group; None before its start.
         began: when the system says that this process began; another one may get its number.
         remarks: what the MJCF of its input cannot hold.
+        is_shown: whether its result is the one of its verb that the page shows.
     """
 
     number: int
@@ -74,6 +75,7 @@ class Job(BaseModel):
     pid: int | None = None
     began: str = ""
     remarks: tuple[str, ...] = ()
+    is_shown: bool = False
 
 
 @dataclass(eq=False)
@@ -194,7 +196,13 @@ class JobQueue:
         """
         with self._changed:
             job = self._get(number, ("done",))
-        self.finish(job, self._place(job) / "out")
+        self._finish(job)
+
+    def show_again(self) -> None:
+        """Hand over the results that a former server showed last, one of each verb."""
+        for job in sorted(self._jobs.values(), key=lambda job: job.number):
+            if job.is_shown:
+                self._hand_over(job)
 
     def page(self, number: int) -> Path | None:
         """Return the page of a result; None if there is none."""
@@ -258,11 +266,20 @@ class JobQueue:
     def _hand_over(self, job: Job) -> None:
         """Hand the result of a job over; what is wrong with it stands with the job."""
         try:
-            self.finish(job, self._place(job) / "out")
+            self._finish(job)
         except Exception as error:  # whatever it is, the result itself is there
             sentence = f"its result is not shown: {error}"
             with self._changed:
-                self._keep(job.model_copy(update={"remarks": (*job.remarks, sentence)}))
+                remarks = tuple(dict.fromkeys((*job.remarks, sentence)))
+                self._keep(job.model_copy(update={"remarks": remarks}))
+
+    def _finish(self, job: Job) -> None:
+        """Hand the result of a job over, and keep that it is the one of its verb that is shown."""
+        self.finish(job, self._place(job) / "out")
+        with self._changed:
+            for each in [each for each in self._jobs.values() if each.verb == job.verb]:
+                if each.is_shown != (each.number == job.number):
+                    self._keep(each.model_copy(update={"is_shown": not each.is_shown}))
 
     def _is_active(self, job: Job) -> bool:
         """Return whether the process of a job has not been seen to end."""

@@ -22,7 +22,9 @@ def serve(subject, name="work", budget=None, **tasks):
     with temporary_folder() as place, open_log(path, first) as log:
         desk = Desk(subject, log, place, budget)
         bound = {key: lambda task=task: task(desk) for key, task in tasks.items()}
-        jobs = JobQueue(path.with_suffix(".jobs"), desk.adopt).begin()
+        jobs = JobQueue(path.with_suffix(".jobs"), desk.adopt)
+        jobs.show_again()
+        jobs.begin()
         with serve_beside(Workbench(desk, jobs, bound)) as server:
             yield server
         jobs.close()

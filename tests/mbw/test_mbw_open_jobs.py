@@ -87,6 +87,32 @@ def test_a_tuning_of_what_the_page_shows_becomes_its_curve(subject, tmp_path, mo
         assert browser.ask("POST", "/jobs", {"do": "add", "verb": "rm"})[0] == 400
 
 
+def test_a_workbench_that_is_opened_again_shows_the_last_results(subject, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with serve(subject) as server:
+        browser, jobs = Browser(server), server.page.jobs
+        for verb in ("tune", "tune", "identify"):
+            assert browser.ask("POST", "/jobs", {"do": "add", "verb": verb})[0] == 200
+        wait(lambda: all(job["status"] == "done" for job in jobs.list_jobs()))
+        wait(lambda: server.page.desk.plant.subject.measured_modes is not None)
+        jobs.show(1)  # the user goes back to the first tuning
+        before = server.page.desk.plant.subject
+    shown = {job["number"]: job["is_shown"] for job in jobs.list_jobs()}
+    assert shown == {1: True, 2: False, 3: True}
+    with serve(subject) as server:
+        after = server.page.desk.plant.subject
+        assert after.tuned == before.tuned
+        np.testing.assert_array_equal(after.stored["tuned"].values, before.stored["tuned"].values)
+        assert after.measured_modes is not None
+        place = jobs.folder / "0001" / "out"
+    (place / "tuned.json").unlink()
+    for _ in range(2):  # what cannot be read stands with the job, once
+        with serve(subject) as server:
+            assert server.page.desk.plant.subject.tuned is None
+            (remark,) = server.page.jobs.list_jobs()[-1]["remarks"]
+            assert remark.startswith("its result is not shown: ")
+
+
 def test_waiting_jobs_leave_the_queue_and_running_ones_are_interrupted(queue, subject):
     state = subject.first_state()
     first, second = (queue.add("diagnose", subject, state).number for _ in range(2))
