@@ -6,7 +6,6 @@ its session, its scene and its first frame are read over HTTP, as a browser read
 
 import os
 import re
-import signal
 import subprocess
 import sys
 import tempfile
@@ -53,7 +52,7 @@ def open_machine(name: str, folder: Path) -> tuple[float, float]:
             wall = time.perf_counter() - began
             ticks = Path(f"/proc/{process.pid}/stat").read_text("utf-8").rpartition(")")[2].split()
         finally:
-            process.send_signal(signal.SIGINT)
+            process.terminate()
     return wall, (int(ticks[11]) + int(ticks[12])) / os.sysconf("SC_CLK_TCK")
 
 

@@ -1,4 +1,4 @@
-"""Figures of the bench of the workbench's latency."""
+"""Figures of the benches of the workbench's latency and of its start."""
 
 from tests.docs.formats import significant, table
 from tests.docs.results import bench_rows
@@ -29,7 +29,17 @@ def workbench_memory() -> str:
     return f"{row['grown_mb']:.0f} MB, from {row['before_mb']:.0f} MB"
 
 
+def gallery_table() -> str:
+    """Core seconds until the first frame of each machine of the gallery."""
+    rows = [
+        (row["machine"], str(row["runs"]), *(f"{row[k]:.1f}" for k in ("core_s", "core_s_max")))
+        for row in bench_rows("gallery")
+    ]
+    return table(("Machine", "Runs", "Median [core s]", "Largest [core s]"), rows)
+
+
 FIGURES = {
+    "gallery-table": gallery_table,
     "workbench-table": workbench_table,
     "workbench-memory": workbench_memory,
     "workbench-parameters": workbench_parameters,

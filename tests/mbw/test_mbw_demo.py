@@ -14,7 +14,7 @@ import pytest
 
 from diagnosis import Verdict
 from mbw.demo.verb import NEUTRAL, grade_verdict
-from truth.grade.names import CATALOGUE
+from truth.grade.verdict import CATALOGUE
 
 ROOT = Path(__file__).resolve().parents[2]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
