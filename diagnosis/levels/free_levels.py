@@ -84,9 +84,17 @@ def propose_law(effect: str, scene: Scene) -> Iterator[Hypothesis]:
         effect: its name.
         scene: fit about which it is proposed, whose residuals may depend on the level.
     """
-    if len(list_levels(scene.session.campaign)) > 1 and _depends_on_level(scene):
+    levels = list_levels(scene.session.campaign)
+    if len(levels) > 1 and not _lags_behind_input(scene) and _depends_on_level(scene):
         for joint in list_sprung_directions(scene):
             yield free_each_level(scene, joint, effect)
+
+
+def _lags_behind_input(scene: Scene) -> bool:
+    """Return whether a motor with a state drives a test: laws are simulated under forces alone."""
+    motors = scene.model.machine.motors
+    gains = (motors.get(test.condition.reference.point) for test in scene.session.campaign.tests)
+    return any(gain is not None and gain.activation is not None for gain in gains)
 
 
 def _depends_on_level(scene: Scene) -> bool:

@@ -214,7 +214,8 @@ def _section(document: minidom.Document, name: str) -> minidom.Element | None:
     root = document.documentElement
     if name not in ("worldbody", "tendon", "custom") or root is None:
         return None
-    sections = document.getElementsByTagName(name)
+    # A <default> may hold a <tendon>, too.
+    sections = [each for each in document.getElementsByTagName(name) if each.parentNode is root]
     return sections[0] if sections else root.appendChild(document.createElement(name))
 
 

@@ -241,6 +241,18 @@ def test_the_page_lists_every_kind_that_no_mjcf_holds_and_no_other():
     assert [row.split(" | ")[1].removesuffix(" |") for row in rows] == list(MjcfLack)
 
 
+def test_an_added_tendon_stands_beside_the_defaults_of_tendons(tmp_path):
+    path, target = tmp_path / "m.xml", tmp_path / "tuned.xml"
+    default = '<default><tendon width="0.002"/></default><worldbody>'
+    text = mjcf(mass_on_spring(10.0, 3e5, 50.0)).replace("<worldbody>", default, 1)
+    path.write_text(text, encoding="utf-8")
+    machine = load_machine(path)
+    along = machine.layout.centres[0], np.array([0.0, 0.0, 1.0])
+    added = link_elements("k", machine, ("world", machine.layout.bodies[0]), along, np.ones(2))
+    assert write_mjcf(path, target, list(added)) == ()
+    assert mujoco.MjModel.from_xml_path(str(target)).ntendon == 1
+
+
 def sag(tmp_path):
     """A mass that sinks and leans under its weight, off its springs."""
     path = tmp_path / "sag.xml"
