@@ -117,15 +117,21 @@ def _fixed_tendon(name: str, machine: Machine, row: Real, kind: str, size: float
 
 
 def link_elements(
-    name: str, machine: Machine, bodies: tuple[str, str], along: tuple[Real, Real], sizes: Real
+    name: str,
+    machine: Machine,
+    bodies: tuple[str, str],
+    along: tuple[Real, Real],
+    sizes: Real,
+    length: float = _TENDON_LENGTH_M,
 ) -> tuple[Addition, ...]:
     """Return two sites and a tendon: a spring and a damper between two bodies.
 
     Args:
         name, machine: as for ``joint_coupling_writer``.
         bodies: names of both; ``world`` for the ground.
-        along: a point and the unit vector of the axis, in world axes [m]; (3,) each.
+        along: its middle and the unit vector of the axis, in world axes [m]; (3,) each.
         sizes: stiffness [N/m] and damping [N s/m].
+        length: between the sites [m].
     """
     point, axis = along
     ends = tuple(
@@ -137,12 +143,13 @@ def link_elements(
         for which, body, at in zip(
             "ab",
             bodies,
-            (point - axis * _TENDON_LENGTH_M / 2, point + axis * _TENDON_LENGTH_M / 2),
+            (point - axis * length / 2, point + axis * length / 2),
             strict=True,
         )
     )
     stiffness, damping = sizes.tolist()
-    return (*ends, _spatial_tendon(name, stiffness=stiffness, damping=damping))
+    free: Values = {"springlength": length, "stiffness": stiffness, "damping": damping}
+    return (*ends, _spatial_tendon(name, free))
 
 
 def suspended_mass_elements(
@@ -189,7 +196,14 @@ def suspended_mass_elements(
     return (
         Addition(end, body, site),
         Addition(name, "worldbody", mass),
-        _spatial_tendon(name, stiffness=float(sizes[1]), damping=float(sizes[2])),
+        _spatial_tendon(
+            name,
+            {
+                "springlength": _TENDON_LENGTH_M,
+                "stiffness": float(sizes[1]),
+                "damping": float(sizes[2]),
+            },
+        ),
     )
 
 
@@ -241,7 +255,7 @@ def directed_mass_elements(
         )
         for which, (parent, at) in zip("ab", ends, strict=True)
     )
-    return (*sites, _spatial_tendon(name, armature=mass))
+    return (*sites, _spatial_tendon(name, {"armature": mass}))
 
 
 def released_joint_elements(
@@ -268,15 +282,14 @@ def released_joint_elements(
     return (Addition(name, axle.stage, Element("joint", values)),)
 
 
-def _spatial_tendon(name: str, **sizes: float) -> Addition:
+def _spatial_tendon(name: str, sizes: Values) -> Addition:
     """Return a tendon between the sites ``<name>.a`` and ``<name>.b``.
 
     Args:
-        sizes: its stiffness [N/m], damping [N s/m] or armature [kg].
+        sizes: its free length [m], stiffness [N/m] and damping [N s/m], or armature [kg].
     """
     sites = tuple(Element("site", {"site": f"{name}.{which}"}) for which in "ab")
-    free: Values = {"springlength": _TENDON_LENGTH_M}
-    values: Values = {"name": name, **_NO_TENDON_DEFAULTS, **free, **sizes}
+    values: Values = {"name": name, **_NO_TENDON_DEFAULTS, **sizes}
     return Addition(name, "tendon", Element("spatial", values, sites))
 
 

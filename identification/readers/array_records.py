@@ -155,9 +155,12 @@ def _numbers(path: Path, arrays: dict[str, np.ndarray], name: str) -> Real:
     values = np.asarray(arrays[name])
     if values.dtype.kind not in "fiu" or values.ndim == 0:
         raise InputError(f"{path}: {name} is not an array of real numbers: save it as one")
-    if not (np.abs(values) <= MAX_INPUT_MAGNITUDE).all():  # false for NaN
+    is_usable = np.abs(values) <= MAX_INPUT_MAGNITUDE  # false for NaN
+    if not is_usable.all():
+        first = ", ".join(map(str, np.argwhere(~is_usable)[0].tolist()))
         raise InputError(
-            f"{path}: {name} holds NaN or values beyond {MAX_INPUT_MAGNITUDE:g}: save it again"
+            f"{path}: {name} holds NaN or values beyond {MAX_INPUT_MAGNITUDE:g}, first at [{first}]"
+            " counted from 0: save it again, or leave that record out"
         )
     return values.astype(np.float64)
 

@@ -82,19 +82,17 @@ class _AlongLine(_AtBody):
         """Return a tendon between two sites along the line."""
         if self.to not in (WORLD, *machine.layout.bodies) or self.to == self.body:
             raise UsageError(f"{self.name}: {self.to} is no other body: choose another end")
-        point = _find_place(machine, self.body, self.point)
-        direction = self._find_direction(machine, point)
-        length = float(np.linalg.norm(direction))
+        middle, line = self._find_line(machine, _find_place(machine, self.body, self.point))
+        length = float(np.linalg.norm(line))
         if not length > 0:
             raise UsageError(f"{self.name}: {self._no_direction}")
-        sizes = np.array([self.stiffness, self.damping])
-        ends = (self.to, self.body)
-        return link_elements(self.name, machine, ends, (point, direction / length), sizes)
+        sizes, ends = np.array([self.stiffness, self.damping]), (self.to, self.body)
+        return link_elements(self.name, machine, ends, (middle, line / length), sizes, length)
 
     _no_direction: ClassVar[str]
 
-    def _find_direction(self, machine: Machine, point: Real) -> Real:
-        """Return the direction of the line through a point, both in the world's axes; (3,)."""
+    def _find_line(self, machine: Machine, point: Real) -> tuple[Real, Real]:
+        """Return the middle of the line from a point, and the line [m], in world axes; (3,)."""
         raise NotImplementedError
 
 
@@ -106,9 +104,9 @@ class AddedSpring(_AlongLine):
 
     _no_direction: ClassVar[str] = "give the axis a direction, such as 0, 0, 1"
 
-    def _find_direction(self, machine: Machine, point: Real) -> Real:
-        del machine, point
-        return np.array(self.axis)
+    def _find_line(self, machine: Machine, point: Real) -> tuple[Real, Real]:
+        del machine
+        return point, np.array(self.axis) / max(float(np.linalg.norm(self.axis)), 1e-300)
 
 
 class AddedStrut(_AlongLine):
@@ -122,10 +120,10 @@ class AddedStrut(_AlongLine):
 
     _no_direction: ClassVar[str] = "its two ends are one point: move one of them"
 
-    def _find_direction(self, machine: Machine, point: Real) -> Real:
+    def _find_line(self, machine: Machine, point: Real) -> tuple[Real, Real]:
         is_ground = self.to == WORLD
         end = np.array(self.end) if is_ground else _find_place(machine, self.to, self.end)
-        return point - end
+        return (point + end) / 2, point - end
 
 
 def _find_place(machine: Machine, body: str, offset: Triple) -> Real:
