@@ -28,6 +28,8 @@ from identification.words import InputError, Real, Records
 Kind = Literal["periodic", "burst", "random"]
 
 _MIN_REPEATED = 0.98  # correlation of a force with itself a period later
+_LEAST_REPEATED = 0.7  # beside noise: half as strong as what repeats
+_MAX_LOSS, _MIN_MULTIPLES = 0.05, 3  # of that correlation from one period to all that follow
 _MAX_BETWEEN = 0.5  # correlation below which a force has changed before it repeats
 _REST_SHARE, _REST_RATIO = 0.05, 0.02  # end of a record, and its rms over that of the record
 _BINS, _REST_GAP = 1000, 0.2  # of a record; rest after a burst over the time between bursts
@@ -112,7 +114,9 @@ def find_period(force: Real) -> int | None:
     """Return the number of samples after which a force repeats, None if it does not.
 
     The correlation of a record with itself, P samples later, over the energy of both parts, is one
-    at a period. It has to fall before, which a slow force does not do at once.
+    at a period. It has to fall before, which a slow force does not do at once. Beside noise, as in
+    the command of a loop, it is less, but the same at all multiples of the period. That of a sharp
+    resonance falls from one to the next.
 
     Args:
         force: one input; (n_record, n_sample).
@@ -134,10 +138,29 @@ def find_period(force: Real) -> int | None:
         return None
     repeated = changed[0] + np.flatnonzero(correlation[changed[0] :] > _MIN_REPEATED)
     if not repeated.size:
-        return None
+        return _find_noisy_period(correlation, int(changed[0]))
     # The first run above the bound belongs to one period: its top is the period.
     run = repeated[: 1 + np.flatnonzero(np.diff(np.append(repeated, 2 * n_sample)) > 1)[0]]
     return int(run[np.argmax(correlation[run])])
+
+
+def _find_noisy_period(correlation: Real, first: int) -> int | None:
+    """Return the period of a force that repeats beside noise, None if none keeps its correlation.
+
+    Args:
+        correlation: by the lag; (n_lag,).
+        first: lag at which it has fallen.
+    """
+    inner = correlation[1:-1]
+    is_top = (inner > _LEAST_REPEATED) & (inner >= correlation[:-2]) & (inner > correlation[2:])
+    for period in 1 + np.flatnonzero(is_top):
+        multiples = range(period, len(correlation), period)
+        if period <= first or len(multiples) < _MIN_MULTIPLES:
+            continue
+        kept = [correlation[at - k : at + k + 1].max() for k, at in enumerate(multiples, 1)]
+        if min(kept) > correlation[period] - _MAX_LOSS:
+            return int(period)
+    return None
 
 
 def find_bursts(force: Real) -> tuple[tuple[int, ...], int]:

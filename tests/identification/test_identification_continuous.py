@@ -223,6 +223,11 @@ def test_a_period_is_found_by_the_sample():
     assert find_period(force) == 777
     assert find_period(np.sin(2 * np.pi * np.arange(4000) / 50)[None]) == 50
     assert find_period(random_force(1, 4000)) is None
+    rng = np.random.default_rng(3)
+    long = np.tile(period, 8)[None]
+    assert find_period(long + 0.5 * long.std() * rng.standard_normal(long.shape)) == 777
+    ringing = scipy.signal.lfilter([1.0], [1.0, -1.94, 0.995], rng.standard_normal((1, 20_000)))
+    assert find_period(ringing) is None
     slow = scipy.signal.sosfilt(
         scipy.signal.butter(4, 2, fs=RATE_HZ, output="sos"),
         np.random.default_rng(6).standard_normal((1, 8000)),
