@@ -226,7 +226,7 @@ def test_what_a_user_has_fixed_is_taken_as_the_gate_found_it(session):
     one = build_fault_hypothesis(fault, session)
     wishes = UserSpecification(fix=["*.gain_*"])
     fixed = parametrise(session.model, session.campaign.tolerance, wishes)
-    varies = extend_parametrisation(fixed, session.model, session, one)
+    varies = extend_parametrisation(fixed, session.model, session, [one])
     theta = varies.theta(np.zeros(varies.size))
     names = [parameter.name for parameter in session.model.parameters]
     assert theta[names.index(f"{site}.gain_x")] == 1.3

@@ -8,10 +8,10 @@ import pytest
 from scipy.stats import chi2
 
 from diagnosis import EFFECTS
-from diagnosis.estimates import held_coordinate, profiled_sizes
-from diagnosis.estimates.held_coordinate import find_deviance
+from diagnosis.estimates import size_profile
 from diagnosis.estimates.intervals import FittedParameters, fit_parameters
 from diagnosis.estimates.profiled_sizes import find_named_size
+from diagnosis.estimates.size_profile import find_deviance
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.null_model import fit_null_model
 from diagnosis.refits.extended_parametrisation import hold_parameters
@@ -36,7 +36,9 @@ def refits(monkeypatch):
     """Refits of coordinates that are parameters themselves, by the deviance of the held one."""
     refitted_at = []
 
-    def prepare(deviance, x=(2.0, 0.5), deviation=(10.0, 1.0), lower=-np.inf, upper=np.inf):
+    def prepare(
+        deviance, x=(2.0, 0.5), deviation=(10.0, 1.0), lower=-np.inf, upper=np.inf, alone=None
+    ):
         names = tuple("ab"[: len(x)])
         varies = SimpleNamespace(
             names=names,
@@ -56,11 +58,12 @@ def refits(monkeypatch):
             theta, held = task.session.parametrisation
             value = float(theta[names.index(held[0])])
             refitted_at.append((held[0], value))
-            cost = deviance(value) / (2 * COUNT)
+            gone = deviance(value) if alone is None or len(held) == 1 else alone
+            cost = gone / (2 * COUNT)
             return [SimpleNamespace(objective=1.0 + cost, fit=SimpleNamespace(theta=theta))]
 
-        monkeypatch.setattr(held_coordinate, "run_refits", run)
-        monkeypatch.setattr(profiled_sizes, "hold_parameters", lambda _, theta, held: (theta, held))
+        monkeypatch.setattr(size_profile, "run_refits", run)
+        monkeypatch.setattr(size_profile, "hold_parameters", lambda _, theta, held: (theta, held))
         refit = SimpleNamespace(
             fit=SimpleNamespace(parametrisation=varies, x=fitted),
             causes=(),
@@ -173,6 +176,18 @@ def test_a_factor_has_no_effect_at_one_and_of_a_vector_the_largest_component_dec
     assert nothing is None
     assert other[0] < 0 < other[1]
     assert largest[0] > 1
+
+
+def test_a_size_of_coordinates_that_make_up_for_each_other_is_one_unless_all_may_be_gone(refits):
+    """Without one of two springs side by side the other is as stiff as both were."""
+    prepare, _ = refits
+    both = cause(lambda found: {"stiffness": found["a"] + found["b"]}, release=("a", "b"))
+    for gone, is_size in ((40.0, True), (1.0, False)):
+        case = prepare(lambda a: (a - 2) ** 2 / 9, deviation=(9.0, 9.0), lower=0.0, alone=gone)
+        named = name_size(case, both)
+        assert named.excludes_no_effect is is_size
+        low, high = named.intervals.get("stiffness", (0.0, np.inf))
+        assert low <= 2.5 <= high
 
 
 def test_an_end_beyond_the_bound_of_a_coordinate_is_the_bound(refits):

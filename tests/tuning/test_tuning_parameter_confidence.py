@@ -215,6 +215,8 @@ def directions_of(information, sizes):
 def test_of_one_pair_a_product_and_a_ratio_are_not_said_at_once():
     pair = np.array([[1.0, 1.0], [1.0, 1.0]])
     assert directions_of(1e4 * pair, (1e6, 3e3)) == {"k0 and k1 are determined only as a product"}
+    zero = directions_of(1e4 * pair, (0.0, 3e3))  # a size that varies linearly, and is none
+    assert zero == {"k0 and k1 are determined in combination only"}
     neither = {"k0 is not determined by the data", "k1 is not determined by the data"}
     assert directions_of(0.1 * pair, (1e6, 3e3)) == neither
 

@@ -301,10 +301,10 @@ def rank_pulls(parametrisation: Parametrisation, x: Real) -> list[tuple[str, flo
 
 
 def _describe_direction(names: tuple[str, ...], vector: Real, sizes: Real) -> str:
-    """Describe an unidentifiable direction of logarithms in a sentence."""
+    """Describe an unidentifiable direction of logarithms in a sentence; a size of zero has none."""
     if len(names) == 1:
         return f"{names[0]} is not determined by the data"
-    if len(names) > 2:
+    if len(names) > 2 or not sizes.all():
         return f"{', '.join(names[:-1])} and {names[-1]} are determined in combination only"
     opening = f"{names[0]} and {names[1]} are determined only as"
     for power, quantity in ((-1, "a sum"), (1, "a sum of compliances")):
