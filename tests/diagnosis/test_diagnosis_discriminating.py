@@ -74,17 +74,17 @@ def told_by(posed, campaign, inputs):
 
 def test_rivals_are_told_apart_by_the_hit_that_gains_most(rivals):
     session, (one, other) = rivals
-    causes = [(one.hypothesis.key, 0.6), (other.hypothesis.key, 0.3)]
+    causes = [(one.causes[0].key, 0.6), (other.causes[0].key, 0.3)]
     said = propose_experiment(found(session, (one, other), "explained", causes))
-    assert one.hypothesis.site in said
-    assert other.hypothesis.site in said
+    assert one.causes[0].site in said
+    assert other.causes[0].site in said
     campaign = session.campaign
     hit = {test.condition.reference.point for test in campaign.tests}
     frf = campaign.tests[0].estimate.frf
     assert said.split()[1] in {dof.point for dof in frf.outputs} - hit
     # Two that are the same nothing tells apart: what confirms the first is asked for.
-    same = replace(one, hypothesis=replace(one.hypothesis, location="body:other"))
-    causes = [(one.hypothesis.key, 0.6), (same.hypothesis.key, 0.3)]
+    same = replace(one, causes=(replace(one.causes[0], location="body:other"),))
+    causes = [(one.causes[0].key, 0.6), (same.causes[0].key, 0.3)]
     said = propose_experiment(found(session, (one, same), "explained", causes))
     assert said.startswith("weigh")
 
@@ -131,14 +131,14 @@ def test_a_cause_that_is_taken_out_and_a_known_mass_are_foreseen(rivals):
     thin = thin_lines(session.campaign, 8)
     inputs = (session.campaign.tests[0].condition.reference.positive,)
     out = told_by(
-        add_experiment(Experiment("out", inputs, undone=one.hypothesis.key), one), thin, inputs
+        add_experiment(Experiment("out", inputs, undone=one.causes[0].key), one), thin, inputs
     )
     bare, frf = session.model, out.tests[0].estimate.frf
     question = FrfRequest(thin.freq_hz, frf.outputs, inputs, frf.quantity)
     expected = Evaluator(bare, question).at(one.fit.theta[: len(bare.parameters)]).values
     np.testing.assert_allclose(frf.values, expected, rtol=1e-9)
     # A tenth of its mass at a body's centre is what a mass error of that size would be.
-    body = one.hypothesis.location.partition(":")[2]
+    body = one.causes[0].location.partition(":")[2]
     number = bare.machine.layout.bodies.index(body)
     heavier = told_by(
         add_experiment(
@@ -151,7 +151,7 @@ def test_a_cause_that_is_taken_out_and_a_known_mass_are_foreseen(rivals):
     names = [parameter.name for parameter in one.session.model.parameters]
     to_centre, mass = transport(bare.machine.layout.centres[number]), np.zeros((6, 6))
     mass[:3, :3] = 0.1 * bare.machine.body_mass[6 * number, 6 * number] * np.eye(3)
-    added = one.hypothesis.movable.start({"inertia": to_centre.T @ mass @ to_centre})
+    added = one.causes[0].movable.start({"inertia": to_centre.T @ mass @ to_centre})
     more += [added.get(name, 0.0) for name in names]
     expected = Evaluator(one.session.model, question).at(more).values
     np.testing.assert_allclose(heavier.tests[0].estimate.frf.values, expected, rtol=1e-9)
@@ -169,9 +169,9 @@ def test_a_hit_along_other_axes_of_the_same_point_counts(rivals):
 
 def test_a_single_cause_is_confirmed_in_its_own_way(rivals):
     session, (one, other) = rivals
-    causes = [(one.hypothesis.key, 0.95), (other.hypothesis.key, 0.02)]
+    causes = [(one.causes[0].key, 0.95), (other.causes[0].key, 0.02)]
     said = propose_experiment(found(session, (one, other), "explained", causes))
-    assert said.startswith(f"weigh {one.hypothesis.location.partition(':')[2]}")
+    assert said.startswith(f"weigh {one.causes[0].location.partition(':')[2]}")
     proven = [(("sensor_swap", "sensor:acc1", "tx+ty"), 0.98)]
     assert "knock" in propose_experiment(found(session, (), "explained", proven))
     # A fault that the data prove leaves no rivals to tell apart, however many were refitted.
