@@ -254,7 +254,7 @@ def test_a_force_that_nothing_names_is_the_first_column_with_a_remark(tmp_path):
 
 
 def test_a_letter_n_in_a_heading_does_not_make_a_force(tmp_path):
-    path = write(tmp_path / "t.csv", ["t,F,acc N1", "0,1,2", "1,3,4", "2,5,7"])
+    path = write(tmp_path / "t.csv", ["t [s],F,acc N1", "0,1,2", "1,3,4", "2,5,7"])
     arrays = load_arrays(path)
     np.testing.assert_array_equal(arrays["force"], [[1, 3, 5]])
     assert arrays["force_label"] == "F"
