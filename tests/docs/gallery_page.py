@@ -1,5 +1,7 @@
 """The page of the gallery, generated from its table and the committed verdicts."""
 
+import re
+
 from mbw.diagnose.headline import lead
 from mbw.results.diagnosed_files import read_result
 from tests.docs.formats import significant, table
@@ -84,7 +86,12 @@ def _section(machine: GalleryMachine) -> str:
 - **Machine**: {row["is"]} (`{source}`).
 - **Test**: {row["test"]}.
 - **Hidden**: {row["hides"]}.
-- **Verdict**: {lead(read_result(machine.diagnosed))}
+- **Verdict**: {_leave_places(lead(read_result(machine.diagnosed)))}
 {graded}
 `mbw open gallery:{machine.name}`
 """
+
+
+def _leave_places(text: str) -> str:
+    """Return a verdict without the places of its causes: each machine's page has them."""
+    return re.sub(r", position \([^)]*\) mm[^,;)]*(, in world axes)?", "", text)
