@@ -176,7 +176,7 @@ class LimitingModeRow(ResultRow):
 
 
 class LoopLimitRow(ResultRow):
-    """What limits the gain of a loop.
+    """Modes that limit the gain of a loop, and what would raise it.
 
     Args:
         loop: its name in budget.toml.

@@ -38,7 +38,7 @@ def open_machine(name: str, folder: Path) -> tuple[float, float]:
         try:
             assert process.stderr is not None
             said = (re.search(r"workbench of .*: (http\S+)", line) for line in process.stderr)
-            address = urlsplit(next(found[1] for found in said if found))
+            address = urlsplit(next(match[1] for match in said if match))
             with closing(HTTPConnection(address.netloc, timeout=60)) as line:
                 line.request("GET", f"{address.path}?{address.query}")
                 answer = line.getresponse()

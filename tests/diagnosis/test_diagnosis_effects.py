@@ -254,8 +254,8 @@ def test_several_at_once_release_correct_and_add_what_each_does(scene):
     polarity = next(iter(EFFECTS["sensor_polarity"](scene)))
     others = [next(iter(EFFECTS[name](scene))) for name in ("sensor_gain", "gyroscopic")]
     whole = add_hypotheses(scene.session, polarity, *others)
-    own = np.isin(np.array(whole.parametrisation.names), others[0].release)
-    assert not whole.parametrisation.precision[own].any()
+    is_released = np.isin(np.array(whole.parametrisation.names), others[0].release)
+    assert not whole.parametrisation.precision[is_released].any()
     assert whole.model.parts == (*scene.session.model.parts, *others[1].parts)
     corrected = polarity.correct(scene.session.campaign)
     for test, expected in zip(whole.campaign.tests, corrected.tests, strict=True):

@@ -1,4 +1,4 @@
-"""What effects draw and where they act: numbers, directions, places, and the rows of a rig there.
+"""Draws of effects, and where they act: numbers, directions, places, rows of a rig there.
 
 A place is a location drawn, or named by the user as in the answer, ``joint:ty``. Effects that came
 before may have coordinates of their own at the end of the rig's; rows here are as wide as the rig,

@@ -1,4 +1,4 @@
-"""What effects inside the measurement share: one sensor or point that is hit, and its dynamics."""
+"""Base of effects inside the measurement: one sensor or hammer point, and its dynamics."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

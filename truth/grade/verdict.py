@@ -19,7 +19,7 @@ NONE, UNEXPLAINED, SEVERAL = "none", "unexplained", "several"
 
 @dataclass(frozen=True)
 class Entry:
-    """What an effect of the catalogue is.
+    """Properties of an effect of the catalogue.
 
     Args:
         kind: of its place.
