@@ -11,7 +11,7 @@ e.(w x e) = 0. Its free length is that at the machine's static equilibrium, so t
 strained there.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -99,21 +99,35 @@ def _fixed_tendon(name: str, machine: Machine, row: Real, kind: str, size: float
         kind: ``stiffness`` or ``damping``.
         size: its value.
     """
-    coupled, drawn = np.flatnonzero(np.abs(row) > _MIN_RELATIVE_STIFFNESS), machine.drawing.joints
-    names = [machine.coordinates[k] for k in coupled]
-    free = row[coupled] @ [drawn[joint].at_rest if joint in drawn else 0.0 for joint in names]
-    row = row * (1.0 if free >= 0 else -1.0)  # MuJoCo computes a free length of -1 itself
+    coupled = np.flatnonzero(np.abs(row) > _MIN_RELATIVE_STIFFNESS)
     children = tuple(
-        Element("joint", {"joint": machine.written_name(joint), "coef": factor})
-        for joint, factor in zip(names, row[coupled].tolist(), strict=True)
+        Element(
+            "joint", {"joint": machine.written_name(machine.coordinates[k]), "coef": float(row[k])}
+        )
+        for k in coupled.tolist()
     )
-    values: Values = {
-        "name": name,
-        **_NO_TENDON_DEFAULTS,
-        "springlength": abs(float(free)),
-        kind: size,
-    }
-    return Addition(name, "tendon", Element("fixed", values, children))
+    values: Values = {"name": name, **_NO_TENDON_DEFAULTS, kind: size}
+    rest = {joint: drawn.at_rest for joint, drawn in machine.drawing.joints.items()}
+    return Addition(name, "tendon", fixed_tendon_at(Element("fixed", values, children), rest))
+
+
+def fixed_tendon_at(tendon: Element, rest: Mapping[str, float]) -> Element:
+    """Return a fixed tendon that is unstrained at a rest.
+
+    MuJoCo computes a free length of -1 itself, so that a negative one turns all coefficients.
+
+    Args:
+        tendon: with its joints.
+        rest: displacement of the joints by name [m, rad]; 0 of those that are not in it.
+    """
+    factors = np.array([joint.values["coef"] for joint in tendon.children], float)
+    free = float(factors @ [rest.get(str(joint.values["joint"]), 0.0) for joint in tendon.children])
+    turned = (factors if free >= 0 else -factors).tolist()
+    children = tuple(
+        Element("joint", {**joint.values, "coef": factor})
+        for joint, factor in zip(tendon.children, turned, strict=True)
+    )
+    return Element("fixed", {**tendon.values, "springlength": abs(free)}, children)
 
 
 def link_elements(
@@ -139,6 +153,7 @@ def link_elements(
             f"{name}.{which}",
             "worldbody" if body == WORLD else body,
             Element("site", {"name": f"{name}.{which}", "pos": _local_position(machine, body, at)}),
+            next(each for each in bodies if each != WORLD),
         )
         for which, body, at in zip(
             "ab",
@@ -195,7 +210,7 @@ def suspended_mass_elements(
     site = Element("site", {"name": end, "pos": _local_position(machine, body, point)})
     return (
         Addition(end, body, site),
-        Addition(name, "worldbody", mass),
+        Addition(name, "worldbody", mass, body),
         _spatial_tendon(
             name,
             {
@@ -252,6 +267,7 @@ def directed_mass_elements(
                     "pos": _local_position(machine, WORLD if parent == "worldbody" else parent, at),
                 },
             ),
+            body,
         )
         for which, (parent, at) in zip("ab", ends, strict=True)
     )

@@ -122,7 +122,12 @@ class Link:
         )
         place = f"pair:{self.name}"
         return AddedPart(
-            place, parameters, self.compute_change, self.compute_slopes, written=self.write
+            place,
+            parameters,
+            self.compute_change,
+            self.compute_slopes,
+            written=self.write,
+            goes_with=self.machine.layout.bodies[self.place.moving[0]],
         )
 
     def _build_matrices(self, theta: Real) -> Real:

@@ -81,11 +81,14 @@ class Addition:
         parent: name of the body that gets it; ``worldbody``, ``tendon`` or ``custom`` for the
             section.
         element: the element with its children.
+        beside: body with which a site, or a body of the world, goes where the machine rests
+            elsewhere than in the nominal model; its parent if empty.
     """
 
     name: str
     parent: str
     element: Element
+    beside: str = ""
 
 
 class MjcfLack(StrEnum):

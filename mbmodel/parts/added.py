@@ -7,8 +7,10 @@ from typing import Self
 import numpy as np
 
 from identification.words import Condition, Real
+from mbmodel.machine import Machine, Pose
 from mbmodel.mjcf.edit import Addition, Edit, MjcfLack, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, drawn_values
+from mbmodel.spatial import transport
 
 Changes = Callable[[Real], tuple[Change, ...]]
 
@@ -30,6 +32,8 @@ class AddedPart:
             adds no mass.
         leave_out: returns theta without sizes that a statement of the change leaves out, since they
             count as nothing; None if there are none.
+        goes_with: body along with which a change between bodies moves where the machine rests
+            elsewhere than in the nominal model; each of them by its share if empty.
     """
 
     location: str
@@ -40,6 +44,7 @@ class AddedPart:
     written: Callable[[Real], tuple[Edit | Addition | NotInMjcf, ...]] | None = None
     weighs: Callable[[Real], Real] | None = None
     leave_out: Callable[[Real], Real] | None = None
+    goes_with: str = ""
 
     @classmethod
     def linear(
@@ -79,14 +84,31 @@ class AddedPart:
         fraction = self.acts(context.condition)
         if not (theta.any() and fraction):
             return ()
-        return _scaled_changes(
-            fraction, (change for change in self.finite(theta) if change.core.any())
-        )
+        acting = (change for change in self.finite(theta) if change.core.any())
+        return self._act(fraction, acting, context.machine)
 
     def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
         """Return the derivatives at theta; empty if nothing acts."""
         fraction = self.acts(context.condition)
-        return _scaled_changes(fraction, self.derivatives(theta)) if fraction else ()
+        return self._act(fraction, self.derivatives(theta), context.machine) if fraction else ()
+
+    def _act(
+        self, fraction: float, changes: Iterable[Change], machine: Machine
+    ) -> tuple[Change, ...]:
+        """Return changes times the fraction that acts, at the pose of the machine."""
+        scaled = (
+            change if fraction == 1.0 else replace(change, core=fraction * change.core)
+            for change in changes
+        )
+        if not self.goes_with or machine.pose is None:
+            return tuple(scaled)
+        carried = _carry(machine, machine.pose, machine.layout.bodies.index(self.goes_with))
+        return tuple(
+            replace(change, left=carried @ change.left, right=carried @ change.right)
+            if change.slot == "body"
+            else change
+            for change in scaled
+        )
 
     def write(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
         """Return elements that hold it, beside additional mass, which is written with its body."""
@@ -117,8 +139,27 @@ class AddedPart:
         return MjcfLack.OTHER_PACKAGE
 
 
-def _scaled_changes(fraction: float, changes: Iterable[Change]) -> tuple[Change, ...]:
-    """Return changes times the fraction that acts."""
-    if fraction == 1.0:
-        return tuple(changes)
-    return tuple(replace(change, core=fraction * change.core) for change in changes)
+def _carry(machine: Machine, pose: Pose, first: int) -> Real:
+    """Return X' for the rows of bodies in a change that goes along with one of them.
+
+    It acts on the motion of another body at the place where the first would carry its centre,
+
+        v_P = R_1' (v + w x (P - c')),   w_P = R_1' w,   P = c_1' + R_1 (c - c_1),
+
+    with v and w in world axes and R_1 the turn of the first from the nominal rest.
+
+    Args:
+        first: number of the body.
+
+    Returns:
+        (6 n_body, 6 n_body), the unit matrix for the first body.
+    """
+    centres = machine.layout.centres
+    carried = np.zeros((6 * len(centres),) * 2)
+    back = np.kron(np.eye(2), pose.turns[first].T)
+    for number, centre in enumerate(centres):
+        there = pose.centres[first] + pose.turns[first] @ (centre - centres[first])
+        turn = np.kron(np.eye(2), pose.turns[number])
+        block = slice(6 * number, 6 * number + 6)
+        carried[block, block] = (back @ transport(there - pose.centres[number]) @ turn).T
+    return carried

@@ -25,7 +25,7 @@ from identification.words.file_access import temporary_folder
 from mbmodel.assembly import Assembly
 from mbmodel.machine import Machine
 from mbmodel.machine_loading import load_machine
-from mbmodel.mjcf.edit import NotInMjcf, write_mjcf
+from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.mjcf.written_file import (
     MAX_RELATIVE_DIFFERENCE,
@@ -38,6 +38,7 @@ from mbmodel.mjcf.written_file import (
 from mbmodel.model import Model, as_drawn
 from mbmodel.mujoco_start import mujoco_path
 from mbmodel.ports.ports import direction_selection
+from mbmodel.writing.additions_at_rest import move_to_rest
 from mbmodel.writing.model_edits import held_parameters, model_edits, split_edits
 
 
@@ -58,8 +59,8 @@ def write_model(
         InputError: the source cannot be read any more.
     """
     not_held = tuple(edit for edit in model_edits(model, theta) if isinstance(edit, NotInMjcf))
-    changes, laws = split_edits(model, theta)
     nominal, held = _following(model), held_parameters(model, theta)
+    changes, laws = _edits_at_rest(nominal, theta, held)
 
     def compare(path: Path) -> Difference | None:
         written = load_machine(path, key=model.machine.keyframe, reading=model.machine.reading)
@@ -88,12 +89,27 @@ def read_as_written(model: Model, theta: Real) -> Machine:
     Raises:
         InputError: the source cannot be read any more.
     """
-    changes, _ = split_edits(model, theta)
+    changes, _ = _edits_at_rest(_following(model), theta, held_parameters(model, theta))
     with temporary_folder() as folder:
         write_mjcf(model.machine.source, folder / "machine.xml", changes, expanded=True)
         return load_machine(
             folder / "machine.xml", key=model.machine.keyframe, reading=model.machine.reading
         )
+
+
+def _edits_at_rest(
+    model: Model, theta: Real, held: Real
+) -> tuple[list[Edit | Addition], list[Edit | Addition]]:
+    """Return edits of the linear machine, and of laws, with additions where the machine rests.
+
+    Args:
+        model: which follows its equilibrium.
+        theta, held: parameters, and those of them that the file holds; (n_parameter,) each.
+    """
+    changes, laws = split_edits(model, theta)
+    if not any(isinstance(change, Addition) for change in changes):
+        return changes, laws
+    return move_to_rest(model.machine, model.at_rest(held).machine.pose, changes), laws
 
 
 def _following(model: Model) -> Model:
