@@ -133,9 +133,14 @@ class AppendagePart:
         return omega, SCAN_DAMPING_RATIO * float(np.exp(LOG_UNIT * theta[4]))
 
     def _build_change(self, core: Real, shape: Shape | None) -> Change:
-        """Return the change by a core at s^0 with a shape, or at s^2 without one."""
+        """Return the change by a core at s^0 with a shape, or at s^2 without one.
+
+        Under gravity, f(s) = 1 keeps a mass along single axes from bearing weight.
+        """
         whole = np.zeros((*core.shape[:-2], 3, 6, 6))
         whole[..., 2 if shape is None else 0, :, :] = core
+        if shape is None and self.machine.gravity.any():
+            shape = np.ones_like
         return Change("body", self.frame, self.frame, whole, shape=shape)
 
     def _move(self, theta: Real) -> Real:

@@ -47,6 +47,17 @@ def test_effects_are_written_at_the_rest_of_the_fit(hung, tmp_path, effect):
     assert hypotheses
 
 
+def test_a_box_that_is_rigid_across_its_axis_bears_no_weight(hung, tmp_path):
+    one = next(iter(EFFECTS["appendage"](hung)))
+    model, theta = moved(hung, one)
+    for number, parameter in enumerate(model.parameters):
+        if parameter.name.endswith((".mass_y", ".mass_z")):
+            theta[number] = 0.0
+        if parameter.name.endswith(".across"):
+            theta[number] = 1.0
+    assert write_model(model, theta, tmp_path / "box.xml") == WrittenModel("box.xml")
+
+
 @pytest.fixture(scope="module")
 def linked(hung):
     """The model with a link between its bodies, and theta."""
