@@ -149,8 +149,9 @@ class GalleryMachine:
         )
         text = (folder / "campaign.toml").read_text("utf-8")
         (records,) = folder.glob("hits_*.npz")
+        stated = f'\nunit = "m/s^2/N"\nwindow_tau = {frfs[0].window_tau!r}'
         text = text.replace(records.name, "impact.npz").replace(
-            'quantity = "accelerance"', 'quantity = "accelerance"\nunit = "m/s^2/N"'
+            quantity := 'quantity = "accelerance"', quantity + stated
         )
         self._write_settings(text)
         answer = f'effect = "{played["effect"]}"\nlocation = "{played["location"]}"\n'
