@@ -9,6 +9,7 @@ from identification.solid.body_channels import BodyData
 from identification.solid.fault_search import FaultSearch, search_faults
 from identification.solid.frequency_limit import ResidualSpectrum, residual_spectrum
 from identification.solid.moments import Moments
+from identification.solid.rigid_fit import fit_errors
 from identification.solid.sensor_faults import BelievedBody, FaultHypothesis, Key
 from identification.solid.shared_shape import block_residuals
 from identification.words import Real, Tolerance
@@ -74,10 +75,12 @@ def correct_spectrum(
     """
     drawn, state = BelievedBody.healthy(data, tolerance), search.state
     shaped = [fault for fault in search.accepted if fault.frees_shape]
+    moments = Moments.of(state.data, state.reading, blocks=1)
+    errors = fit_errors(state.model, moments, start=search.errors, least=-np.inf).errors
 
     def residuals_without(left_out: list[bool]) -> ResidualSpectrum:
         model = replace(state.model, extra=state.extra[:, left_out])
-        return residual_spectrum(state, drawn, model, search.errors, search.noise_scale)
+        return residual_spectrum(state, drawn, model, errors, search.noise_scale)
 
     residuals = residuals_without([fault.dead for fault in shaped])
     if not residuals.exceeds_bound.any():

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from scipy.special import softmax
 
 from identification.solid.moments import Moments
-from identification.solid.rigid_fit import FittedErrors, fit_errors
+from identification.solid.rigid_fit import FittedErrors, fit_errors, min_data
 from identification.solid.screening import BodyFit, screen_faults
 from identification.solid.sensor_faults import BelievedBody, FaultHypothesis, Key, min_parameters
 from identification.solid.shared_shape import FreeShapes, folds
@@ -161,6 +161,7 @@ def _held_out_cost(
     for train in folds(moments.gram.shape[1]):
         part = fit_errors(state.model, moments.sum_blocks(train), start=fitted.errors)
         data += state.model.data(moments.sum_blocks(~train), part.errors)
+    data = max(data, min_data(moments))
     cost = fitted.prior + state.penalty(fitted.errors, body_fit.tolerance)
     cost += 0.0 if hypothesis is None else hypothesis.cost
     return RankedFault(hypothesis, replace(state, start=fitted.errors), fitted, cost, data)

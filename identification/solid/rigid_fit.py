@@ -23,6 +23,9 @@ from identification.words import Real
 _MAX_FIT_STEPS = 8  # Gauss-Newton steps
 _MAX_SHORTENINGS = 6  # trials of a step that does not lower the cost
 _MIN_SHORTENING = 0.1  # smallest factor by which such a step is shortened
+# Standard deviations by which the residual of noise alone may lie below its mean.
+_CHANCE_SIGMA = 3.0
+_MIN_WEIGHT, _WEIGHT_STEP = 1e-4, 0.3  # of the data, and the accuracy of its logarithm
 _MIN_DECREASE_NATS = 1e-2  # decrease of the cost below which a fit has converged [nats]
 
 
@@ -119,42 +122,72 @@ def fit_errors(
     *,
     start: Real | None = None,
     steps: int = _MAX_FIT_STEPS,
+    least: float | None = None,
 ) -> FittedErrors:
     """Minimise the cost over the errors: data + p^2 / (2 spread^2), by damped Gauss-Newton steps.
 
-    A step that does not lower the cost is shortened to the minimum of the parabola through cost,
-    slope and trial (Dennis and Schnabel 1983, ch. 6.3). The fit ends where the step promises less
-    than a hundredth of a nat.
+    Where that leaves less than the noise, the least p^2 is sought that leaves as much as the noise
+    (the discrepancy principle; Morozov 1966): the data then count less. Stated noise may be more
+    than redundant channels show, since hits beside their place scatter all channels together, as a
+    motion of the solid. Errors would be turned to where most of it is stated.
 
     Args:
         model: sensors, priors and free shapes.
         start: errors at the start, zero if None; (n_error,).
         steps: number of steps, at most.
+        least: cost of the data that the noise leaves; what it leaves by chance if None.
+    """
+    sums, least = moments.fit_sums(), min_data(moments) if least is None else least
+    at = model.evaluate(sums, np.zeros(model.sensors.count) if start is None else start)
+    fitted = _fit_weighted(model, sums, at, steps, 1.0)
+    low, high = np.log(_MIN_WEIGHT), 0.0
+    while fitted.data < least and high - low > _WEIGHT_STEP:
+        middle = (low + high) / 2
+        at = model.evaluate(sums, fitted.errors)
+        trial = _fit_weighted(model, sums, at, steps, float(np.exp(middle)))
+        if trial.data < least:
+            fitted, high = trial, middle
+        else:
+            low = middle
+    return fitted
+
+
+def min_data(moments: Moments) -> float:
+    """Return the cost of the data that noise leaves by chance, at least; see ``fit_errors``."""
+    return -_CHANCE_SIGMA * float(np.sqrt(moments.noise.sum()))
+
+
+def _fit_weighted(
+    model: RigidFitModel, sums: FitSums, at: Evaluation, steps: int, weight: float
+) -> FittedErrors:
+    """Minimise weight data + p^2 / (2 spread^2).
+
+    A step that does not lower the cost is shortened to the minimum of the parabola through cost,
+    slope and trial (Dennis and Schnabel 1983, ch. 6.3). The fit ends where the step promises less
+    than a hundredth of a nat.
     """
     precision = 1 / model.spread**2
-    sums = moments.fit_sums()
-    at = model.evaluate(sums, np.zeros(model.sensors.count) if start is None else start)
     prior = 0.5 * float(precision @ at.errors**2)
     information = np.zeros((len(at.errors), len(at.errors)))
     for _ in range(steps):
         gradient, information = model.slopes_at(sums, at)
         # In units of the spread the curvature is at least one, so that the solution is stable.
-        scaled = 2 * information * np.outer(model.spread, model.spread)
-        slope = (gradient + precision * at.errors) * model.spread
+        scaled = 2 * weight * information * np.outer(model.spread, model.spread)
+        slope = (weight * gradient + precision * at.errors) * model.spread
         step = solve_definite(scaled + np.eye(len(scaled)), slope)
-        descent, length, before = float(slope @ step), 1.0, at.data + prior
+        descent, length, before = float(slope @ step), 1.0, weight * at.data + prior
         change = -np.asarray(step * model.spread, float)
         for _ in range(_MAX_SHORTENINGS):
             if 0.5 * descent * length < _MIN_DECREASE_NATS:
                 break
             trial = model.evaluate(sums, model.sensors.step(at.errors, length * change))
             trial_prior = 0.5 * float(precision @ trial.errors**2)
-            excess = trial.data + trial_prior - before
+            excess = weight * trial.data + trial_prior - before
             if excess < 0:
                 at, prior = trial, trial_prior
                 break
             shorter = 0.5 * descent * length / (excess + descent * length)
             length *= max(shorter, _MIN_SHORTENING)
-        if before - at.data - prior < _MIN_DECREASE_NATS:
+        if before - weight * at.data - prior < _MIN_DECREASE_NATS:
             break
     return FittedErrors(at.errors, at.data, prior, information)

@@ -19,6 +19,8 @@ class Case:
     """What to draw; ``layout_change`` alters the true layout, ``read`` the clean readings.
 
     ``level`` puts all sensors at one height, axes along those of the world.
+    ``planar`` lets the body move along x and z and turn about y alone, axes along the world's.
+    ``scatter`` mixes the three hits at random from line to line, as hits beside their place do.
     ``flex`` adds a mode (frequency, size against the rigid motion at its peak, number of shapes).
     """
 
@@ -34,6 +36,8 @@ class Case:
     read: Readings | None = None
     flex: tuple[float, float] | None = None
     level: bool = False
+    planar: bool = False
+    scatter: float = 0.0
 
 
 def motion(rng: np.random.Generator, freq: np.ndarray, bodies: int) -> np.ndarray:
@@ -95,6 +99,8 @@ def draw(case: Case) -> Campaign:
     rng = np.random.default_rng(case.seed)
     freq = np.linspace(10.0, 200.0, case.lines)
     layout = random_layout(case.seed, n_body=case.bodies, n_sensor=case.sensors)
+    if case.planar:
+        layout = replace(layout, axes=np.tile(np.eye(3), (len(layout.axes), 1, 1)))
     if case.level:
         flat = layout.positions * [1, 1, 0] + [0, 0, 0.1]
         layout = replace(layout, positions=flat, axes=np.tile(np.eye(3), (len(flat), 1, 1)))
@@ -103,6 +109,11 @@ def draw(case: Case) -> Campaign:
     if case.layout_change is not None:
         true = case.layout_change(true)
     rigid = motion(rng, freq, case.bodies)
+    if case.planar:
+        rigid[:, [1, 3, 5]] = 0.0
+    mixing = np.random.default_rng([case.seed, 23]).normal(size=(len(freq), 3, 3, 2))
+    mixing = case.scatter * mixing @ [np.sqrt(0.5), 1j * np.sqrt(0.5)]
+    rigid = rigid + rigid @ mixing
     values = np.stack([read_by_hand(true, dof, rigid) for dof in outputs], axis=1)
     if case.flex is not None:
         values = values + flexible(rng, freq, true.rows(outputs), values, case.flex)
@@ -114,7 +125,10 @@ def draw(case: Case) -> Campaign:
     level = level.mean(axis=0, keepdims=True) * (1 + (30 / freq) ** 2)[:, None, None]
     noise = level * (rng.normal(size=(2, *values.shape)) / np.sqrt(2) * [[[[1]]], [[[1j]]]]).sum(0)
     degrees = 2 * (case.averages - 1)
-    known = np.broadcast_to(level, values.shape) ** 2 * rng.chisquare(degrees, values.shape)
+    common = case.scatter**2 * (np.abs(values) ** 2).sum(axis=2, keepdims=True)
+    known = (np.broadcast_to(level, values.shape) ** 2 + common) * rng.chisquare(
+        degrees, values.shape
+    )
     variance = known / degrees / case.noise_misstated**2
     return campaign(layout, freq, values + noise, variance, outputs=outputs, case=case)
 

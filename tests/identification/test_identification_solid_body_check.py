@@ -84,6 +84,19 @@ def test_noise_misstated_by_a_fifth_makes_no_fault(stated):
         assert found.solid_to_hz == found.freq_hz[-1]
 
 
+def test_scatter_of_hits_is_no_noise_that_sensors_are_turned_towards():
+    # In a plane, channels across it read errors alone, with little noise beside that of the others.
+    for seed in range(4):
+        case = Case(1150 + seed, sensors=3, lines=LINES, noise=2e-3, planar=True, scatter=0.05)
+        campaign = draw(case)
+        (found,) = check_bodies(campaign)
+        assert not found.faults, found.sentence
+        data = body_data(join_tests(campaign), campaign, "body0")
+        state = BelievedBody.healthy(data, campaign.tolerance)
+        fitted = fit_errors(state.model, Moments.of(data, blocks=1))
+        assert fitted.prior < len(fitted.errors), "errors are about one standard deviation"
+
+
 def test_tolerances_of_three_standard_deviations_make_no_fault_of_the_second_order():
     # Drawn three times as wide as stated, most errors lie within what a fit must follow exactly.
     tolerance = Case(0).tolerance
