@@ -1,10 +1,11 @@
 """Reader of campaign.toml, which checks every key before any other file is read."""
 
 import os
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StrictInt, StrictStr, model_validator
+from pydantic import Field, StrictInt, StrictStr, create_model, model_validator
 
 from identification.readers.controller import CampaignLoopTable
 from identification.readers.frequency_lines import FrequencyRanges
@@ -24,6 +25,7 @@ from identification.words import (
     UsageError,
     parse_port,
 )
+from identification.words.campaign import TOLERANCE_FACTORS
 from identification.words.file_access import check_file
 from identification.words.ports import FLOOR
 
@@ -98,24 +100,17 @@ class TestSettings(TomlTable):
         return " at ".join(filter(None, (self.model, joints)))
 
 
-class ToleranceSettings(TomlTable):
+class ToleranceSettings(
+    create_model(  # type: ignore[misc]  # a key for each field of Tolerance, with its default
+        "Tolerances",
+        __base__=TomlTable,
+        **{
+            each.name: (float, Field(default=each.default, ge=int(each.name in TOLERANCE_FACTORS)))
+            for each in fields(Tolerance)
+        },
+    )
+):
     """Settings of ``[tolerance]``: standard deviations of the real machine about its drawings."""
-
-    mass: float = Field(default=Tolerance.mass, ge=0)
-    inertia: float = Field(default=Tolerance.inertia, ge=0)
-    com: float = Field(default=Tolerance.com, ge=0)
-    joint_position: float = Field(default=Tolerance.joint_position, ge=0)
-    sensor_gain: float = Field(default=Tolerance.sensor_gain, ge=0)
-    sensor_angle: float = Field(default=Tolerance.sensor_angle, ge=0)
-    sensor_position: float = Field(default=Tolerance.sensor_position, ge=0)
-    sensor_delay: float = Field(default=Tolerance.sensor_delay, ge=0)
-    sensor_cross: float = Field(default=Tolerance.sensor_cross, ge=0)
-    hammer_angle: float = Field(default=Tolerance.hammer_angle, ge=0)
-    hammer_position: float = Field(default=Tolerance.hammer_position, ge=0)
-    hammer_gain: float = Field(default=Tolerance.hammer_gain, ge=0)
-    hammer_delay: float = Field(default=Tolerance.hammer_delay, ge=0)
-    stiffness: float = Field(default=Tolerance.stiffness, ge=1)
-    damping: float = Field(default=Tolerance.damping, ge=1)
 
 
 class MaxwellTable(TomlTable):

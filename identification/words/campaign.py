@@ -20,6 +20,7 @@ from identification.words.ports import FLOOR, Dof, Input, Output, Signal, distin
 # that the model lacks, or a fault of a sensor.
 TOLERANCE_BOUND_SIGMA = 2.5
 State = Literal["before", "after"]  # of the machine in a test, about a change
+TOLERANCE_FACTORS = ("stiffness", "damping")  # factors of a log-normal distribution, from 1 on
 DEFAULT_HAMMER = "default"  # name of the hammer of all tests that do not name theirs
 
 
@@ -152,7 +153,7 @@ class Tolerance:
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"tolerance {name} is {value}, expected 0 or more")
-        for name in ("stiffness", "damping"):
+        for name in TOLERANCE_FACTORS:
             if getattr(self, name) < 1:
                 raise ValueError(f"tolerance {name} is a factor of {getattr(self, name)}, below 1")
 

@@ -164,24 +164,23 @@ def test_every_key_of_the_contract_is_taken(settings_of):
     hammer = settings.hammer["small"]
     assert (hammer.gain, hammer.mass) == ("unknown", 0.02)
     assert hammer.stinger.model_dump() == {"diameter": 0.002, "length": 0.05, "modulus": 2.1e11}
-    values = list(settings.tolerance.model_dump().values())
-    assert values == [
-        0.011,
-        0.012,
-        0.013,
-        0.014,
-        0.015,
-        0.016,
-        0.017,
-        1e-5,
-        0.021,
-        0.018,
-        0.0,
-        0.022,
-        3e-5,
-        1.5,
-        2.5,
-    ]
+    assert settings.tolerance.model_dump() == {
+        "mass": 0.011,
+        "inertia": 0.012,
+        "com": 0.013,
+        "joint_position": 0.014,
+        "sensor_gain": 0.015,
+        "sensor_angle": 0.016,
+        "sensor_position": 0.017,
+        "sensor_delay": 1e-5,
+        "sensor_cross": 0.021,
+        "hammer_angle": 0.018,
+        "hammer_position": 0.0,
+        "hammer_gain": 0.022,
+        "hammer_delay": 3e-5,
+        "stiffness": 1.5,
+        "damping": 2.5,
+    }
     assert settings.tuning.model_dump() == {
         "free": ["acc7.gain_x", "head_*.damping"],
         "fix": ["base.mass"],
