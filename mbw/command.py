@@ -23,6 +23,7 @@ from typer.core import TyperGroup
 
 from mbw.loader import SETTINGS
 from mbw.memory_limit import REMEDY, is_out_of_memory
+from mbw.options import PairsCommand
 from mbw.streams import (
     CANNOT_BE_USED,
     describe_unreadable_argument,
@@ -36,40 +37,50 @@ class Verb:
     """A verb of the command.
 
     Attributes:
-        module: dotted name of the module that holds its options as a Typer application ``app``.
+        options: module and name of the function whose arguments are its options.
         help: one line for the list of verbs.
     """
 
-    module: str
+    options: str
     help: str
 
 
 VERBS = {
-    "demo": Verb("mbw.demo.options", "Show all steps on a built-in machine: station or gondola."),
-    "identify": Verb("mbw.identify.options", "Identify the modal model of a measurement."),
-    "match": Verb("mbw.match.options", "Match measured modes to finite-element modes."),
-    "place": Verb("mbw.match.place_options", "Propose places for a few sensors."),
-    "predict": Verb("mbw.predict.options", "Print a model's modes, FRFs and state space."),
-    "models": Verb("mbw.models.options", "List which models of a folder have a linear model."),
-    "view": Verb("mbw.view.options", "Show a machine in MuJoCo's viewer, or in a picture."),
-    "open": Verb("mbw.open.options", "Open the workbench: a live page of model and test."),
-    "live": Verb("mbw.live.options", "Judge the hits of a running test, and plan the next one."),
+    "demo": Verb(
+        "mbw.demo.options:demo", "Show all steps on a built-in machine: station or gondola."
+    ),
+    "identify": Verb("mbw.identify.options:identify", "Identify the modal model of a measurement."),
+    "match": Verb("mbw.match.options:match", "Match measured modes to finite-element modes."),
+    "place": Verb("mbw.match.place_options:place", "Propose places for a few sensors."),
+    "predict": Verb("mbw.predict.options:predict", "Print a model's modes, FRFs and state space."),
+    "models": Verb(
+        "mbw.models.options:models", "List which models of a folder have a linear model."
+    ),
+    "view": Verb("mbw.view.options:view", "Show a machine in MuJoCo's viewer, or in a picture."),
+    "open": Verb(
+        "mbw.open.options:open_page", "Open the workbench: a live page of model and test."
+    ),
+    "live": Verb(
+        "mbw.live.options:live", "Judge the hits of a running test, and plan the next one."
+    ),
     "simulate": Verb(
-        "mbw.simulate.options", "Make a virtual hammer test, or play a signal, in time."
+        "mbw.simulate.options:simulate", "Make a virtual hammer test, or play a signal, in time."
     ),
     "excite": Verb(
-        "mbw.excite.options", "Design signals for a machine's drives, and say what they show."
+        "mbw.excite.options:excite",
+        "Design signals for a machine's drives, and say what they show.",
     ),
-    "tune": Verb("mbw.tune.options", "Tune a model to a measurement."),
+    "tune": Verb("mbw.tune.options:tune", "Tune a model to a measurement."),
     "diagnose": Verb(
-        "mbw.diagnose.options", "Find effects that the model lacks, and their places."
+        "mbw.diagnose.options:diagnose", "Find effects that the model lacks, and their places."
     ),
     "compare": Verb(
-        "mbw.compare.options", "Compare tests, and find the change of the machine between them."
+        "mbw.compare.options:compare",
+        "Compare tests, and find the change of the machine between them.",
     ),
-    "blind": Verb("mbw.blind.options", "Score the diagnosis on withheld truth."),
-    "blind merge": Verb("mbw.blind.merge_options", "Join the shards of a blind test."),
-    "report": Verb("mbw.report.options", "Write the page of a result as one HTML file."),
+    "blind": Verb("mbw.blind.options:blind", "Score the diagnosis on withheld truth."),
+    "blind merge": Verb("mbw.blind.merge_options:merge", "Join the shards of a blind test."),
+    "report": Verb("mbw.report.options:report", "Write the page of a result as one HTML file."),
 }
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -85,9 +96,10 @@ class VerbGroup(TyperGroup):
         """Load the options of a verb and return it as a command; None for an unknown name."""
         if cmd_name not in VERBS:
             return None
-        command = typer.main.get_command(import_module(VERBS[cmd_name].module).app)
-        command.name = cmd_name
-        return command
+        module, _, function = VERBS[cmd_name].options.partition(":")
+        verb = typer.Typer(rich_markup_mode=None, add_completion=False)
+        verb.command(cmd_name, cls=PairsCommand)(getattr(import_module(module), function))
+        return typer.main.get_command(verb)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the verb that the first words name, with the arguments that remain.

@@ -1,9 +1,10 @@
 """Loading of a verb's code when it runs, so that help and usage errors load no numpy or MuJoCo."""
 
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
-from typing import get_origin
+from typing import Any, get_origin
 
 import typer
 
@@ -28,23 +29,22 @@ SETTINGS = Settings()
 
 def run_verb(  # what all verbs share
     module: str,
-    *arguments: object,
+    *,
     quiet: bool,
     gallery: str = "campaign",
     without: str | None = None,
     soft_equalities: bool = False,
     **options: object,
 ) -> None:
-    """Run ``run_options`` of a module; turn its errors into one sentence and an exit code.
+    """Run ``run`` of a module; turn its errors into one sentence and an exit code.
 
     Args:
         module: dotted name of the verb's module.
-        arguments: positional arguments of ``run_options``.
         quiet: whether only errors are printed.
         gallery: what ``gallery:NAME`` stands for: ``campaign``, ``model`` or ``diagnosed``.
         without: what is left out of the models that the verb reads, as ``--without`` lists it.
         soft_equalities: whether their equality constraints give way as MuJoCo's do.
-        options: values of the verb's options; None becomes [] where ``run_options`` takes a list.
+        options: values of the verb's options by name, as ``fill_arguments`` hands them over.
 
     Raises:
         typer.Exit: the verb failed, was interrupted or did not converge.
@@ -58,12 +58,12 @@ def run_verb(  # what all verbs share
     def run() -> None:
         code = import_module(module)
         raise_on_interrupt()
-        kinds = code.run_options.__annotations__
-        lists = {name for name in options if get_origin(kinds[name]) is list}
-        stated = options | {name: [] for name in lists if options[name] is None}
-        words = [*arguments, *stated.values()]
-        values, stems = import_module("mbw.gallery").resolve_names(words, gallery)
-        n = len(arguments)
+        values, stems = import_module("mbw.gallery").resolve_names(options.values(), gallery)
+        arguments = fill_arguments(code.run, dict(zip(options, values, strict=True)))
+        if options.get("json") is not None:
+            import_module("mbw.files").check_json_target(options["json"])
+        if options.get("band") is not None:
+            import_module("mbw.any_campaign").check_band(options["band"])
         with ExitStack() as stack:
             if stems:
                 stack.enter_context(import_module("mbw.output_folder").results_beside(stems))
@@ -72,6 +72,35 @@ def run_verb(  # what all verbs share
                 kinds_left_out = tuple(filter(None, map(str.strip, (without or "").split(","))))
                 reading = models.Reading(kinds_left_out, soft_equalities)
                 stack.enter_context(models.read_as(reading))
-            code.run_options(*values[:n], **dict(zip(stated, values[n:], strict=True)))
+            code.run(**arguments)
 
     messages.handle_errors(run)()
+
+
+def fill_arguments(run: Callable[..., Any], options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a function from the options of the same names.
+
+    An argument whose type is a dataclass is a record of options: each of its fields is the option
+    of the same name. A list that the user does not state is empty.
+
+    Raises:
+        TypeError: an option is no argument, and in no record.
+    """
+    used: set[str] = set()
+
+    def fill(kinds: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values of arguments or fields; those that are no options keep defaults."""
+        values: dict[str, Any] = {}
+        for name, kind in kinds.items():
+            if isinstance(kind, type) and is_dataclass(kind):
+                values[name] = kind(**fill({each.name: each.type for each in fields(kind)}))
+            elif name in options:
+                used.add(name)
+                is_list = get_origin(kind) in (list, Sequence)
+                values[name] = [] if is_list and options[name] is None else options[name]
+        return values
+
+    arguments = fill({n: kind for n, kind in run.__annotations__.items() if n != "return"})
+    if unused := options.keys() - used:
+        raise TypeError(f"{run.__module__}.{run.__name__} takes no {', '.join(sorted(unused))}")
+    return arguments

@@ -16,7 +16,6 @@ from types import MappingProxyType
 
 from identification.words import InputError
 from identification.words.file_access import real_path
-from mbw.files import check_json_target
 from mbw.messages import SCREEN
 from tuning import write_atomically
 
@@ -129,8 +128,6 @@ class ResultOptions:
         Raises:
             InputError: a target cannot be written, or belongs to another campaign or model.
         """
-        if self.json is not None:
-            check_json_target(self.json)
         folder = self.out or default_folder(source, suffix)
         is_beside = folder.absolute() == folder_beside(source, suffix)
         request = OutputRequest(

@@ -25,12 +25,7 @@ _DIFFERENCES = {
 }
 
 
-def run_options(folders: list[Path], *, out: Path, json: Path | None, overwrite: bool) -> None:
-    """Run the verb with the values of its options, as ``mbw.blind.merge_options`` describes."""
-    run(folders, ResultOptions(out, json, overwrite))
-
-
-def run(folders: Sequence[Path], outputs: ResultOptions) -> Path:
+def run(folders: list[Path], outputs: ResultOptions) -> Path:
     """Copy the cases of all shards into one folder, and grade them.
 
     Args:

@@ -8,10 +8,7 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Json, Overwrite, Quiet
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def merge(
     folders: Annotated[
         list[Path], typer.Argument(metavar="DIR...", help="Folders of all shards of a test.")

@@ -8,10 +8,7 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Band, Jobs, Json, Overwrite, Quiet, Seed, Without, out_option
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def blind(  # noqa: PLR0913  # one for each option
     model: Annotated[
         str,

@@ -14,7 +14,6 @@ import typer
 from diagnosis import load_catalogue
 from diagnosis.next_test.smallest_sizes import SmallestSize
 from identification.words import UsageError, read_number
-from mbw.any_campaign import check_band
 from mbw.blind.case import BlindCase
 from mbw.blind.chosen_cases import (
     BlindOptions,
@@ -48,34 +47,30 @@ from truth.effects.other_packages import known_effects
 from truth.grade import tables, to_json
 
 
-def run_options(  # noqa: PLR0913  # one for each option
+def run(  # noqa: PLR0913  # one for each option
     model: str,
+    outputs: ResultOptions,
     *,
     cases: int,
-    out: Path | None,
     seed: int,
     jobs: int,
     cluster: str | None,
     executor: str | None,
     shard: str | None,
     band: tuple[float, float] | None,
-    effect: list[str] | None,
-    place: list[str] | None,
-    ratio: list[float] | None,
+    effect: list[str],
+    place: list[str],
+    ratio: list[float],
     size: str | None,
     dirt: float,
     smallest: bool,
     further: bool,
     confirm: int,
-    json: Path | None,
-    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.blind.options`` describes them."""
-    check_band(band)
     part = None if shard is None else Shard.read(shard, cases)
     workers = choose_workers(jobs, cluster, executor)
     choice = read_choice(effect, place, ratio, size, dirt)
-    outputs = ResultOptions(out, json, overwrite)
     if smallest and further:
         raise UsageError("--smallest and --further exclude each other: give one of them")
     unused = {"--shard": shard, "--ratio": ratio, "--size": size}
@@ -89,10 +84,10 @@ def run_options(  # noqa: PLR0913  # one for each option
         options = BlindOptions(model, cases, seed, workers, outputs, band, None, choice)
         run_smallest(options, confirm)
         return
-    run(BlindOptions(model, cases, seed, workers, outputs, band, part, choice))
+    run_drawn(BlindOptions(model, cases, seed, workers, outputs, band, part, choice))
 
 
-def run(options: BlindOptions) -> Path:
+def run_drawn(options: BlindOptions) -> Path:
     """Draw, diagnose and grade all cases; continue an interrupted test with the same options.
 
     Returns:
@@ -197,16 +192,16 @@ def _confirm(options: BlindOptions, row: SmallestSize, out: Path, seed: int) -> 
 
 
 def read_choice(
-    effects: Sequence[str] | None,
-    places: Sequence[str] | None,
-    ratios: Sequence[float] | None,
+    effects: Sequence[str],
+    places: Sequence[str],
+    ratios: Sequence[float],
     size: str | None,
     dirt: float,
 ) -> Choice:
     """Return the choice of the options.
 
     Args:
-        effects: names of effects; None for the whole deck.
+        effects: names of effects; empty for the whole deck.
         places: locations such as ``joint:ty``.
         ratios: survival ratios.
         size: ``parameter=value`` of the answer, such as ``mass=5``.
@@ -215,7 +210,7 @@ def read_choice(
     Raises:
         UsageError: an effect is unknown, or an option needs an effect.
     """
-    for name in effects or ():
+    for name in effects:
         if name not in known_effects() or name == "none":
             choices = ", ".join(effect for effect in known_effects() if effect != "none")
             raise UsageError(f"--effect {name!r} is unknown: choose from {choices}")
@@ -223,11 +218,9 @@ def read_choice(
         raise UsageError("--place, --ratio and --size need an effect: name it by --effect")
     if ratios and size:
         raise UsageError("--ratio and --size exclude each other: give one of them")
-    if not all(0 < ratio < math.inf for ratio in ratios or ()):
+    if not all(0 < ratio < math.inf for ratio in ratios):
         raise UsageError("--ratio: give a survival ratio of more than 0, such as 2")
-    return Choice(
-        tuple(effects or ()), tuple(places or ()), tuple(ratios or ()), _read_size(size), dirt
-    )
+    return Choice(tuple(effects), tuple(places), tuple(ratios), _read_size(size), dirt)
 
 
 def _read_size(text: str | None) -> tuple[str, float] | None:

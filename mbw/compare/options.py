@@ -18,10 +18,7 @@ from mbw.options import (
     out_option,
 )
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def compare(  # noqa: PLR0913  # one for each option
     campaigns: Annotated[
         list[Path],

@@ -14,7 +14,7 @@ from identification.readers.campaign_toml import find_campaign_file
 from identification.readers.result_files import read_result_json
 from identification.words import Campaign, InputError, UsageError, percent_text
 from mbmodel import Machine
-from mbw.any_campaign import check_band, open_any_campaign
+from mbw.any_campaign import open_any_campaign
 from mbw.compare.page import render
 from mbw.compare.result import NAMES, PAGE, add_verdict, collect_result, write_result
 from mbw.compare.schema import ComparedFile, Kind, ScatterRow, ShiftRow
@@ -28,30 +28,6 @@ from tuning.files.states_campaign import CAMPAIGN, find_differences, write_state
 
 BOTH, DIAGNOSED = "both", "diagnosed"  # folders in that of the result
 _Opened = tuple[Path, Machine | None, Campaign]
-
-
-def run_options(  # noqa: PLR0913  # one for each option
-    campaigns: list[Path],
-    *,
-    out: Path | None,
-    json: Path | None,
-    band: tuple[float, float] | None,
-    two_machines: bool,
-    diagnosis: bool,
-    jobs: int,
-    resume: bool,
-    pictures: bool,
-    overwrite: bool,
-) -> None:
-    """Run the verb with the values of its options, as ``mbw.compare.options`` describes them."""
-    check_band(band)
-    folders = list_campaigns(campaigns)
-    kind: Kind = "fleet" if len(folders) > 2 else "machines" if two_machines else "visits"
-    if kind == "fleet" and two_machines:
-        raise UsageError("--two-machines is for two campaigns: more are a fleet without it")
-    outputs = ResultOptions(out, json, overwrite, pictures)
-    whole = campaigns[0] if len(campaigns) == 1 else None
-    run(folders, outputs, kind, band=band, diagnosis=diagnosis, jobs=jobs, resume=resume, of=whole)
 
 
 def list_campaigns(paths: Sequence[Path]) -> list[Path]:
@@ -79,41 +55,45 @@ def list_campaigns(paths: Sequence[Path]) -> list[Path]:
 
 
 def run(
-    folders: Sequence[Path],
+    campaigns: list[Path],
     outputs: ResultOptions,
-    kind: Kind,
     *,
-    band: tuple[float, float] | None = None,
-    diagnosis: bool = True,
-    jobs: int = 1,
-    resume: bool = False,
-    of: Path | None = None,
+    band: tuple[float, float] | None,
+    two_machines: bool,
+    diagnosis: bool,
+    jobs: int,
+    resume: bool,
 ) -> Path:
     """Compare the tests, diagnose the change, write the result and its page.
 
     Args:
-        folders: folders of the campaigns, the first before a change.
-        kind: what the campaigns are of.
+        campaigns: folders of the campaigns, the first before a change; or the folder of a fleet.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
+        two_machines: whether two campaigns are of two machines of one drawing.
         diagnosis: whether the change is diagnosed.
         jobs: number of processes of the diagnosis.
         resume: whether an interrupted diagnosis is continued.
-        of: folder that holds all campaigns; None if they were named.
 
     Returns:
         The folder of the result.
 
     Raises:
         InputError: a campaign cannot be used.
+        UsageError: one is named twice, or more than two are called two machines.
     """
+    folders = list_campaigns(campaigns)
+    kind: Kind = "fleet" if len(folders) > 2 else "machines" if two_machines else "visits"
+    if kind == "fleet" and two_machines:
+        raise UsageError("--two-machines is for two campaigns: more are a fleet without it")
+    whole = campaigns[0] if len(campaigns) == 1 else None
     names = name_campaigns(folders)
     with SCREEN.status("reading and checking the tests"):
         opened = [open_any_campaign(folder, band) for folder in folders]
-    campaigns, remarks = _choose_tests([campaign for _, _, campaign in opened], names)
-    suffix = "compared" if kind == "fleet" or of else f"{names[1]}-compared"
-    with outputs.open("compare", of or opened[0][0], suffix, NAMES) as output:
+    tests, remarks = _choose_tests([campaign for _, _, campaign in opened], names)
+    suffix = "compared" if kind == "fleet" or whole else f"{names[1]}-compared"
+    with outputs.open("compare", whole or opened[0][0], suffix, NAMES) as output:
         with SCREEN.status("modes of all tests"):
-            comparison = compare_tests(campaigns, names)
+            comparison = compare_tests(tests, names)
         reason: str | None = "no diagnosis, as --no-diagnosis asks"
         if diagnosis:
             reason = _find_reason(opened, comparison, kind)

@@ -13,26 +13,16 @@ from statistics import median
 from typing import Any
 
 from identification.impacts import read_impacts
-from mbw.any_campaign import check_band
 from mbw.assets import asset_path
-from mbw.files import check_json_target
 from mbw.match import place, verb
 from mbw.match.result import MATCH_JSON, PAGE
 from mbw.match.schema import MatchFile, MatchRow
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
 
-_WEIGHED_KG = 272.0, 5.0  # what scales say of the tested frame, and their tolerance
+_WEIGHED_KG = "272+-5"  # what scales say of the tested frame, and their tolerance
 _WIDTH_HZ = 0.3  # of the sliding average of amplitudes, as mbw match has it
 _SAME_MODE = 0.02  # relative difference of two frequencies of one mode, at most
-
-
-def run_options(
-    *, out: Path, json: Path | None, band: tuple[float, float] | None, overwrite: bool
-) -> None:
-    """Run the demo with the values of its options, as ``mbw.demo.options`` describes them."""
-    check_band(band)
-    run(ResultOptions(out, json, overwrite), band)
 
 
 def run(outputs: ResultOptions, band: tuple[float, float] | None = None) -> None:
@@ -42,8 +32,7 @@ def run(outputs: ResultOptions, band: tuple[float, float] | None = None) -> None
         outputs: where the match is written.
         band: lowest and highest frequency [Hz]; None for the band of the campaign.
     """
-    if outputs.json is not None:
-        check_json_target(outputs.json)
+    outputs = replace(outputs, out=outputs.out or Path("mbw-demo-gondola"))
     shapes, folder = asset_path("gondola/shapes.vtu"), asset_path("gondola/campaign")
     campaign = read_impacts(folder)
     SCREEN.say("1. places of the sensors: which simulated modes they tell apart")

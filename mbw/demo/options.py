@@ -9,8 +9,6 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Band, Jobs, Json, Overwrite, Quiet, Seed, out_option
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
-
 
 class DemoMachine(StrEnum):
     """Built-in machines that have a demo."""
@@ -19,7 +17,6 @@ class DemoMachine(StrEnum):
     GONDOLA = "gondola"
 
 
-@app.command()
 def demo(
     machine: Annotated[
         DemoMachine,
@@ -39,23 +36,10 @@ def demo(
     overwrite: Overwrite = False,
 ) -> None:
     """Show all steps on a built-in machine, and print the addresses of the pages."""
+    options = locals()
+    del options["machine"]
     if machine is DemoMachine.GONDOLA:
-        run_verb(
-            "mbw.demo.gondola",
-            out=out or Path("mbw-demo-gondola"),
-            json=json,
-            band=band,
-            overwrite=overwrite,
-            quiet=quiet,
-        )
-        return
-    run_verb(
-        "mbw.demo.verb",
-        out=out or Path("mbw-demo"),
-        json=json,
-        band=band,
-        jobs=jobs,
-        seed=seed,
-        overwrite=overwrite,
-        quiet=quiet,
-    )
+        del options["jobs"], options["seed"]
+        run_verb("mbw.demo.gondola", **options)
+    else:
+        run_verb("mbw.demo.verb", **options)

@@ -9,11 +9,8 @@ from typing import Any
 import numpy as np
 
 from diagnosis import Verdict
-from identification.modal import ModeChoices, ModeCriteria
-from mbw.any_campaign import check_band
 from mbw.assets import asset_path
 from mbw.diagnose import verb as diagnose
-from mbw.files import check_json_target
 from mbw.identify import verb as identify
 from mbw.identify.files import PAGE as MODES_PAGE
 from mbw.messages import SCREEN
@@ -27,23 +24,8 @@ from tuning.files.plant_folder import VERDICT
 NEUTRAL = {"fraction": 1.0, "factor": 1.0, "gain": 1.0}
 
 
-def run_options(
-    *,
-    out: Path,
-    json: Path | None,
-    band: tuple[float, float] | None,
-    jobs: int,
-    seed: int,
-    overwrite: bool,
-) -> None:
-    """Run the verb with the values of its options, as ``mbw.demo.options`` describes them."""
-    check_band(band)
-    run(ResultOptions(out, json, overwrite), out, band=band, jobs=jobs, seed=seed)
-
-
 def run(
     outputs: ResultOptions,
-    out: Path,
     *,
     band: tuple[float, float] | None = None,
     jobs: int = 1,
@@ -52,16 +34,13 @@ def run(
     """Identify, tune and diagnose, write the pages, and grade the diagnosis by the answer.
 
     Args:
-        outputs: where the verdict is written as JSON, and whether files are replaced.
-        out: folder of the results.
+        outputs: folder of all results, JSON of the verdict, and whether files are replaced.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
     """
-    campaign = asset_path("demo")
-    if outputs.json is not None:
-        check_json_target(outputs.json)
+    campaign, out = asset_path("demo"), outputs.out or Path("mbw-demo")
     without_json = replace(outputs, json=None)
     SCREEN.say("1. identification of the measured modes")
-    choices = identify.IdentifyChoices(ModeCriteria(), ModeChoices(), against=None)
+    choices = identify.IdentifyChoices()
     modes = identify.run(campaign, replace(without_json, out=out / "modes"), choices, band)
     SCREEN.say("\n2. tuning of stiffness, damping and tolerances")
     tuned = tune.run(campaign, without_json, band=band, jobs=jobs, seed=seed)

@@ -19,10 +19,7 @@ from mbw.options import (
     out_option,
 )
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def diagnose(  # noqa: PLR0913  # one for each option
     campaign: CampaignFolder,
     *,

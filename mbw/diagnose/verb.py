@@ -12,7 +12,6 @@ from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
 from diagnosis.effects import check_others
 from diagnosis.verdict.sentences import UNEXPLAINED, other_places
 from mbmodel import refuse_difference
-from mbw.any_campaign import check_band
 from mbw.diagnose.augmented import write_augmented
 from mbw.diagnose.fitted_sets import fitted_rows, key_words, rejection_reasons
 from mbw.diagnose.gap_sentences import (
@@ -47,23 +46,6 @@ from tuning import Checkpoint, Session, open_session
 from tuning.files.plant_folder import AUGMENTED, SHOWN, VERDICT
 
 _MAX_LISTED_CAUSES = 8  # causes that the terminal lists
-
-
-def run_options(  # one for each option
-    campaign: Path,
-    *,
-    out: Path | None,
-    json: Path | None,
-    band: tuple[float, float] | None,
-    jobs: int,
-    explain: bool,
-    resume: bool,
-    overwrite: bool,
-) -> None:
-    """Run the verb with the values of its options, as ``mbw.diagnose.options`` describes them."""
-    check_band(band)
-    outputs = ResultOptions(out, json, overwrite)
-    run(campaign, outputs, band=band, jobs=jobs, explain=explain, resume=resume)
 
 
 def run(

@@ -19,10 +19,7 @@ from mbw.options import (
     out_option,
 )
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def excite(  # noqa: PLR0913  # one for each option
     model: Annotated[
         Path,
@@ -109,28 +106,4 @@ def excite(  # noqa: PLR0913  # one for each option
     The result is a campaign of the record that the nominal machine would give.
     """
     del jobs
-    run_verb(
-        "mbw.excite.verb",
-        model,
-        stated={
-            "drives": drives,
-            "limits_file": limits,
-            "limits": limit or [],
-            "outputs": outputs or [],
-            "noise": noise or [],
-            "resolution": resolution or [],
-            "band": band,
-            "seconds": seconds,
-            "rate_hz": rate,
-            "kind": kind,
-        },
-        key=key,
-        out=out,
-        pictures=pictures,
-        json=json,
-        seed=seed,
-        without=without,
-        soft_equalities=soft_equalities,
-        quiet=quiet,
-        overwrite=overwrite,
-    )
+    run_verb("mbw.excite.verb", **locals())

@@ -5,10 +5,9 @@ Causes that a diagnosis has left open, for which an excitation is designed.
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import typer
@@ -37,24 +36,40 @@ from tuning.excitation.tested_machine import TestedMachine, design_test, open_te
 from tuning.files.plant_folder import DIAGNOSE_VERB, SHOWN, VERDICT, plant_file
 
 
-def run_options(
+def run(  # noqa: PLR0913  # one for each option
     model: Path,
+    target: ResultOptions,
     *,
-    stated: Mapping[str, Any],
+    drives: str | None,
+    limits: Path | None,
+    limit: list[str],
+    outputs: list[str],
+    noise: list[str],
+    resolution: list[str],
+    band: tuple[float, float] | None,
+    seconds: float,
+    rate: float | None,
+    kind: str,
     key: str | None,
-    out: Path | None,
-    pictures: bool,
-    json: Path | None,
     seed: int,
-    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.excite.options`` describes them."""
-    outputs = ResultOptions(out, json, overwrite, pictures)
     tested = _open(model, key)
-    options = _read_options(stated, tested)
+    options = ExcitationOptions(
+        limits={},
+        outputs=outputs or tested.outputs,
+        noise=_read_numbers("--noise", noise),
+        steps=_read_numbers("--resolution", resolution),
+        band=band,
+        seconds=seconds,
+        rate_hz=rate,
+        kind=kind,
+        ignored=tested.ignored,
+    )
+    options = read_limits(options, limits, limit, _list_drives(drives, tested))
     request, remarks = build_request(tested.machine, options)
     names = [EXCITATION_JSON, PAGE, *folder_names(tested)]
-    with outputs.open("excite", tested.source, "excited", names) as output:
+    with target.open("excite", tested.source, "excited", names) as output:
         with SCREEN.status("design of the signals"):
             excitation, tested = design_test(tested, request)
             causes = list_open_causes(model)
@@ -66,15 +81,15 @@ def run_options(
             write_folder(place, output.path, excitation, tested, seed)
             text = summary.model_dump_json(indent=1)
             (place / EXCITATION_JSON).write_text(text + "\n", encoding="utf-8")
-            if pictures:
+            if target.pictures:
                 (place / PAGE).write_text(render(excitation, summary), encoding="utf-8")
     for sentence in describe_excitation(summary):
         SCREEN.say(sentence)
     SCREEN.say(f"campaign in {output.path}")
-    outputs.say_page(output.path / PAGE)
-    if outputs.has_tables:
+    target.say_page(output.path / PAGE)
+    if target.has_tables:
         typer.echo(f"mbw tune {output.path}")
-    write_json(text, json)
+    write_json(text, target.json)
 
 
 def _open(path: Path, key: str | None) -> TestedMachine:
@@ -93,26 +108,15 @@ def _open(path: Path, key: str | None) -> TestedMachine:
     return replace(tested, machine=replace(tested.machine, layout=layout))
 
 
-def _read_options(stated: Mapping[str, Any], tested: TestedMachine) -> ExcitationOptions:
-    """Return what the user states, with the limits of all drives."""
-    drives = tested.drives
-    if stated["drives"] is not None:  # the numbers of an offset have commas too: ty@0,0,0.2:+tx
-        drives = re.split(r",(?=\s*[^\W\d])", stated["drives"])
-    options = ExcitationOptions(
-        limits={},
-        outputs=stated["outputs"] or tested.outputs,
-        noise=_read_numbers("--noise", stated["noise"]),
-        steps=_read_numbers("--resolution", stated["resolution"]),
-        band=stated["band"],
-        seconds=stated["seconds"],
-        rate_hz=stated["rate_hz"],
-        kind=stated["kind"],
-        ignored=tested.ignored,
-    )
-    names = [name.strip() for name in drives]
+def _list_drives(stated: str | None, tested: TestedMachine) -> list[str]:
+    """Return the names of the drives: those of ``--drives``, or those of the machine's test."""
+    if stated is None:
+        return list(tested.drives)
+    # The numbers of an offset have commas too: ty@0,0,0.2:+tx.
+    names = [name.strip() for name in re.split(r",(?=\s*[^\W\d])", stated)]
     if not all(names):
-        raise UsageError(f"--drives {stated['drives']!r} names no drive: write NAME,NAME")
-    return read_limits(options, stated["limits_file"], stated["limits"], names)
+        raise UsageError(f"--drives {stated!r} names no drive: write NAME,NAME")
+    return names
 
 
 def _read_numbers(option: str, texts: Sequence[str]) -> dict[str, float]:

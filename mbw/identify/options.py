@@ -1,5 +1,6 @@
 """Options of ``mbw identify``."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,6 @@ from mbw.options import (
     CampaignFolder,
     Json,
     Overwrite,
-    PairsCommand,
     Pictures,
     Quiet,
     SingleJob,
@@ -20,31 +20,40 @@ from mbw.options import (
     out_option,
 )
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command(cls=PairsCommand)
 def identify(  # noqa: PLR0913  # one for each option
     campaign: CampaignFolder,
     *,
     out: Annotated[Path | None, out_option("<campaign>-modes beside it")] = None,
     json: Json = None,
     band: Band = None,
-    frequency_tolerance: Annotated[
+    frequency: Annotated[
         float,
         typer.Option(
-            min=0, metavar="RATIO", help="Largest relative difference of one mode's frequencies."
+            "--frequency-tolerance",
+            min=0,
+            metavar="RATIO",
+            help="Largest relative difference of one mode's frequencies.",
         ),
     ] = 0.01,
-    damping_tolerance: Annotated[
+    damping: Annotated[
         float,
         typer.Option(
-            min=0, metavar="RATIO", help="Largest relative difference of one mode's damping ratios."
+            "--damping-tolerance",
+            min=0,
+            metavar="RATIO",
+            help="Largest relative difference of one mode's damping ratios.",
         ),
     ] = 0.3,
-    mac_tolerance: Annotated[
+    participation: Annotated[
         float,
-        typer.Option(min=0, max=1, metavar="MAC", help="Least MAC of one mode's participation."),
+        typer.Option(
+            "--mac-tolerance",
+            min=0,
+            max=1,
+            metavar="MAC",
+            help="Least MAC of one mode's participation.",
+        ),
     ] = 0.8,
     persistence: Annotated[
         float, typer.Option(min=0, max=1, help="Least share of model orders that hold a mode.")
@@ -52,7 +61,11 @@ def identify(  # noqa: PLR0913  # one for each option
     highest_damping: Annotated[
         float,
         typer.Option(
-            min=0, max=100, metavar="PERCENT", help="Highest damping ratio of a mode, in per cent."
+            min=0,
+            max=100,
+            metavar="PERCENT",
+            help="Highest damping ratio of a mode, in per cent.",
+            callback=lambda percent: percent / 100,
         ),
     ] = 20.0,
     collinearity: Annotated[
@@ -61,7 +74,12 @@ def identify(  # noqa: PLR0913  # one for each option
     ] = 0.0,
     phase_deviation: Annotated[
         float,
-        typer.Option(min=0, metavar="DEGREES", help="Largest mean phase deviation of a mode."),
+        typer.Option(
+            min=0,
+            metavar="DEGREES",
+            help="Largest mean phase deviation of a mode.",
+            callback=lambda degrees: math.radians(degrees),  # noqa: PLW0108  # called by keyword
+        ),
     ] = 180.0,
     add: Annotated[
         list[float] | None,

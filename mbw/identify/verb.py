@@ -1,8 +1,9 @@
 """``mbw identify``: identification of a campaign's modal model."""
 
-import math
 import re
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from identification.roving_hammer import (
 )
 from identification.words import Campaign, Output, UsageError
 from mbmodel import Machine, as_drawn, machine_geometry, model_modes, shapes_at
-from mbw.any_campaign import check_band, open_any_campaign
+from mbw.any_campaign import open_any_campaign
 from mbw.files import write_json
 from mbw.identify.animate import (
     ModeAnimation,
@@ -47,64 +48,42 @@ class IdentifyChoices:
     """Choices of the user about an identification.
 
     Args:
-        tolerances: criteria of the stabilisation diagram.
-        modes: modes to add, to drop, to force.
+        criteria: criteria of the stabilisation diagram.
+        add, drop: frequencies of modes to add and to leave out [Hz].
+        force: texts ``HZ,PERCENT`` of modes that are kept as stated.
         against: universal file with reference shapes; None for the nominal model.
         full: whether to write the FRFs between all outputs.
-        animations: modes to be written as pictures.
-        compared: campaigns with other hammer tips.
+        animate: texts ``NUMBER FILE`` of modes to be written as pictures.
+        compare: campaigns with other hammer tips.
     """
 
-    tolerances: ModeCriteria
-    modes: ModeChoices
-    against: Path | None
+    criteria: ModeCriteria = field(default_factory=ModeCriteria)
+    add: Sequence[float] = ()
+    drop: Sequence[float] = ()
+    force: Sequence[str] = ()
+    against: Path | None = None
     full: bool = False
-    animations: tuple[ModeAnimation, ...] = ()
-    compared: tuple[Path, ...] = ()
+    animate: Sequence[str] = ()
+    compare: Sequence[Path] = ()
 
+    @cached_property
+    def modes(self) -> ModeChoices:
+        """Modes to add, to drop, to force."""
+        return ModeChoices(tuple(self.add), tuple(self.drop), parse_forced_modes(self.force))
 
-def run_options(  # noqa: PLR0913  # one for each option
-    campaign: Path,
-    *,
-    out: Path | None,
-    json: Path | None,
-    band: tuple[float, float] | None,
-    frequency_tolerance: float,
-    damping_tolerance: float,
-    mac_tolerance: float,
-    persistence: float,
-    highest_damping: float,
-    collinearity: float,
-    phase_deviation: float,
-    add: list[float],
-    drop: list[float],
-    force: list[str],
-    against: Path | None,
-    full: bool,
-    compare: list[Path],
-    animate: list[str],
-    pictures: bool,
-    overwrite: bool,
-) -> None:
-    """Run the verb with the values of its options, as ``mbw.identify.options`` describes them.
+    @cached_property
+    def animations(self) -> tuple[ModeAnimation, ...]:
+        """Modes to be written as pictures."""
+        return parse_animations(self.animate)
 
-    In these options ``highest_damping`` is in per cent and ``phase_deviation`` in degrees.
-    """
-    check_band(band)
-    tolerances = ModeCriteria(
-        frequency=frequency_tolerance,
-        damping=damping_tolerance,
-        participation=mac_tolerance,
-        persistence=persistence,
-        highest_damping=highest_damping / 100,
-        collinearity=collinearity,
-        phase_deviation=math.radians(phase_deviation),
-    )
-    modes = ModeChoices(add=tuple(add), drop=tuple(drop), force=parse_forced_modes(force))
-    outputs = ResultOptions(out, json, overwrite, pictures)
-    animations = parse_animations(animate)
-    choices = IdentifyChoices(tolerances, modes, against, full, animations, tuple(compare))
-    run(campaign, outputs, choices, band)
+    def check(self) -> None:
+        """Refuse texts that cannot be used before anything is read.
+
+        Raises:
+            UsageError: a text that states no mode, or a picture of an unknown kind.
+            InputError: a picture cannot be written.
+        """
+        _ = self.modes, self.animations
 
 
 def run(
@@ -121,15 +100,16 @@ def run(
     Returns:
         The folder of the result.
     """
+    choices.check()
     with SCREEN.status("reading and checking the tests"):
         source, machine, whole = open_any_campaign(campaign, band)
         whole = whole.leave_out_after()
     first, *further = [
         TestsOfMachine.of_variant(machine, whole, name) for name in sorted(whole.variants, key=bool)
     ]
-    comparison = _compare_tips(first.campaign, choices.compared, band)
+    comparison = _compare_tips(first.campaign, choices.compare, band)
     folder = _run_machine(source, first, outputs, choices, comparison)
-    plain = replace(choices, modes=ModeChoices(), animations=())
+    plain = replace(choices, add=(), drop=(), force=(), animate=())
     for tests in further:
         SCREEN.say(f"tests with {tests.variant}, which have modes of their own:")
         out = outputs.out
@@ -209,7 +189,7 @@ def _identify(
     """Identify the modes and check the channels of each body."""
     reference = _reference_modes(choices.against, machine, campaign)
     with SCREEN.status("poles, shapes, refinement"):
-        identified = identify(campaign, choices.tolerances, choices.modes)
+        identified = identify(campaign, choices.criteria, choices.modes)
     if machine is not None and machine.loops and is_roving_hammer(campaign):
         SCREEN.say(
             "the hammer roved while a control loop was closed: shapes assume reciprocity, which a "
@@ -221,7 +201,7 @@ def _identify(
     return collect_result(
         campaign,
         identified,
-        choices.tolerances,
+        choices.criteria,
         reference=reference,
         source=source,
         keyframe=None if machine is None else machine.keyframe,
@@ -265,7 +245,7 @@ def compute_nominal_modes(
 
 
 def _compare_tips(
-    campaign: Campaign, compared: tuple[Path, ...], band: tuple[float, float] | None
+    campaign: Campaign, compared: Sequence[Path], band: tuple[float, float] | None
 ) -> TipComparison | None:
     """Compare the hammer tips of campaigns; None if no other campaign is named."""
     if not compared:
@@ -282,7 +262,7 @@ def _say_tips(comparison: TipComparison | None, folder: Path, *, has_page: bool)
         SCREEN.say(f"hammer tips in {(folder / TIPS_PAGE).absolute().as_uri()}")
 
 
-def parse_forced_modes(texts: list[str]) -> tuple[tuple[float, float], ...]:
+def parse_forced_modes(texts: Sequence[str]) -> tuple[tuple[float, float], ...]:
     """Return frequencies [Hz] and damping ratios from texts ``HZ,PERCENT``.
 
     Raises:

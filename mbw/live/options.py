@@ -8,10 +8,7 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Band, Json, Overwrite, Quiet, SingleJob, Without, out_option
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def live(  # noqa: PLR0913  # one for each option
     folder: Annotated[
         Path,

@@ -8,8 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from identification.words import WorkbenchError
-from mbw.any_campaign import check_band
-from mbw.files import check_json_target, write_json
+from mbw.files import write_json
 from mbw.live.page import LivePage
 from mbw.live.session import LiveSession
 from mbw.live.summary import LiveSummary
@@ -22,7 +21,7 @@ _LOOK_INTERVAL_S = 0.2
 _KEY_HELP = "b: take the last refused hit back; w: withdraw the last accepted hit; Ctrl-C: end"
 
 
-def run_options(
+def run(
     folder: Path,
     *,
     idle: float | None,
@@ -38,9 +37,6 @@ def run_options(
     Raises:
         InputError: campaign.toml or the model cannot be used.
     """
-    check_band(band)
-    if json is not None:
-        check_json_target(json)
     with SCREEN.status(f"opening {folder}"):
         session = LiveSession.open(folder, SCREEN.say, band)
     SCREEN.say(f"waiting for hits in {session.test.source.parent}; the log is in {session.folder}")

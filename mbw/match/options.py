@@ -8,10 +8,7 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Band, Frequencies, Json, Mesh, Overwrite, Quiet, SingleJob, out_option
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def match(  # noqa: PLR0913  # one for each option
     shapes: Mesh,
     campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml of impacts.")],

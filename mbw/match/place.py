@@ -23,8 +23,7 @@ from identification.shapes import (
 )
 from identification.words import Dof, InputError, Integers, Layout
 from identification.words.csv_cells import write_csv
-from mbw.any_campaign import check_band
-from mbw.files import check_json_target, write_json
+from mbw.files import write_json
 from mbw.match.verb import SimulatedShapes
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputRequest, ResultOptions, open_output_folder
@@ -50,25 +49,6 @@ class PlacementRequest:
     apart: float | None
 
 
-def run_options(  # noqa: PLR0913  # one for each option
-    shapes: Path,
-    *,
-    frequencies: Path | None,
-    channels: int | None,
-    apart: float | None,
-    check: Path | None,
-    out: Path | None,
-    json: Path | None,
-    band: tuple[float, float] | None,
-    overwrite: bool,
-) -> None:
-    """Run the verb with the values of its options; see ``mbw.match.place_options``."""
-    check_band(band)
-    request = PlacementRequest(channels, band, apart)
-    outputs = ResultOptions(out, json, overwrite)
-    run(SimulatedShapes(shapes, frequencies), request, check, outputs)
-
-
 def run(
     simulated: SimulatedShapes,
     request: PlacementRequest,
@@ -86,9 +66,7 @@ def run(
         InputError: a file cannot be used, or no elastic mode lies in the band.
         UsageError: there are too few channels for the modes.
     """
-    if outputs.json is not None:
-        check_json_target(outputs.json)
-    every_shape = read_shapes(simulated.path, simulated.frequencies)
+    every_shape = read_shapes(simulated.shapes, simulated.frequencies)
     for remark in every_shape.remarks:
         SCREEN.say(remark)
     frequencies = every_shape.frequencies
@@ -104,7 +82,7 @@ def run(
         layout, dofs = _read_channels(check)
     else:
         layout, dofs = propose_channels(shapes, request)
-        _write_table(format_sites_table(layout, dofs), simulated.path, outputs)
+        _write_table(format_sites_table(layout, dofs), simulated.shapes, outputs)
     for remark in layout.remarks:
         SCREEN.say(remark)
     assessment = _assess(shapes, shapes.numbers, layout, dofs)

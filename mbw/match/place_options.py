@@ -8,10 +8,7 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Frequencies, Json, Mesh, Overwrite, Quiet, SingleJob
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def place(  # noqa: PLR0913  # one for each option
     shapes: Mesh,
     *,

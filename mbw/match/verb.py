@@ -20,7 +20,6 @@ from identification.shapes import (
     rigid_modes,
 )
 from identification.words import InputError, UsageError
-from mbw.any_campaign import check_band
 from mbw.files import write_json
 from mbw.match.page import render
 from mbw.match.result import NAMES, PAGE, collect_result, write_result
@@ -34,51 +33,30 @@ class SimulatedShapes:
     """Source of the simulated shapes and what the user states about them.
 
     Args:
-        path: mesh with the shapes as point data.
+        shapes: mesh with the shapes as point data.
         frequencies: table of their frequencies; None if the names of the shapes state them.
-        mass: mass of the structure and its tolerance [kg]; None if the user does not state it.
-        sampling: how shapes are read at the sensors.
+        mass: text of the structure's mass [kg], such as ``800+-40``; None if it is not known.
+        nearest: whether shapes are read at the nearest node, in place of an interpolation.
     """
 
-    path: Path
+    shapes: Path
     frequencies: Path | None = None
-    mass: tuple[float, float] | None = None
-    sampling: ShapeSampling = "interpolated"
-
-
-def run_options(  # noqa: PLR0913  # one for each option
-    shapes: Path,
-    campaign: Path,
-    *,
-    out: Path | None,
-    frequencies: Path | None,
-    mass: str | None,
-    nearest: bool,
-    width: float,
-    band: tuple[float, float] | None,
-    json: Path | None,
-    overwrite: bool,
-) -> None:
-    """Run the verb with the values of its options, as ``mbw.match.options`` describes them."""
-    check_band(band)
-    sampling: ShapeSampling = "nearest" if nearest else "interpolated"
-    outputs = ResultOptions(out, json, overwrite)
-    stated = None if mass is None else read_mass(mass)
-    run(SimulatedShapes(shapes, frequencies, stated, sampling), campaign, outputs, width, band)
+    mass: str | None = None
+    nearest: bool = False
 
 
 def run(
     simulated: SimulatedShapes,
-    folder: Path,
+    campaign: Path,
     outputs: ResultOptions,
-    width_hz: float,
+    width: float,
     band: tuple[float, float] | None = None,
 ) -> Path:
     """Match the modes, print a table, write the result and its page.
 
     Args:
-        folder: folder of the campaign.
-        width_hz: width of the sliding average of amplitudes [Hz].
+        campaign: folder of the campaign.
+        width: width of the sliding average of amplitudes [Hz].
         band: lowest and highest frequency [Hz]; None for the band that campaign.toml states.
 
     Returns:
@@ -87,26 +65,25 @@ def run(
     Raises:
         InputError: a file cannot be used, or no mode is elastic.
     """
-    campaign = read_impacts(folder)
-    campaign = campaign if band is None else replace(campaign, band=band)
-    with outputs.open("match", campaign.path, "matched", NAMES) as output:
-        shapes = read_shapes(simulated.path, simulated.frequencies)
-        for remark in (*campaign.layout.remarks, *shapes.remarks):
+    sampling: ShapeSampling = "nearest" if simulated.nearest else "interpolated"
+    weighed = None if simulated.mass is None else read_mass(simulated.mass)
+    impacts = read_impacts(campaign)
+    impacts = impacts if band is None else replace(impacts, band=band)
+    with outputs.open("match", impacts.path, "matched", NAMES) as output:
+        shapes = read_shapes(simulated.shapes, simulated.frequencies)
+        for remark in (*impacts.layout.remarks, *shapes.remarks):
             SCREEN.say(remark)
         rigid = rigid_modes(shapes)
         if not rigid.supported.any():
             raise InputError(
-                f"{simulated.path} has rigid modes alone: give a mesh with elastic modes too"
+                f"{simulated.shapes} has rigid modes alone: give a mesh with elastic modes too"
             )
         with SCREEN.status("clocks, spectra, modes"):
             matched = match_modes(
-                shapes.select(rigid.supported),
-                campaign.layout,
-                campaign.spectra(),
-                simulated.sampling,
+                shapes.select(rigid.supported), impacts.layout, impacts.spectra(), sampling
             )
-            mass = None if simulated.mass is None else compare_mass(rigid, *simulated.mass)
-            result = collect_result(shapes, rigid, campaign, matched, width_hz, mass)
+            mass = None if weighed is None else compare_mass(rigid, *weighed)
+            result = collect_result(shapes, rigid, impacts, matched, width, mass)
         with output.write() as place:
             write_result(result, place)
             (place / PAGE).write_text(render(result), encoding="utf-8")

@@ -8,10 +8,7 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Json, Overwrite, Quiet, SingleJob, SoftEqualities, Without
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def models(
     folder: Annotated[Path, typer.Argument(help="Folder with MJCF and URDF files, at any depth.")],
     *,

@@ -7,7 +7,7 @@ from identification.readers.result_files import ResultFile, ResultRow
 from identification.words import InputError, WorkbenchError
 from mbmodel import dynamics_error, load_machine
 from mbmodel.mjcf.source_files import is_model
-from mbw.files import check_json_target, write_json
+from mbw.files import write_json
 from mbw.messages import SCREEN
 
 
@@ -42,14 +42,12 @@ class ModelTable(ResultFile):
     models: list[ModelRow]
 
 
-def run_options(folder: Path, *, out: Path | None, json: Path | None, overwrite: bool) -> None:
+def run(folder: Path, *, out: Path | None, json: Path | None, overwrite: bool) -> None:
     """Run the verb with the values of its options, as ``mbw.models.options`` describes them.
 
     Raises:
         InputError: there is no folder or no model in it, or the JSON cannot be written.
     """
-    if json is not None:
-        check_json_target(json)
     if out is not None and out.exists() and not overwrite:
         raise InputError(f"{out} exists: name another file with --out, or add --overwrite")
     paths = sorted(

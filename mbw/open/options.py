@@ -8,10 +8,7 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Band, Json, Key, Overwrite, Quiet, SingleJob, Without, out_option
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command(name="open")
 def open_page(  # noqa: PLR0913  # one for each option
     path: Annotated[
         Path,

@@ -8,8 +8,7 @@ import numpy as np
 
 from identification.readers.result_files import ResultFile
 from identification.words.file_access import temporary_folder
-from mbw.any_campaign import check_band
-from mbw.files import check_json_target, write_json
+from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions, default_folder
 from mbw.workbench.desk import Desk
@@ -41,7 +40,7 @@ class OpenedState(ResultFile):
     parameters: dict[str, float]
 
 
-def run_options(  # noqa: PLR0913  # one for each option
+def run(  # noqa: PLR0913  # one for each option
     path: Path,
     *,
     state: str,
@@ -59,9 +58,6 @@ def run_options(  # noqa: PLR0913  # one for each option
     Raises:
         InputError: the path cannot be opened, or the port is in use.
     """
-    check_band(band)
-    if json is not None:
-        check_json_target(json)
     with SCREEN.status(f"opening {path}"):
         subject = open_subject(path, band, key)
     first = subject.first_state()

@@ -1,6 +1,6 @@
 """The error budget of ``mbw predict --budget``, and the machine that stands beside it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -44,22 +44,20 @@ class BudgetRequest:
     """Error budget and struts that ``mbw predict`` computes.
 
     Args:
-        file: budget.toml; None for no budget.
+        budget: budget.toml; None for no budget.
         before: MJCF of the machine that stands beside; None for the nominal one of a tuning, or
             the tuned one of a diagnosis.
         struts: names of struts with force feedback; empty for none.
-        read_variants: returns the machines of tests with models or poses of their own.
     """
 
-    file: Path | None
+    budget: Path | None
     before: Path | None = None
-    struts: tuple[str, ...] = ()
-    read_variants: Callable[[], VariantModel | None] = lambda: None
+    struts: Sequence[str] = ()
 
     @property
     def is_wanted(self) -> bool:
         """Whether anything is asked for."""
-        return self.file is not None or bool(self.struts)
+        return self.budget is not None or bool(self.struts)
 
     def check(self) -> None:
         """Refuse a machine beside without a budget.
@@ -67,7 +65,7 @@ class BudgetRequest:
         Raises:
             UsageError: there is no budget.
         """
-        if self.before is not None and self.file is None:
+        if self.before is not None and self.budget is None:
             raise UsageError("--before names a machine for the budget: add --budget FILE")
 
 
@@ -157,6 +155,7 @@ def study_plant(
     path: Path,
     request: BudgetRequest,
     band: tuple[float, float],
+    read_variants: Callable[[], VariantModel | None],
 ) -> PlantStudy:
     """Compute budget and struts, as far as they are asked for, and margins of closed loops.
 
@@ -165,37 +164,46 @@ def study_plant(
         model: its nominal model with laws of its springs, for a machine without a posterior.
         path: MJCF of the machine.
         band: of the coupling of struts without a budget [Hz].
+        read_variants: returns the machines of tests with models or poses of their own.
 
     Raises:
         InputError: a file cannot be used, or the machine is unstable with the loops.
         UsageError: a name of no strut.
     """
     budget = struts = None
-    if request.file is not None:
-        budget = _compute_budget(machine, model, path, request, request.file)
+    if request.budget is not None:
+        budget = _compute_budget(
+            machine, model, path, request.budget, before=request.before, read_variants=read_variants
+        )
         band = budget.row.band
     if request.struts:
         struts = compute_struts(machine, model, path, request.struts, band)
     loops = None
     if budget is None:
-        loops = study_loops(machine, model, path, request.read_variants, band)
+        loops = study_loops(machine, model, path, read_variants, band)
     return PlantStudy(budget, struts, loops)
 
 
 def _compute_budget(
-    machine: Machine, model: Model, path: Path, request: BudgetRequest, file: Path
+    machine: Machine,
+    model: Model,
+    path: Path,
+    file: Path,
+    *,
+    before: Path | None,
+    read_variants: Callable[[], VariantModel | None],
 ) -> BudgetResult:
     """Return the error budget of a machine, and of the machine beside it."""
     definition = read_definition(file, machine)
     fitted, posterior = fitted_model(machine, model, path)
-    before = request.before or _machine_before(path)
+    before = before or _machine_before(path)
     counterpart = None
     if before is not None:
         before = plant_file(before)
         counterpart, _ = model_with_posterior(load_machine(before), before)
         read_definition(file, counterpart.machine)  # refuses labels that it lacks
     tuning = None if posterior is None else held_out_beside(path)
-    variants = request.read_variants() if definition.loops else None
+    variants = read_variants() if definition.loops else None
     designs = design_loops(open_loops(fitted), definition) if definition.loops else ()
     limits = [line for loop in designs for line in loop.limit_sentences()]
     try:

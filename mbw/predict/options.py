@@ -23,10 +23,7 @@ from mbw.options import (
 MAX_FREQUENCY_LINES = 1_000_000
 MAX_SAMPLES = 100_000  # of the posterior: each has its FRFs and state space in one file
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def predict(  # noqa: PLR0913  # one for each option
     model: Annotated[
         Path,
@@ -178,10 +175,12 @@ def predict(  # noqa: PLR0913  # one for each option
             "inputs, to weight.npz and weight.mat.",
         ),
     ] = None,
-    reduce: Annotated[
+    reduction: Annotated[
         str | None,
         typer.Option(
-            metavar="METHOD", help="Reduce the state space: balanced or modal truncation."
+            "--reduce",
+            metavar="METHOD",
+            help="Reduce the state space: balanced or modal truncation.",
         ),
     ] = None,
     order: Annotated[
@@ -192,17 +191,19 @@ def predict(  # noqa: PLR0913  # one for each option
             "tell, else an error of 1e-3.",
         ),
     ] = None,
-    input_delay: Annotated[
+    delays: Annotated[
         list[str] | None,
         typer.Option(
+            "--input-delay",
             metavar="[INPUT=]SECONDS",
             help="Delay of the plant's inputs; exact with --discrete, else stated in the file; "
             "repeatable.",
         ),
     ] = None,
-    discrete: Annotated[
+    period_s: Annotated[
         float | None,
         typer.Option(
+            "--discrete",
             metavar="SECONDS",
             help="Sampling period of the state space, by a zero-order hold.",
         ),

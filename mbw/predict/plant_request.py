@@ -42,7 +42,7 @@ class PlantRequest:
     weight: int | None = None
     reduction: str | None = None
     order: int | None = None
-    delays: tuple[str, ...] = ()
+    delays: Sequence[str] = ()
     period_s: float | None = None
     statespace: Path | None = None
 

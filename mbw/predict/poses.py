@@ -144,7 +144,8 @@ def predict_poses(
     lines = band_lines(request)
     if request.band is None:  # a free hinge, as a spindle has, has no response at 0 Hz
         lines = lines[lines > 0]
-    asked = GridRequest(request.outputs, request.inputs, lines, quantity, budget)
+    ports = tuple(request.outputs), tuple(request.inputs)
+    asked = GridRequest(*ports, lines, quantity, budget)
     with options.open("predict", path, "predicted", (POSES_NPZ, POSES_MAT)) as output:
         with SCREEN.status(f"{len(points)} poses"):
             grid = pose_grid(path, points, asked, key)

@@ -46,8 +46,8 @@ class PredictRequest:
         lines: number of frequency lines.
     """
 
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    inputs: Sequence[str]
+    outputs: Sequence[str]
     quantity: str | None
     band: tuple[float, float] | None
     lines: int

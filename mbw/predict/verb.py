@@ -16,7 +16,7 @@ from identification.words.csv_cells import write_csv
 from mbmodel import COMBINED_NAME, STAGE_COPY_NAME, Evaluator, FrfRequest, Model
 from mbmodel.geometry.surfaces import machine_geometry
 from mbw.any_campaign import find_model
-from mbw.files import check_json_target, write_json
+from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
 from mbw.plant.closed_margins import MARGINS_MAT, MARGINS_NPZ
@@ -68,18 +68,10 @@ class PredictOutputs:
         return is_wanted and not self.options.has_json_on_stdout
 
 
-def run_options(  # noqa: PLR0913  # one for each option
+def run(  # noqa: PLR0913  # one for each option
     model: Path,
     *,
-    modes: bool,
-    check: bool,
-    frf: bool,
-    inputs: list[str],
-    outputs: list[str],
-    quantity: str | None,
-    band: tuple[float, float] | None,
-    lines: int,
-    statespace: Path | None,
+    key: str | None,
     spin: list[str],
     poses: list[str],
     mount: Path | None,
@@ -88,65 +80,20 @@ def run_options(  # noqa: PLR0913  # one for each option
     loss_factor: list[str],
     delay: list[str],
     maxwell: list[str],
-    budget: Path | None,
-    before: Path | None,
-    struts: list[str],
-    key: str | None,
     closed: list[str],
-    bands: bool,
-    diagnosed: Path | None,
-    samples: int,
-    seed: int,
-    uncertain: Path | None,
-    weight: int | None,
-    reduce: str | None,
-    order: int | None,
-    input_delay: list[str],
-    discrete: float | None,
-    out: Path | None,
-    pictures: bool,
-    json: Path | None,
-    overwrite: bool,
+    request: PredictRequest,
+    targets: PredictOutputs,
 ) -> None:
-    """Run the verb with the values of its options, as ``mbw.predict.options`` describes them."""
-    request = PredictRequest(tuple(inputs), tuple(outputs), quantity, band, lines)
-    options = ResultOptions(out, json, overwrite, pictures)
-    additions, laws = parse_additions(mount, at, add_mass), parse_laws(loss_factor, delay, maxwell)
-    mjcf, loops_source, key = find_model(model, key)
-    if has_ranges(poses, spin):
-        further = (additions, laws, closed, before, struts, bands, samples, uncertain, reduce)
-        if any(further) or any((check, frf, statespace, discrete, weight, input_delay, diagnosed)):
-            raise UsageError(
-                "a grid of poses has modes, FRFs and state spaces between --input and --output, "
-                "and the margins of --budget: predict a single pose with the further options"
-            )
-        predict_poses(mjcf, parse_grid(poses, spin), request, budget, key, options)
-        return
-    machine_request = MachineRequest(
-        mjcf, tuple(spin), key, additions, laws, loops_source, tuple(closed)
-    )
-    plant = PlantRequest(
-        bands=bands,
-        diagnosed=diagnosed,
-        samples=samples,
-        seed=seed,
-        uncertain=uncertain,
-        weight=weight,
-        reduction=reduce,
-        order=order,
-        delays=tuple(input_delay),
-        period_s=discrete,
-        statespace=statespace,
-    )
-    study = BudgetRequest(budget, before, tuple(struts), machine_request.read_variants)
-    run(machine_request, request, PredictOutputs(modes, check, frf, plant, options, study))
-
-
-def run(machine_request: MachineRequest, request: PredictRequest, targets: PredictOutputs) -> None:
-    """Write files first and data to stdout last, so that a closed pipe loses no file.
+    """Predict a machine, or a grid of its poses.
 
     Args:
-        machine_request: the machine, its state, and what is put on it.
+        model: MJCF, folder of a fit, or campaign.
+        key: keyframe that the user states.
+        spin: texts ``JOINT=RATE``, or with a range of rates.
+        poses: texts of ranges of poses; empty for a single pose.
+        mount, at, add_mass: stage and masses that are put on the machine, as texts.
+        loss_factor, delay, maxwell: laws of springs, as texts.
+        closed: names of the loops of the test that are closed.
         request: inputs, outputs and frequency lines.
         targets: outputs of the command.
 
@@ -154,6 +101,30 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
         UsageError: a label, a spin or a target cannot be used.
         InputError: the model cannot be read or linearised, or a file cannot be written.
     """
+    additions, laws = parse_additions(mount, at, add_mass), parse_laws(loss_factor, delay, maxwell)
+    mjcf, loops_source, key = find_model(model, key)
+    if not has_ranges(poses, spin):
+        machine = MachineRequest(
+            mjcf, tuple(spin), key, additions, laws, loops_source, tuple(closed)
+        )
+        predict_pose(machine, request, targets)
+        return
+    study = targets.study
+    targets.plant.check()
+    further = (additions, laws, closed, study.before, study.struts, targets.check, targets.frf)
+    if any(further) or targets.plant.has_output:
+        raise UsageError(
+            "a grid of poses has modes, FRFs and state spaces between --input and --output, "
+            "and the margins of --budget: predict a single pose with the further options"
+        )
+    points = parse_grid(poses, spin)
+    predict_poses(mjcf, points, request, study.budget, key, targets.options)
+
+
+def predict_pose(
+    machine_request: MachineRequest, request: PredictRequest, targets: PredictOutputs
+) -> None:
+    """Write files first and data to stdout last, so that a closed pipe loses no file."""
     _check(targets)
     if machine_request.closed and targets.study.struts:
         raise UsageError(
@@ -182,6 +153,7 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
                 machine_request.path,
                 targets.study,
                 request.band or DEFAULT_BAND_HZ,
+                machine_request.read_variants,
             )
             plant.rows.update(study.rows())
             _write_files(machines, outcome, (plant, study), targets, output)
@@ -239,7 +211,7 @@ def _say_where(folder: Path, machines: Machines, targets: PredictOutputs) -> Non
     if machines.combined is not None:
         SCREEN.say(f"combined machine: {folder / COMBINED_NAME}")
     targets.options.say_page(folder / PAGE)
-    if targets.options.pictures and targets.study.file is not None:
+    if targets.options.pictures and targets.study.budget is not None:
         SCREEN.say(f"error budget: open {(folder / PLANT_PAGE).resolve().as_uri()}")
 
 
@@ -263,10 +235,8 @@ def _check(targets: PredictOutputs) -> None:
     targets.plant.check()
     targets.study.check()
     json, out = targets.options.json, targets.options.out
-    if json is not None:
-        check_json_target(json)
-        if str(json) == "-" and targets.frf:
-            raise UsageError("--json - and --frf both go to stdout: name a file for the JSON")
+    if str(json) == "-" and targets.frf:
+        raise UsageError("--json - and --frf both go to stdout: name a file for the JSON")
     if out is not None and out.is_file():
         raise UsageError(f"--out {out} is a file: name a folder for the pictures")
 

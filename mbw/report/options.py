@@ -8,10 +8,7 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Json, Overwrite, Quiet, SingleJob
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def report(
     result: Annotated[
         Path, typer.Argument(help="Folder that another verb wrote, or the result file in it.")

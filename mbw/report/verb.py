@@ -12,7 +12,7 @@ from mbw.compare import result as compared
 from mbw.diagnose.page import render as diagnosis_page
 from mbw.excite import page as excited
 from mbw.excite.schema import EXCITATION_JSON
-from mbw.files import check_json_target, page_path, write_json
+from mbw.files import page_path, write_json
 from mbw.identify.files import PAGE as MODES_PAGE
 from mbw.identify.page import render_result as modes_page
 from mbw.match import result as matched
@@ -76,21 +76,15 @@ _RESULT_KINDS = (
 )
 
 
-def run_options(result: Path, *, out: Path | None, json: Path | None, overwrite: bool) -> None:
-    """Run the verb with the values of its options, as ``mbw.report.options`` describes them."""
-    if json is not None:
-        check_json_target(json)
-    run(result, out, overwrite=overwrite)
-    if json is not None:
-        write_json(_read_json(result), json)
-
-
-def run(path: Path, out: Path | None, *, overwrite: bool = False) -> Path:
+def run(
+    result: Path, out: Path | None, *, json: Path | None = None, overwrite: bool = False
+) -> Path:
     """Write the page of a result.
 
     Args:
-        path: folder of the result, or its JSON file in it.
+        result: folder of the result, or its JSON file in it.
         out: an .html file or a folder; None for the folder of the result.
+        json: file that gets a copy of its JSON; None for none.
         overwrite: whether a page of another campaign or model may be replaced.
 
     Returns:
@@ -99,10 +93,10 @@ def run(path: Path, out: Path | None, *, overwrite: bool = False) -> Path:
     Raises:
         InputError: the folder holds no result, or the page cannot be written.
     """
-    kind = _kind(path)
-    folder = path if path.is_dir() else path.parent
-    target = page_path(path, out, kind.page)
-    text = _render(kind, path)
+    kind = _kind(result)
+    folder = result if result.is_dir() else result.parent
+    target = page_path(result, out, kind.page)
+    text = _render(kind, result)
     source = source_of(folder, kind.files[0])
     # A result without a record was copied or made by an earlier version: its page may be renewed.
     is_own = source is None and real_path(target.parent) == real_path(folder)
@@ -112,6 +106,8 @@ def run(path: Path, out: Path | None, *, overwrite: bool = False) -> Path:
     with open_output_folder(request) as output, output.write() as place:
         (place / target.name).write_text(text, encoding="utf-8")
     SCREEN.say(f"report in {target}")
+    if json is not None:
+        write_json(_read_json(result), json)
     return target
 
 

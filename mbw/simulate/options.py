@@ -18,10 +18,7 @@ from mbw.options import (
     out_option,
 )
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def simulate(  # noqa: PLR0913  # one for each option
     model: Annotated[
         Path, typer.Argument(help="MJCF of a machine, a folder of a tuning, or a campaign.")
@@ -43,9 +40,10 @@ def simulate(  # noqa: PLR0913  # one for each option
             "this campaign; --level then replaces each of its levels, in their order.",
         ),
     ] = None,
-    level: Annotated[
+    levels: Annotated[
         list[float] | None,
         typer.Option(
+            "--level",
             metavar="N",
             help="Mean peak force [N]; repeatable, in the order of the tests, and a level may "
             "return. Default: 200.",
@@ -60,37 +58,46 @@ def simulate(  # noqa: PLR0913  # one for each option
             min=1, max=26, help="Roving set-ups that share the accelerometers. Default: 1."
         ),
     ] = None,
-    rate: Annotated[
+    rate_hz: Annotated[
         float | None,
         typer.Option(
+            "--rate",
             metavar="HZ",
             help="Samples per second. Default: 512, or more: all modes lie below rate / 2.56.",
         ),
     ] = None,
-    block: Annotated[
+    block_s: Annotated[
         float | None,
         typer.Option(
-            metavar="S", help="Length of the record of a hit [s]. Default: 4, less for fast modes."
+            "--block",
+            metavar="S",
+            help="Length of the record of a hit [s]. Default: 4, less for fast modes.",
         ),
     ] = None,
-    pulse: Annotated[
+    pulse_s: Annotated[
         float | None,
         typer.Option(
-            metavar="S", help="Duration of the half-sine pulse [s]. Default: 2.9 over the rate."
+            "--pulse",
+            metavar="S",
+            help="Duration of the half-sine pulse [s]. Default: 2.9 over the rate.",
         ),
     ] = None,
-    double_hits: Annotated[
-        float, typer.Option(min=0, max=1, help="Share of the hits that bounce.")
+    double_share: Annotated[
+        float, typer.Option("--double-hits", min=0, max=1, help="Share of the hits that bounce.")
     ] = 0.0,
-    bad_hits: Annotated[
+    bad_share: Annotated[
         float,
         typer.Option(
-            min=0, max=0.9, help="Share of further hits that are bad in any way; see answer.toml."
+            "--bad-hits",
+            min=0,
+            max=0.9,
+            help="Share of further hits that are bad in any way; see answer.toml.",
         ),
     ] = 0.0,
-    live: Annotated[
+    pause_s: Annotated[
         float | None,
         typer.Option(
+            "--live",
             min=0,
             metavar="S",
             help="Write each hit as a file of its own, with this pause between hits [s].",
@@ -151,9 +158,10 @@ def simulate(  # noqa: PLR0913  # one for each option
             help="Standard deviation of a hit's place along each axis [m]. Default: 0.001.",
         ),
     ] = None,
-    law: Annotated[
+    laws: Annotated[
         list[str] | None,
         typer.Option(
+            "--law",
             metavar="JOINT:EFFECT:NAME=VALUE,...",
             help="Make a joint nonlinear, such as ty_ty:friction:k=2e7,limit=50, "
             "ty_ty:backlash:gap=2e-6 or ty_ty:hardening:k3=1e18; repeatable.",
@@ -173,10 +181,12 @@ def simulate(  # noqa: PLR0913  # one for each option
             help="Play a CSV: a column of time [s], then one for each input's label.",
         ),
     ] = None,
-    signal: Annotated[
+    kind: Annotated[
         str | None,
         typer.Option(
-            metavar="KIND", help="Play step, move, chirp, noise or psd at the place --at."
+            "--signal",
+            metavar="KIND",
+            help="Play step, move, chirp, noise or psd at the place --at.",
         ),
     ] = None,
     at: Annotated[
@@ -193,10 +203,12 @@ def simulate(  # noqa: PLR0913  # one for each option
             "input]. Default: 1."
         ),
     ] = None,
-    duration: Annotated[
+    duration_s: Annotated[
         float | None,
         typer.Option(
-            metavar="S", help="Length of the signal [s]. Default: 2, of a budget alone 10."
+            "--duration",
+            metavar="S",
+            help="Length of the signal [s]. Default: 2, of a budget alone 10.",
         ),
     ] = None,
     band: Annotated[
@@ -288,59 +300,4 @@ def simulate(  # noqa: PLR0913  # one for each option
 
     Without --input and --signal it is a hammer test.
     """
-    run_verb(
-        "mbw.simulate.verb",
-        model,
-        test={
-            "hammer": hammer or [],
-            "like": like,
-            "levels": level or [],
-            "hits": hits,
-            "setups": setups,
-            "rate_hz": rate,
-            "block_s": block,
-            "pulse_s": pulse,
-            "double_share": double_hits,
-            "bad_share": bad_hits,
-            "pause_s": live,
-            "exact": exact,
-            "outputs": outputs or [],
-            "noise": noise,
-            "force_noise": force_noise,
-            "peak_scatter": peak_scatter,
-            "pulse_scatter": pulse_scatter,
-            "aim_scatter": aim_scatter,
-            "place_scatter": place_scatter,
-        },
-        played={
-            "signals": signals,
-            "kind": signal,
-            "at": at,
-            "amplitude": amplitude,
-            "duration_s": duration,
-            "rate_hz": rate,
-            "band": band,
-            "psd": psd,
-            "limits": limits,
-            "budget": budget,
-            "closed": closed or [],
-            "window": window,
-            "outputs": outputs or [],
-            "quantity": quantity,
-            "animate": animate,
-        },
-        laws=law or [],
-        nominal=nominal,
-        file_format=file_format,
-        spin=spin or [],
-        key=key,
-        out=out,
-        pictures=pictures,
-        json=json,
-        seed=seed,
-        jobs=jobs,
-        without=without,
-        soft_equalities=soft_equalities,
-        quiet=quiet,
-        overwrite=overwrite,
-    )
+    run_verb("mbw.simulate.verb", **locals())

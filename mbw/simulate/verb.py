@@ -75,41 +75,36 @@ _RECORD_FORMATS, _RESPONSE_FORMATS = ("npz", "mat"), ("csv", "npz", "mat")
 _RESPONSE_STEM = "response"
 
 
-def run_options(  # noqa: PLR0913  # one for each option
+def run(  # noqa: PLR0913  # one for each option
     model: Path,
+    outputs: ResultOptions,
     *,
-    test: Mapping[str, Any],
-    played: Mapping[str, Any],
+    test: TestOptions,
+    played: PlayOptions,
     laws: list[str],
     nominal: Path | None,
     file_format: str | None,
     spin: list[str],
     key: str | None,
-    out: Path | None,
-    pictures: bool,
-    json: Path | None,
     seed: int,
     jobs: int | None,
-    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.simulate.options`` describes them."""
-    test_options, play_options = TestOptions(**test), PlayOptions(**played)
-    refuse_conflicts(test_options, play_options, nominal)
-    outputs = ResultOptions(out, json, overwrite, pictures)
+    refuse_conflicts(test, played, nominal)
     rates = parse_spin_rates(spin)
     mjcf, loops_source, key = find_model(model, key)
     with open_machine(mjcf, laws, rates, key) as simulated:
         for remark in simulated.machine.remarks:
             SCREEN.say(remark)
-        if play_options.is_asked:
-            definition = find_definition(simulated.machine, loops_source, play_options)
+        if played.is_asked:
+            definition = find_definition(simulated.machine, loops_source, played)
             summary = play_signal(
-                simulated, play_options, definition, outputs, rates, file_format or "csv", seed=seed
+                simulated, played, definition, outputs, rates, file_format or "csv", seed=seed
             )
         else:
             summary = make_test(
                 simulated,
-                test_options,
+                test,
                 outputs,
                 rates,
                 file_format or "npz",
@@ -117,7 +112,7 @@ def run_options(  # noqa: PLR0913  # one for each option
                 seed=seed,
                 threads=jobs or os.cpu_count() or 1,
             )
-    write_json(summary.model_dump_json(indent=1), json)
+    write_json(summary.model_dump_json(indent=1), outputs.json)
 
 
 def make_test(

@@ -35,19 +35,16 @@ NAMES = (MODE_TABLE_JSON, MODE_TABLE_CSV, TUNED_MJCF, POSTERIOR_NPZ, MODE_TABLE_
 _MAX_LISTED_PARAMETERS = 12  # that the terminal names as determined
 
 
-def run_options(  # noqa: PLR0913  # one for each option
-    model: Path,
+def run(
+    source: Path,
+    outputs: ResultOptions,
     *,
-    table: Path,
-    priors: Sequence[str],
+    modes: Path,
+    prior: list[str],
     complete_below: float | None,
     misplaced: Sequence[str],
     starts: int | None,
     seed: int,
-    out: Path | None,
-    json: Path | None,
-    pictures: bool,
-    overwrite: bool,
 ) -> None:
     """Tune the model, write the result, print the table beside the modes of the model.
 
@@ -59,27 +56,26 @@ def run_options(  # noqa: PLR0913  # one for each option
     if misplaced:
         names = ", ".join(f"--{name.replace('_', '-')}" for name in misplaced)
         raise UsageError(f"{names} cannot be combined with --modes: a table of modes has no FRFs")
-    if model.is_dir():
+    if source.is_dir():
         raise UsageError(
-            f"{model} is a folder: with --modes, name the MJCF of a machine, such as "
-            f"{model / 'model.xml'}"
+            f"{source} is a folder: with --modes, name the MJCF of a machine, such as "
+            f"{source / 'model.xml'}"
         )
     if complete_below is not None and not 0 < complete_below < math.inf:
         raise UsageError(f"--complete-below {complete_below:g}: give a frequency in Hz above 0")
-    parsed = [_parse_prior(text) for text in priors]
-    check_file(table, "name a CSV file with the columns frequency, damping, body, direction")
-    modes, machine = read_mode_table(table), load_machine(model)
-    outputs = ResultOptions(out, json, overwrite, pictures)
-    with outputs.open("tune", model, "tuned", NAMES) as output:
-        with SCREEN.status(f"tuning {machine.name} to {len(modes.modes)} modes"):
+    priors = [_parse_prior(text) for text in prior]
+    check_file(modes, "name a CSV file with the columns frequency, damping, body, direction")
+    table, machine = read_mode_table(modes), load_machine(source)
+    with outputs.open("tune", source, "tuned", NAMES) as output:
+        with SCREEN.status(f"tuning {machine.name} to {len(table.modes)} modes"):
             tuned = tune_to_modes(
-                machine, modes, parsed, complete_below_hz=complete_below, starts=starts, seed=seed
+                machine, table, priors, complete_below_hz=complete_below, starts=starts, seed=seed
             )
         with output.write() as place:
             summary = write_mode_table_result(tuned, place)
-            if pictures:
+            if outputs.pictures:
                 (place / MODE_TABLE_PAGE).write_text(render(summary), encoding="utf-8")
-        write_json(json_text(summary), json)
+        write_json(json_text(summary), outputs.json)
         _say(summary, output.path, outputs)
     refuse_difference(TUNED_MJCF, summary.mjcf_difference)
     if summary.fit.outcome == "interrupted":

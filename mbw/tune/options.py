@@ -25,10 +25,7 @@ OPTIONS_OF_CAMPAIGNS = (
 )  # fmt: skip
 OPTIONS_OF_TABLES = ("prior", "complete_below")
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def tune(  # noqa: PLR0913  # one for each option
     context: typer.Context,
     source: Annotated[
@@ -125,47 +122,13 @@ def tune(  # noqa: PLR0913  # one for each option
 
     With --modes, tune it to a table of modes instead.
     """
-    if modes is not None:
-        run_verb(
-            "mbw.tune.mode_table",
-            source,
-            table=modes,
-            priors=prior or [],
-            complete_below=complete_below,
-            misplaced=[name for name in OPTIONS_OF_CAMPAIGNS if _is_stated(context, name)],
-            starts=starts,
-            seed=seed,
-            out=out,
-            json=json,
-            pictures=pictures,
-            overwrite=overwrite,
-            without=without,
-            soft_equalities=soft_equalities,
-            quiet=quiet,
-        )
-        return
-    run_verb(
-        "mbw.tune.verb",
-        source,
-        misplaced=[name for name in OPTIONS_OF_TABLES if _is_stated(context, name)],
-        out=out,
-        json=json,
-        band=band,
-        starts=starts or 1,
-        seed=seed,
-        jobs=jobs,
-        residual=residual,
-        algorithm=algorithm,
-        from_modes=from_modes,
-        at_bodies=at_bodies,
-        resume=resume,
-        information=information,
-        pictures=pictures,
-        overwrite=overwrite,
-        without=without,
-        soft_equalities=soft_equalities,
-        quiet=quiet,
-    )
+    options = locals()
+    meaningless = OPTIONS_OF_TABLES if modes is None else OPTIONS_OF_CAMPAIGNS
+    misplaced = [name for name in meaningless if _is_stated(context, name)]
+    for name in ("context", *meaningless, *(("modes",) if modes is None else ())):
+        del options[name]
+    module = "mbw.tune.verb" if modes is None else "mbw.tune.mode_table"
+    run_verb(module, misplaced=misplaced, **options)
 
 
 def _is_stated(context: typer.Context, name: str) -> bool:

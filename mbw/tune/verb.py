@@ -12,7 +12,6 @@ from diagnosis import compute_residual_shares
 from identification.readers.result_files import json_text
 from identification.words import Campaign, UsageError, percent_text
 from mbmodel import refuse_difference
-from mbw.any_campaign import check_band
 from mbw.files import write_json
 from mbw.interrupts import INTERRUPTED
 from mbw.messages import NOT_CONVERGED, SCREEN, allow_one_interrupt
@@ -35,7 +34,6 @@ from tuning import (
     TUNING_ALGORITHM,
     CampaignTuning,
     FitProgress,
-    FrfPlace,
     Parametrisation,
     ProgressCallbacks,
     ResidualKind,
@@ -62,83 +60,46 @@ class SearchOptions:
     """Choices of the user about the fit.
 
     Args:
-        residuals: residuals to minimise, in order.
+        residual: text of the residuals to minimise, in order, such as ``modal,log``.
         algorithm: name of an algorithm of NLopt, or ``GAUSS_NEWTON``, for stages in which
             stiffness and damping alone vary.
-        at: whether FRFs are compared at the channels or at the centres of mass.
-        modes: folder that ``mbw identify`` wrote; None to identify modes anew if needed.
+        at_bodies: whether FRFs are compared at the centres of mass, not at the channels.
+        from_modes: folder that ``mbw identify`` wrote; None to identify modes anew if needed.
     """
 
-    residuals: tuple[ResidualKind, ...] = ("log",)
+    residual: str = "log"
     algorithm: str = TUNING_ALGORITHM
-    at: FrfPlace = "sensors"
-    modes: Path | None = None
+    at_bodies: bool = False
+    from_modes: Path | None = None
 
 
 _DEFAULT_SEARCH = SearchOptions()
 
 
-def run_options(  # noqa: PLR0913  # one for each option
-    campaign: Path,
-    *,
-    misplaced: Sequence[str],
-    out: Path | None,
-    json: Path | None,
-    band: tuple[float, float] | None,
-    starts: int,
-    seed: int,
-    jobs: int,
-    residual: str,
-    algorithm: str,
-    from_modes: Path | None,
-    at_bodies: bool,
-    resume: bool,
-    information: bool,
-    pictures: bool,
-    overwrite: bool,
-) -> None:
-    """Run the verb with the values of its options, as ``mbw.tune.options`` describes them."""
-    if misplaced:
-        names = ", ".join(f"--{name.replace('_', '-')}" for name in misplaced)
-        raise UsageError(
-            f"{names} works with --modes only: state what is known in [tuning] of campaign.toml"
-        )
-    check_band(band)
-    place: FrfPlace = "bodies" if at_bodies else "sensors"
-    run(
-        campaign,
-        ResultOptions(out, json, overwrite, pictures),
-        band=band,
-        starts=starts,
-        seed=seed,
-        jobs=jobs,
-        search=SearchOptions(parse_residuals(residual), algorithm, place, from_modes),
-        resume=resume,
-        inform=information,
-    )
-
-
 def run(  # noqa: PLR0913  # one for each option
-    campaign: Path,
+    source: Path,
     outputs: ResultOptions,
     *,
+    misplaced: Sequence[str] = (),
     band: tuple[float, float] | None = None,
-    starts: int = 1,
+    starts: int | None = None,
     seed: int = 0,
     jobs: int = 1,
     search: SearchOptions = _DEFAULT_SEARCH,
     resume: bool = False,
-    inform: bool = False,
+    information: bool = False,
 ) -> Path:
     """Tune the model, write the result, print the gap.
 
     Args:
+        source: folder of the campaign.
+        misplaced: names of stated options that a table of modes alone has.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
-        starts: number of starts: the nominal model, then random ones.
+        starts: number of starts: the nominal model, then random ones; None for 1.
         jobs: number of processes for the held-out fits.
         search: choices about the fit.
         resume: whether to continue from the steps that an interrupted run finished.
-        inform: whether to rank further measurements by their information.
+        information: whether to rank further measurements by their information.
 
     Returns:
         The folder of the result.
@@ -146,7 +107,13 @@ def run(  # noqa: PLR0913  # one for each option
     Raises:
         typer.Exit: the fit was interrupted (code 130) or did not converge (code 4).
     """
-    session = open_session(campaign, band)
+    if misplaced:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in misplaced)
+        raise UsageError(
+            f"{names} works with --modes only: state what is known in [tuning] of campaign.toml"
+        )
+    residuals, starts = parse_residuals(search.residual), starts or 1
+    session = open_session(source, band)
     session = replace(session, campaign=session.campaign.leave_out_after())
     freq = session.campaign.freq_hz
     SCREEN.say(
@@ -158,21 +125,21 @@ def run(  # noqa: PLR0913  # one for each option
         checkpoint = open_checkpoint(
             output.path / CHECKPOINT_FILE, fingerprint(session, options), "tuning", resume=resume
         )
-        measured = measured_modes(session.campaign, search.residuals, search.modes)
+        measured = measured_modes(session.campaign, residuals, search.from_modes)
         for text in session.campaign.remarks:
             SCREEN.say(text)
         with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
-            bar = _ProgressBar(progress, session.campaign, search.residuals, starts)
+            bar = _ProgressBar(progress, session.campaign, residuals, starts)
             tuned = tune(
                 session,
-                residuals=search.residuals,
+                residuals=residuals,
                 measured=measured,
                 algorithm=search.algorithm,
-                at=search.at,
+                at="bodies" if search.at_bodies else "sensors",
                 starts=starts,
                 seed=seed,
                 jobs=jobs,
-                inform=inform,
+                inform=information,
                 callbacks=ProgressCallbacks(bar.show_evaluation, bar.show_fold),
                 checkpoint=checkpoint,
             )

@@ -8,10 +8,7 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Json, Key, Overwrite, Quiet, SingleJob, SoftEqualities, Without
 
-app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
-
-@app.command()
 def view(  # noqa: PLR0913  # one for each option
     model: Annotated[Path, typer.Argument(help="MJCF of a machine.")],
     *,

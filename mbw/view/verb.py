@@ -10,7 +10,7 @@ from mbmodel import Machine, as_drawn, load_machine, machine_geometry, shapes_at
 from mbmodel.geometry.viewer import open_viewer, refuse_missing_display
 from mbw.animation.draw import FRAMES, ModeScene, draw_mode, move_scene, outline_words
 from mbw.animation.files import check_picture_target, write_pictures
-from mbw.files import check_json_target, write_json
+from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.prediction import Prediction, predict
 
@@ -33,7 +33,7 @@ class ViewedState(ResultFile):
     picture: str | None
 
 
-def run_options(
+def run(
     model: Path,
     *,
     mode: int | None,
@@ -48,7 +48,7 @@ def run_options(
         UsageError: the model has no such mode, or the kind of picture is unknown.
         InputError: the model cannot be read, there is no display, or a file cannot be written.
     """
-    _check_targets(out, json, overwrite=overwrite)
+    _check_targets(out, overwrite=overwrite)
     machine = load_machine(model, key=key)
     prediction = predict(as_drawn(machine))
     if mode is not None and mode > len(prediction.modes.poles):
@@ -69,10 +69,8 @@ def run_options(
     SCREEN.say(f"picture in {out}{how}")
 
 
-def _check_targets(out: Path | None, json: Path | None, *, overwrite: bool) -> None:
+def _check_targets(out: Path | None, *, overwrite: bool) -> None:
     """Refuse what cannot be written or shown, before the computation starts."""
-    if json is not None:
-        check_json_target(json)
     if out is None:
         refuse_missing_display()
         return

@@ -7,7 +7,7 @@ from tests.docs.results import ROOT
 from tests.test_imports import PACKAGES
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-OF_VERBS = {verb.module.split(".")[1] for verb in VERBS.values()}  # one row for all
+OF_VERBS = {verb.options.split(".")[1] for verb in VERBS.values()}  # one row for all
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -102,7 +102,7 @@ def test_a_chosen_deck_has_effects_places_ratios_and_nothing():
 
 def test_the_size_of_a_chosen_effect_is_what_the_user_states(campaign):
     test = read_user_test(campaign, None)
-    choice = read_choice(["mass_error"], ["body:slide"], None, "mass=2.5", 0.0)
+    choice = read_choice(["mass_error"], ["body:slide"], [], "mass=2.5", 0.0)
     answers = [
         tomllib.loads(
             draw_case(test.station, 1, number, choice, test.repeated).campaign.answer.decode()
@@ -215,7 +215,7 @@ def test_frfs_with_a_loop_closed_are_those_of_the_model_with_its_loop(campaign, 
 
 def test_a_virtual_campaign_of_a_closed_loop_states_the_loop(campaign, tmp_path):
     test = close_loop(campaign, tmp_path)
-    choice = read_choice(["mass_error"], ["body:slide"], None, "mass=2.5", 0.0)
+    choice = read_choice(["mass_error"], ["body:slide"], [], "mass=2.5", 0.0)
     drawn = draw_case(test.station, 1, 0, choice, test.repeated).campaign
     assert tomllib.loads(drawn.files["campaign.toml"].decode())["loop"]["drive"]["delay"] == 2e-4
     plan = Plan(1, protocol=test.repeated.protocol)

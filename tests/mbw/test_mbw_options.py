@@ -3,6 +3,8 @@
 import ast
 import json
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from small_machine import MJCF
 from typer.testing import CliRunner
 
 from mbw.command import VERBS, app
+from mbw.loader import fill_arguments
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("identification", "mbmodel", "tuning", "diagnosis", "mbw", "mbworkbench")
@@ -115,3 +118,27 @@ def test_more_frequency_lines_than_memory_holds_are_refused(tmp_path):
     run = CliRunner().invoke(app, ["predict", str(tmp_path / "model.xml"), "--lines", "1000000000"])
     assert run.exit_code == 2
     assert "--lines" in run.stderr
+
+
+@dataclass(frozen=True)
+class Place:
+    out: Path | None = None
+    names: Sequence[str] = ()
+
+
+def take(source: Path, place: Place, *, words: list[str], jobs: int = 1) -> None:
+    """Take two options and a record of two."""
+
+
+def test_options_of_the_names_of_its_fields_make_a_record():
+    options = {"source": Path("a"), "out": Path("b"), "names": None, "words": None}
+    assert fill_arguments(take, options) == {
+        "source": Path("a"),
+        "place": Place(Path("b"), []),
+        "words": [],
+    }
+
+
+def test_an_option_that_a_verb_does_not_take_is_no_silent_loss():
+    with pytest.raises(TypeError, match=r"take takes no speed$"):
+        fill_arguments(take, {"source": Path("a"), "words": None, "speed": 1.0})

@@ -174,7 +174,7 @@ def test_dry_friction_needs_a_nominal_model(model, tmp_path):
         (("--signal", "sine", "--at", "acc3:+tx"), "one of step"),
         (("--signal", "step"), "--at"),
         (("--signal", "step", "--at", "acc3:+tx", "--hits", "3"), "--hits"),
-        (("--signal", "chirp", "--at", "acc3:+tx", "--band", "50", "9"), "LOW below HIGH"),
+        (("--signal", "chirp", "--at", "acc3:+tx", "--band", "50", "9"), "lower frequency first"),
         (("--signal", "step", "--at", "joint:none"), "joint:none"),
         (("--hammer", "3", "--format", "csv"), "--format"),
         (("--hammer", "3", "--block", "nan"), "samples"),

@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from identification.modal import ModeCriteria
@@ -104,11 +105,7 @@ def test_the_command_starts_within_three_times_the_import_of_typer(arguments):
 def test_defaults_in_the_options_are_those_of_the_code():
     # Option modules must not import the code, so they repeat its defaults.
     defaults = {name: p.default for name, p in inspect.signature(identify).parameters.items()}
-    tolerances = ModeCriteria()
-    assert defaults["frequency_tolerance"] == tolerances.frequency
-    assert defaults["damping_tolerance"] == tolerances.damping
-    assert defaults["mac_tolerance"] == tolerances.participation
-    assert defaults["persistence"] == tolerances.persistence
-    assert defaults["highest_damping"] == 100 * tolerances.highest_damping
-    assert defaults["collinearity"] == tolerances.collinearity
+    for name, value in vars(ModeCriteria()).items():
+        factor = {"highest_damping": 100.0, "phase_deviation": 180 / np.pi}.get(name, 1.0)
+        assert defaults[name] == factor * value
     assert inspect.signature(tune).parameters["algorithm"].default == TUNING_ALGORITHM

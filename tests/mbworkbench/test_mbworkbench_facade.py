@@ -15,7 +15,6 @@ import pytest
 
 import mbworkbench as mb
 from diagnosis.settings import SETTINGS
-from identification.modal import ModeChoices, ModeCriteria
 from identification.words import Dof
 from mbmodel import FrfRequest, as_drawn, linearise, load_machine
 from mbw.identify.verb import IdentifyChoices
@@ -170,12 +169,7 @@ def test_identified_modes_lie_in_the_band_and_their_number_is_said(campaign):
 
 def test_identified_modes_have_the_sentences_of_the_command(every_result, tmp_path, capsys):
     modes = every_result["identified"]
-    run_identify(
-        CAMPAIGN,
-        ResultOptions(tmp_path / "modes"),
-        IdentifyChoices(ModeCriteria(), ModeChoices(), None),
-        None,
-    )
+    run_identify(CAMPAIGN, ResultOptions(tmp_path / "modes"), IdentifyChoices(), None)
     said = capsys.readouterr().err.splitlines()
     assert len(modes.remarks) > 1
     assert set(modes.remarks) <= set(said)
