@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Complex, ConvergenceError, Dof
+from identification.words import Complex, ConvergenceError, Dof, capitalise
 from mbmodel import (
     EnergyShares,
     Machine,
@@ -69,7 +69,7 @@ class Prediction:
         poles = self.modes.poles
         growing = np.flatnonzero(poles.real > _MAX_ZERO_POLE * np.abs(poles).max(initial=0.0)) + 1
         texts = (*self.machine.remarks, *self.mode_remarks)
-        sentences = [f"{text[:1].upper()}{text[1:]}." for text in texts]
+        sentences = [f"{capitalise(text)}." for text in texts]
         if growing.size:
             which = ", ".join(map(str, growing))
             sentences.append(

@@ -6,6 +6,7 @@ from diagnosis.labels import name_direction, name_place
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import CauseRow, Verdict
 from identification import FAULT_PHRASES
+from identification.words import capitalise
 
 UNEXPLAINED = (
     "the model lacks something, and no effect of the catalogue is established as its cause"
@@ -76,8 +77,3 @@ def other_places(row: CauseRow | RemarkRow) -> list[str]:
     """Return the places of a cause that the test cannot tell from its likeliest one."""
     places = row.places if isinstance(row, CauseRow) else []
     return [place for place in places if place != row.location]
-
-
-def capitalise(text: str) -> str:
-    """Return a text with a capital first letter."""
-    return text[0].upper() + text[1:]

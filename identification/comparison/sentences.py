@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.comparison.compared_modes import ComparedMode, FleetScatter, Shift
-from identification.words import percent_text, shorten_names
+from identification.words import capitalise, percent_text, shorten_names
 
 
 def describe_shifts(
@@ -46,7 +46,7 @@ def describe_shifts(
         for k, name in enumerate(names)
         if (alone := [m for m in modes if m.number[k] >= 0 and not m.is_complete])
     ]
-    return "; ".join([text[0].upper() + text[1:], *partnerless]) + "."
+    return "; ".join([capitalise(text), *partnerless]) + "."
 
 
 def _relative_size(shifts: tuple[Shift, Shift]) -> float:

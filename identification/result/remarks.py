@@ -6,7 +6,7 @@ from identification.modal import UNIT_MASS, missing_drive_point_sentence
 from identification.result.schema import IdentifiedModeRow, IdentifiedModesFile
 from identification.result.stored_result import IdentificationResult
 from identification.solid import exchange_phrase
-from identification.words import percent_text
+from identification.words import capitalise, percent_text
 
 _MIN_LOOKALIKE_MAC = 0.9  # of two measured shapes that the sensors may not distinguish
 _MAX_LOOKALIKE_SHIFT = 0.05  # relative difference of their frequencies
@@ -149,7 +149,7 @@ def _exchanged_channels(summary: IdentifiedModesFile) -> list[str]:
     for (location, dof), probability in swaps.items():
         phrase = exchange_phrase(location, dof)
         sentences.append(
-            f"{phrase[0].upper()}{phrase[1:]} ({_percent(probability)}): exchange their cables or "
+            f"{capitalise(phrase)} ({_percent(probability)}): exchange their cables or "
             "their labels."
         )
     return sentences

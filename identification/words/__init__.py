@@ -44,7 +44,13 @@ from identification.words.hits import (
 )
 from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import HasPoles, ModalModel, drive_point_scale, modal_sum
-from identification.words.names import count_noun, percent_text, read_number, shorten_names
+from identification.words.names import (
+    capitalise,
+    count_noun,
+    percent_text,
+    read_number,
+    shorten_names,
+)
 from identification.words.ports import (
     DIRECTIONS,
     JOINT_PREFIX,
@@ -109,6 +115,7 @@ __all__ = [
     "VarianceSource",
     "WorkbenchError",
     "between_multiples",
+    "capitalise",
     "count_noun",
     "distinct_dofs",
     "drive_point_scale",

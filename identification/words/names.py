@@ -22,6 +22,11 @@ def count_noun(count: int, noun: str, plural: str = "") -> str:
     return f"{count} {noun if count == 1 else plural or noun + 's'}"
 
 
+def capitalise(text: str) -> str:
+    """Return a text with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
 def read_number(text: str) -> float:
     """Return the number that a text states; nan where it is another text."""
     try:

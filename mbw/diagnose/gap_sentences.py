@@ -11,33 +11,25 @@ from diagnosis.estimates.gap_by_level import LevelGapRow
 from diagnosis.inference.evidence import Evidence
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import GapSteps, Verdict
-from diagnosis.verdict.sentences import capitalise, cause_words, effect_noun, place_phrase
-from identification.words import percent_text
+from diagnosis.verdict.sentences import cause_words, effect_noun, place_phrase
+from identification.words import capitalise, percent_text
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.fitted_sets import FittedRow, fitted_rows, is_outlier
 from mbw.diagnose.sentences import format_probability
 from mbw.page.numbers import format_closed
 
-NOT_SHOWN = "the gap on held-out frequency lines does not shrink"
-WHY_NOT_SHOWN = (
-    "the effect is small compared with the loss of a whole block of lines; the correlation of "
-    "neighbouring lines reveals it"
-)
 _MIN_HELD_OUT_RATIO = 2.0  # excess on held-out over that on fitted lines, which is explained
 
 
 def closed_words(closed: float, ends: tuple[float, float] | None) -> str:
     """Return the closed share of the gap as text, with its interval if there is one.
 
-    The jackknife does not know that a share lies between 0 and 1, so the ends are limited here. A
-    small gap may seem to grow on lines that no fit saw.
+    The jackknife does not know that a share lies between 0 and 1, so the ends are limited here.
 
     Args:
-        closed: closed share of the gap.
+        closed: closed share of the gap, not negative.
         ends: ends of its interval; None if there is none.
     """
-    if closed < 0:
-        return f"{NOT_SHOWN}: {WHY_NOT_SHOWN}"
     interval = ""
     if ends is not None:
         low, high = ("none" if end < 0 else f"{min(end, 1.0):.1%}" for end in ends)

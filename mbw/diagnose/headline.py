@@ -1,4 +1,4 @@
-"""Headline of a diagnosis: the verdict in one or two sentences, probabilities, warnings."""
+"""Words of a diagnosis, for page and terminal: headline, probabilities, doubts, findings."""
 
 from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import name_direction
@@ -6,20 +6,27 @@ from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import CauseRow, Verdict
 from diagnosis.verdict.sentences import (
     UNEXPLAINED,
-    capitalise,
     cause_words,
     place_name,
     place_phrase,
 )
+from identification.words import capitalise
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.gap_sentences import (
-    NOT_SHOWN,
-    WHY_NOT_SHOWN,
     held_out_sentence,
+    level_sentences,
     remark_sentences,
     rest_sentence,
 )
-from mbw.diagnose.sentences import cause_parameters, format_probability, noise_sentences
+from mbw.diagnose.sentences import (
+    cause_parameters,
+    confounded_sentences,
+    format_probability,
+    noise_sentences,
+    places_sentences,
+    serial_correlation_sentences,
+    untested_sentences,
+)
 from mbw.page.html import badge
 from mbw.page.numbers import format_closed, format_percent
 from mbw.results.diagnosed_files import StoredDiagnosis
@@ -27,6 +34,10 @@ from mbw.results.diagnosed_files import StoredDiagnosis
 _MAX_EXCESS = 1.5  # gap with the cause over the noise; beyond, the cause is not all
 _MIN_SECOND_PROBABILITY = 0.1  # of a second cause that the headline names
 _OPENINGS = {"sensor": "One sensor is at fault", "hammer": "The hammer is at fault"}
+_WHY_NOT_SHOWN = (
+    "The effect is small compared with the loss of a whole block of lines; the correlation of "
+    "neighbouring lines reveals it"
+)
 _WHY_OUTWEIGHED = "The errors that remain outweigh it where a block of lines is left out"
 _MIN_FORCE_GAIN_NATS = 10.0  # gain in log likelihood of a free force that is believed
 
@@ -91,6 +102,18 @@ def doubts(result: StoredDiagnosis) -> list[str]:
             "The band is too narrow to hold frequency lines out: all figures refer to fitted lines."
         )
     return sentences + [f"{capitalise(text)}." for text in noise_sentences(result.evidence)]
+
+
+def findings(result: StoredDiagnosis) -> list[str]:
+    """Return sentences on what tells causes apart: levels, correlation, and what does not."""
+    verdict, levels = result.verdict, len({test.level for test in result.shown.tests})
+    return [
+        *level_sentences(verdict),
+        *serial_correlation_sentences(result.evidence),
+        *places_sentences(verdict),
+        *confounded_sentences(verdict),
+        *untested_sentences(verdict, levels),
+    ]
 
 
 def times(excess: float | None) -> str:
@@ -222,10 +245,10 @@ def _shrinks(result: StoredDiagnosis) -> str:
         )
     if gap.closed is not None and gap.closed < 0:
         is_partly = result.verdict.verdict == "partly"
-        why = _WHY_OUTWEIGHED if is_partly else capitalise(WHY_NOT_SHOWN)
+        why = _WHY_OUTWEIGHED if is_partly else _WHY_NOT_SHOWN
         return (
-            f"{capitalise(NOT_SHOWN)} with {them}: it is {retuned} the noise for the re-tuned "
-            f"model, and {after} with {them}. {why}."
+            f"The gap on held-out frequency lines does not shrink with {them}: it is {retuned} the "
+            f"noise for the re-tuned model, and {after} with {them}. {why}."
         )
     text = (
         f"With {them} the gap falls from {retuned} the noise (re-tuned) to {after}, all "

@@ -7,13 +7,13 @@ from diagnosis.labels import name_direction
 from diagnosis.levels.free_levels import LAW_EFFECTS
 from diagnosis.verdict.schema import CauseRow, Verdict
 from diagnosis.verdict.sentences import (
-    capitalise,
     effect_noun,
     other_places,
     place_name,
     place_phrase,
 )
 from identification import exchange_phrase
+from identification.words import capitalise
 from mbw.diagnose.effect_parameters import (
     depends_on_doubtful_size,
     interval_words,

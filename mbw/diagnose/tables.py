@@ -16,16 +16,9 @@ from mbw.diagnose.effect_parameters import (
     parameters_that_may_be_zero,
 )
 from mbw.diagnose.fitted_sets import fitted_rows
-from mbw.diagnose.gap_sentences import level_sentences
+from mbw.diagnose.headline import findings
 from mbw.diagnose.link_axis import axis_words
-from mbw.diagnose.sentences import (
-    confounded_sentences,
-    format_probability,
-    places_sentences,
-    sensor_check_sentences,
-    serial_correlation_sentences,
-    untested_sentences,
-)
+from mbw.diagnose.sentences import format_probability, sensor_check_sentences
 from mbw.page.numbers import format_closed, format_percent
 from mbw.results.diagnosed_files import StoredDiagnosis
 from mbw.results.diagnosed_schema import PlaceRow
@@ -57,17 +50,7 @@ def causes_section(result: StoredDiagnosis) -> str:
         )
     else:
         table = "<p>No effect of the catalogue is likely: none has a probability of 1 %.</p>"
-    levels = len({test.level for test in result.shown.tests})
-    correlation = serial_correlation_sentences(result.evidence)
-    confounded = [*places_sentences(verdict), *confounded_sentences(verdict)]
-    text = _paragraphs(
-        [
-            *level_sentences(verdict),
-            *correlation,
-            *confounded,
-            *untested_sentences(verdict, levels),
-        ]
-    )
+    text = _paragraphs(findings(result))
     if verdict.next_experiment:
         text += f"<p><b>Next experiment:</b> {escape(verdict.next_experiment)}.</p>"
     return table + text

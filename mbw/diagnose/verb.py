@@ -8,39 +8,23 @@ from pathlib import Path
 from rich.progress import Progress
 from rich.table import Table
 
-from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
+from diagnosis import Diagnosis, diagnose, hash_inputs
 from diagnosis.effects import check_others
-from diagnosis.verdict.sentences import UNEXPLAINED, other_places
+from diagnosis.verdict.sentences import other_places
 from mbmodel import refuse_difference
 from mbw.diagnose.augmented import write_augmented
 from mbw.diagnose.fitted_sets import fitted_rows, key_words, rejection_reasons
-from mbw.diagnose.gap_sentences import (
-    closed_words,
-    held_out_sentence,
-    level_sentences,
-    remark_sentences,
-    rest_sentence,
-    unestablished_words,
-)
-from mbw.diagnose.headline import undecided_words
+from mbw.diagnose.gap_sentences import closed_words, unestablished_words
+from mbw.diagnose.headline import doubts, findings, lead
 from mbw.diagnose.page import render
-from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
-from mbw.diagnose.result import collect_result, list_established, unfinished_fit_sentences
-from mbw.diagnose.sentences import (
-    cause_parameters,
-    confounded_sentences,
-    noise_sentences,
-    places_sentences,
-    serial_correlation_sentences,
-    swap_sentence,
-    untested_sentences,
-)
+from mbw.diagnose.result import collect_result
+from mbw.diagnose.sentences import cause_parameters, sensor_check_sentences
 from mbw.files import write_json
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
 from mbw.page.numbers import format_closed, format_percent
 from mbw.remarks import calibration_sentence, describe_gap, describe_not_in_mjcf, gain_sentence
-from mbw.results.diagnosed_files import CHECKPOINT, NAMES, PAGE, write_files
+from mbw.results.diagnosed_files import CHECKPOINT, NAMES, PAGE, StoredDiagnosis, write_files
 from mbw.resume import open_checkpoint
 from tuning import Checkpoint, Session, open_session
 from tuning.files.plant_folder import AUGMENTED, SHOWN, VERDICT
@@ -89,7 +73,7 @@ def run(
     write_json(result.verdict.model_dump_json(indent=1), outputs.json)
     if explain and not SCREEN.quiet:
         _explain(diagnosis)
-    _say(result.verdict, diagnosis)
+    _say(result, diagnosis)
     SCREEN.say(f"verdict in {output.path / VERDICT}")
     effect = " with the effect" if diagnosis.present.established else ""
     SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
@@ -139,20 +123,11 @@ class _ProgressReporter:
         self._progress.update(self._bar, advance=1, description=text)
 
 
-def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
-    """Print the verdict in a few lines."""
-    campaign, present = diagnosis.session.campaign.name, diagnosis.present
-    gap, count = verdict.gap, len(present.established)
-    joint_causes = sum(row.excess_after is not None for row in verdict.causes)
-    established = "one effect is" if count == 1 else f"{count} effects are"
-    words = {
-        "none": "nothing is missing beyond tolerances and noise",
-        "unexplained": undecided_words(verdict) or UNEXPLAINED,
-        "several": "several effects are present",
-        "explained": "one effect is present",
-        "partly": f"{established} established, and a significant rest remains",
-    }
-    SCREEN.say(f"\n{campaign}: {words[verdict.verdict]}")
+def _say(result: StoredDiagnosis, diagnosis: Diagnosis) -> None:
+    """Print the headline of the page, the gap, the causes, and what the page says beside them."""
+    verdict, present = result.verdict, diagnosis.present
+    gap, joint_causes = verdict.gap, sum(row.excess_after is not None for row in verdict.causes)
+    SCREEN.say(f"\n{result.shown.campaign}: {lead(result)}")
     steps = (
         ("as drawn (nominal model)", gap.as_drawn),
         ("re-tuned", gap.retuned),
@@ -161,11 +136,9 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
     for name, at in steps:
         if at.excess is not None:
             SCREEN.say(f"  {name}: {describe_gap(at.error, at.excess)}")
-    if gap.closed is not None:
+    if gap.closed is not None and gap.closed >= 0:
         SCREEN.say(f"  {closed_words(gap.closed, gap.interval.closed)}")
-    if difference := held_out_sentence(gap, diagnosis.evidence):
-        SCREEN.say(f"  {difference}")
-    established_rows = {row.cause for row in list_established(diagnosis, verdict)}
+    established = {row.cause for row in result.shown.established}
     closed = {key[:2]: share for key, share in present.closes.items()}
     sized = {key[:2] for key in present.intervals}  # their sizes decided, all else being enough
     for number, row in enumerate(verdict.causes[:_MAX_LISTED_CAUSES]):
@@ -175,43 +148,23 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
         share = closed.get((row.effect, row.location))
         part = "" if share is None else f"; closes {format_closed(share)} of the fitted lines' gap"
         part += " that the others leave" if part and joint_causes > 1 else ""
-        if share is not None and number not in established_rows:
+        if share is not None and number not in established:
             has_size = (row.effect, row.location) not in sized
             part += f", {unestablished_words(share, has_size=has_size)}"
         SCREEN.say(f"  {row.probability:.0%} {name}{sizes}{part}")
-    rest = rest_sentence(verdict, diagnosis.evidence)
-    for text in (rest, *level_sentences(verdict), *remark_sentences(verdict)):
-        if text is not None:
-            SCREEN.say(f"  {text}")
     is_everywhere = verdict.rest is not None and verdict.rest.spread == "everywhere"
     if verdict.verdict == "unexplained" and verdict.where and not is_everywhere:
         places = ", ".join(
             f"{row.location} {row.share:.0%}" for row in verdict.where[:3] if row.share is not None
         )
         SCREEN.say(f"  where: {places}" if places else "  where: these data do not locate it")
-    _say_more(verdict, diagnosis)
-
-
-def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
-    """Print remarks on tolerances, fits, sensors, noise, confounded causes and the next test."""
-    first = (
-        pull_sentence(verdict, diagnosis),
-        bound_sentence(diagnosis),
-        gain_sentence(verdict.channel_gains),
-    )
-    for text in (*filter(None, first), *unfinished_fit_sentences(diagnosis)):
-        SCREEN.say(f"  {text}")
-    for fault in diagnosis.checks.faults:
-        if fault.effect == "sensor_swap":
-            SCREEN.say(f"  {swap_sentence(fault.location, fault.dof)}")
-    for place in diagnosis.checks.unknown:
-        SCREEN.say(f"  {place} has an unknown fault and was left out")
-    evidence = diagnosis.evidence
-    for text in (*serial_correlation_sentences(evidence), *noise_sentences(evidence)):
-        SCREEN.say(f"  {text}")
-    levels = len({test.condition.level_n for test in diagnosis.session.campaign.tests})
-    confounded = (*places_sentences(verdict), *confounded_sentences(verdict))
-    for text in (*confounded, *untested_sentences(verdict, levels)):
+    for text in (
+        *doubts(result)[len(diagnosis.session.campaign.remarks) :],  # which are said before the fit
+        *filter(None, [gain_sentence(verdict.channel_gains)]),
+        *sensor_check_sentences(result.shown),
+        *(f"{place} has an unknown fault and was left out" for place in diagnosis.checks.unknown),
+        *findings(result),
+    ):
         SCREEN.say(f"  {text}")
     if verdict.next_experiment:
         SCREEN.say(f"  next experiment: {verdict.next_experiment}")

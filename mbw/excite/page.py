@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.words import capitalise
 from identification.words.file_access import read_bytes
 from mbw.excite.schema import ExcitationFile
 from mbw.excite.summary import describe_forecast, describe_signal, describe_sliding
@@ -50,7 +51,7 @@ def render(excitation: Excitation, summary: ExcitationFile) -> str:
         "limits": [row.model_dump() for row in summary.limits],
         "parameters": [row.model_dump() for row in summary.parameters],
     }
-    sentences = [f"{text[0].upper()}{text[1:]}." for text in describe_forecast(summary)]
+    sentences = [f"{capitalise(text)}." for text in describe_forecast(summary)]
     sliding = "".join(f"<li>{escape(describe_sliding(row))}</li>" for row in summary.sliding)
     return fill_template(
         "excite/template.html",

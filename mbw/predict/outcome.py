@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identification.words import Complex, Real
+from identification.words import Complex, Real, capitalise
 from mbmodel import COMBINED_NAME, FrfRequest, Machine, StateSpaceComparison, compare_state_space
 from mbw.predict.before_after import BeforeAfter, compare, comparison_table, frequency_change
 from mbw.predict.curves import Curves, drive_points, requested_curves, with_curves_before
@@ -59,7 +59,7 @@ class Outcome:
     @property
     def remarks(self) -> list[str]:
         """Doubts, then findings on the model and the combination, one sentence each."""
-        sentences = [f"{text[:1].upper()}{text[1:]}." for text in self.combination_remarks]
+        sentences = [f"{capitalise(text)}." for text in self.combination_remarks]
         return [*self.doubts, *sentences, *self.prediction.remarks]
 
     @property

@@ -5,7 +5,7 @@ from html import escape
 
 import numpy as np
 
-from identification.words import Dof, Input, shorten_names
+from identification.words import Dof, Input, capitalise, shorten_names
 from mbmodel import ApproximatedLaw, FrfRequest, Machine, Model, StateSpaceComparison
 from mbw.page.html import pack_complex, pack_real
 from mbw.page.numbers import format_percent
@@ -151,7 +151,7 @@ def check_section(row: StateSpaceCheckRow) -> str:
     head, *rest = check_lines(row)
     items = "".join(f"<li>{escape(line.strip())}</li>" for line in rest)
     return (
-        f"<h2>State space</h2><p>{escape(head[:1].upper() + head[1:])}</p><ul>{items}</ul>"
+        f"<h2>State space</h2><p>{escape(capitalise(head))}</p><ul>{items}</ul>"
         '<div id="state-space"></div>'
         '<p class="soft">The FRF with the largest difference: by the equation of motion, by the '
         "state space, and their difference.</p>"

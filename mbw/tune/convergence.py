@@ -2,6 +2,7 @@
 
 from html import escape
 
+from identification.words import capitalise
 from mbw.page.html import badge, input_files
 from mbw.remarks import describe_not_in_mjcf, describe_search
 from tuning import TunedFile
@@ -101,5 +102,5 @@ def provenance(
     list_file = TUNED_JSON if isinstance(summary, TunedFile) else MODE_TABLE_JSON
     missing = describe_not_in_mjcf(summary.not_held_by_mjcf, not_held_error, list_file)
     search = describe_search(summary.fit)
-    text = escape(" ".join(filter(None, [f"{search[0].upper()}{search[1:]}.", sentence, missing])))
+    text = escape(" ".join(filter(None, [f"{capitalise(search)}.", sentence, missing])))
     return "<br>".join(filter(None, [text, input_files(summary.inputs)]))

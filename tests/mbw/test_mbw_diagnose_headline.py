@@ -11,8 +11,9 @@ from diagnosed import diagnosed, lead_of
 from diagnosis.decision.established import RemarkRow
 from diagnosis.decision.remaining_gap import RestRow, Where
 from diagnosis.verdict.schema import CauseRow
-from diagnosis.verdict.sentences import UNEXPLAINED, capitalise
+from diagnosis.verdict.sentences import UNEXPLAINED
 from identification import Fault
+from identification.words import capitalise
 from mbw.diagnose.gap_sentences import find_best_candidate, remark_sentences, rest_sentence
 from mbw.diagnose.page import render
 from mbw.diagnose.sentences import sensor_check_sentences

@@ -13,7 +13,8 @@ from drawn import drawn
 
 from diagnosis.decision.established import RemarkRow
 from diagnosis.labels import name_direction
-from diagnosis.verdict.sentences import UNEXPLAINED, capitalise, place_name, place_phrase
+from diagnosis.verdict.sentences import UNEXPLAINED, place_name, place_phrase
+from identification.words import capitalise
 from mbmodel import load_machine
 from mbw.diagnose.fitted_sets import fitted_rows
 from mbw.diagnose.page import render

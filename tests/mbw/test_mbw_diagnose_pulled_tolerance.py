@@ -5,10 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from diagnosis.settings import SETTINGS
-from mbw.diagnose import verb
 from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
 from mbw.diagnose.result import unfinished_fit_sentences
-from mbw.messages import SCREEN
 
 NAMES = ("ty_tx.stiffness", "acc1.rotation_z", "hammer(acc1:ty).rotation_z")
 
@@ -24,17 +22,10 @@ def case(x, *, word="none"):
     found = SimpleNamespace(
         null=SimpleNamespace(fit=SimpleNamespace(parametrisation=parametrisation, x=np.array(x))),
         settings=SETTINGS,
-        evidence=SimpleNamespace(variance="coherence", null=SimpleNamespace(serial=0.0), sets=()),
-        checks=SimpleNamespace(faults=(), unknown=()),
-        parameters=None,
-        retuned=SimpleNamespace(unfinished=0, refit=refit),
+        retuned=SimpleNamespace(refit=refit),
         after=None,
-        session=SimpleNamespace(campaign=SimpleNamespace(tests=())),
     )
-    gap = SimpleNamespace(retuned=SimpleNamespace(excess=1.01))
-    said = {"causes": [], "twins": [], "not_testable": ["friction"], "next_experiment": None}
-    said["channel_gains"] = []
-    return SimpleNamespace(verdict=word, gap=gap, **said), found
+    return SimpleNamespace(verdict=word), found
 
 
 def told(x, **values):
@@ -70,14 +61,6 @@ def test_tolerances_at_their_bounds_are_named():
     diagnosis.after = diagnosis.retuned
     assert "in the fit with the present causes: acc1" in bound_sentence(diagnosis)
     assert bound_sentence(case([9.0, 2.4, 0.0])[1]) is None
-
-
-def test_the_terminal_shows_the_sentence_too(capsys, monkeypatch):
-    monkeypatch.setattr(SCREEN, "quiet", False)
-    verb._say_more(*case([9.0, 1.0, 3.3]))
-    said = capsys.readouterr().err
-    assert "a pull of 3.3 for hammer(acc1:ty).rotation_z" in said
-    assert "not excluded: friction" in said
 
 
 def test_fits_that_did_not_converge_are_named():

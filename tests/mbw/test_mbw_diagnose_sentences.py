@@ -151,12 +151,6 @@ def test_a_cause_with_which_the_gap_grows_is_not_established_for_that():
     assert "size holds no effect" in unestablished_words(0.9, has_size=False)
 
 
-def test_a_gap_that_held_out_lines_see_grow_is_not_said_to_close_by_less_than_nothing():
-    assert closed_words(-6.9, (-27.4, 13.6)).startswith(
-        "the gap on held-out frequency lines does not"
-    )
-
-
 def test_what_levels_could_show_is_untested_for_one_reason_or_another():
     verdict = SimpleNamespace(not_testable=["friction", "hardening", "drift"])
     once, drift = untested_sentences(verdict, 1)

@@ -1,8 +1,8 @@
 """Terminal output of ``mbw diagnose``: reasons of rejection, unusual names, interruption."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from diagnosed import diagnosed
 from rich.console import Console
@@ -17,6 +17,7 @@ from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import CauseRow
 from mbw.command import app
 from mbw.diagnose import verb
+from mbw.diagnose.headline import findings, lead
 from mbw.diagnose.verb import hypothesis_table
 from mbw.messages import SCREEN
 from mbw.results.diagnosed_files import read_result
@@ -24,9 +25,6 @@ from tests.helpers.drawn import drawn
 from tests.helpers.judged import evidence, fitted
 
 NAME = "a [/b] :x: [red]"
-
-_VARIES = SimpleNamespace(is_tolerance=np.zeros(0, bool), coordinates_at_bound=lambda x: x > 0)
-REFIT = SimpleNamespace(fit=SimpleNamespace(parametrisation=_VARIES, x=np.zeros(0)))
 
 
 @pytest.fixture(scope="module")
@@ -104,21 +102,17 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
     closes = {keys[0]: 0.9, ("hammer_delay", "hammer:acc11", None): 0.06}
     present = SimpleNamespace(established=keys, closes=closes, intervals={})
     remark = RemarkRow(effect="sensor_gain", location="sensor:acc11", dof="tx", closed=0.004)
-    campaign = SimpleNamespace(name="here", tests=())
-    verb._say(
-        result.verdict.model_copy(update={"remarks": [remark], "causes": causes}),
-        SimpleNamespace(
-            session=SimpleNamespace(campaign=campaign),
-            present=present,
-            parameters=None,
-            retuned=SimpleNamespace(unfinished=0, refit=REFIT),
-            after=None,
-            evidence=result.evidence,
-            checks=SimpleNamespace(faults=(), unknown=()),
-        ),
-    )
+    verdict = result.verdict.model_copy(update={"remarks": [remark], "causes": causes})
+    shown = result.shown.model_copy(update={"campaign": "here", "remarks": ["said", "A pull."]})
+    stated = replace(result, verdict=verdict, shown=shown)
+    verb._say(stated, diagnosis_of(present, "said"))
     said = capsys.readouterr().err
-    assert "here: one effect is established, and a significant rest remains" in said
+    assert f"here: {lead(stated)}\n" in said
+    assert "One effect is established, and a rest remains: a link that bypasses joints" in said
+    assert "\n  A pull.\n" in said
+    assert "\n  said\n" not in said
+    assert len(findings(stated)) > 1
+    assert all(f"\n  {text}\n" in said for text in findings(stated))
     assert "parallel_path at pair:stage1-stage3: stiffness" in said
     assert "; closes 90 % of the fitted lines' gap that the others leave\n" in said
     assert (
@@ -126,10 +120,19 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
         "that the others leave, less than 20 %, so it is not established\n" in said
     )
     assert "\n  with the effects: " in said
-    assert f"  what remains is {result.verdict.rest.excess:.3g} times the noise: the model" in said
+    assert f" What remains is {result.verdict.rest.excess:.3g} times the noise: the model" in said
     assert (
         "  A wrong gain at sensor acc11, along x is proven without the model, but it "
-        "closes only 0.4 % of the gap\n" in said
+        "closes only 0.4 % of the gap.\n" in said
+    )
+
+
+def diagnosis_of(present, *remarks):
+    """Return what the terminal reads of a diagnosis beside its stored result."""
+    return SimpleNamespace(
+        session=SimpleNamespace(campaign=SimpleNamespace(remarks=remarks)),
+        present=present,
+        checks=SimpleNamespace(unknown=()),
     )
 
 
@@ -139,25 +142,15 @@ def say_unexplained(result, capsys, monkeypatch, spread):
     where = [Where(location="joint:stage1", share=0.74)]
     rest = RestRow(excess=6.0, model_error=0.018, significant=True, spread=spread, where=where)
     update = {"verdict": "unexplained", "causes": [], "rest": rest, "where": where}
-    verb._say(
-        result.verdict.model_copy(update=update),
-        SimpleNamespace(
-            session=SimpleNamespace(campaign=SimpleNamespace(name="here", tests=())),
-            present=SimpleNamespace(established=[], closes={}, intervals={}),
-            parameters=None,
-            retuned=SimpleNamespace(unfinished=0, refit=REFIT),
-            after=None,
-            evidence=result.evidence,
-            checks=SimpleNamespace(faults=(), unknown=()),
-        ),
-    )
+    stated = replace(result, verdict=result.verdict.model_copy(update=update))
+    verb._say(stated, diagnosis_of(SimpleNamespace(closes={}, intervals={})))
     return capsys.readouterr().err
 
 
 def test_a_gap_that_is_everywhere_has_no_place(capsys, monkeypatch, partly):
     assert "  where: joint:stage1 74%" in say_unexplained(partly, capsys, monkeypatch, "local")
     said = say_unexplained(partly, capsys, monkeypatch, "everywhere")
-    assert "the model's error is 1.8 % of the motion at each sensor, of which no" in said
+    assert "The model's error is 1.8 % of the motion at each sensor, of which no" in said
     assert "\n  where: " not in said
 
 
