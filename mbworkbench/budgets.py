@@ -1,7 +1,7 @@
 """The error budget of a machine, with its intervals."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,23 +13,15 @@ from mbworkbench.labels import AnyPath, as_path
 from mbworkbench.model import MachineModel, read_model
 from mbworkbench.tables import Shown, Table
 from tuning.control_loops.loops_file import choose_loops, known_loops
-from tuning.files.plant_folder import held_out_beside, plant_doubts, plant_file
+from tuning.files.plant_folder import plant_doubts, plant_file
 from tuning.files.result import TUNED_JSON
-from tuning.plant.error_budget.budget_remarks import budget_sentences
 from tuning.plant.error_budget.loop_margins import PlantMargins, VariantMargins
-from tuning.plant.error_budget.machine_files import model_with_posterior
+from tuning.plant.error_budget.machine_files import FittedMachine
 from tuning.plant.error_budget.margin_design import LoopDesign, design_loops
-from tuning.plant.error_budget.plant_budget import (
-    MACHINE_SEED,
-    POSTERIOR_MACHINES,
-    PlantBudget,
-    open_loops,
-    plant_budget,
-)
+from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.simulated_budget import SimulatedErrors
 from tuning.plant.error_budget.simulated_budget import simulate_budget as simulate_budget_in_time
-from tuning.plant.error_budget.source_spectra import image_sentences
 from tuning.plant.variant_model import read_variant_model
 
 
@@ -110,12 +102,7 @@ class ErrorBudgetResult(Shown):
     @property
     def remarks(self) -> list[str]:
         """Sentences on what the budget leaves out, such as images of sampled loops."""
-        budget = self.plant.budget
-        return [
-            *budget.definition.remarks,
-            *budget_sentences(budget),
-            *image_sentences(budget),
-        ]
+        return self.plant.sentences()
 
     def table(self) -> Table:
         """Return a table of the errors."""
@@ -185,9 +172,9 @@ def margins(
     definition = read_definition(as_path(budget), model.machine, controllers, loops_suffice=True)
     if not definition.loops:
         raise InputError(f"{budget} has no loop, and so no margins: add [loop.NAME]")
-    fitted, posterior = model_with_posterior(model.machine, model.machine.source)
-    thetas = () if posterior is None else posterior.sample(POSTERIOR_MACHINES, MACHINE_SEED)
-    return MarginsResult(design_loops(open_loops(fitted), definition, modulus, tuple(thetas)))
+    fitted = FittedMachine.read(as_drawn(model.machine), model.machine.source).open_loops()
+    thetas = () if fitted.thetas is None else tuple(fitted.thetas)
+    return MarginsResult(design_loops(fitted.model, definition, modulus, thetas))
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,13 +300,10 @@ def error_budget(
     source, patterns = model.machine.source, (closed,) if isinstance(closed, str) else closed
     loops = choose_loops(known_loops(source, model.machine), patterns)
     definition = read_definition(as_path(budget), with_loops(model.machine, loops), controllers)
-    fitted, posterior = model_with_posterior(model.machine, source)
-    reference = None if before is None else as_drawn(before.machine)
-    tuning = None if posterior is None else held_out_beside(source)
-    plant = plant_budget(fitted, definition, reference, posterior)
-    variants = None
+    reference, variants = None if before is None else as_drawn(before.machine), None
     if campaign is not None:
         folder = source.parent if (source.parent / TUNED_JSON).is_file() else None
         variants = read_variant_model(as_path(campaign), folder)
-    plant = replace(plant, tuning=tuning, variants=variants)
+    fitted = FittedMachine.read(as_drawn(model.machine), source)
+    plant = plant_budget(fitted, definition, reference, variants)
     return ErrorBudgetResult(plant, tuple(plant_doubts(source)))

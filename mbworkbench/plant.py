@@ -21,12 +21,8 @@ from mbworkbench.labels import (
 from mbworkbench.tables import Shown, Table
 from tuning import PosteriorOfModel, read_posterior
 from tuning.control_loops.loops_file import choose_loops, known_loops
-from tuning.files.found_lags import (
-    found_lag_remarks,
-    moved_sensor_remark,
-    untested_band_remark,
-)
-from tuning.files.plant_folder import plant_doubts, plant_file, read_held_out, result_file
+from tuning.files.plant_findings import PlantFindings
+from tuning.files.plant_folder import plant_doubts, plant_file, read_held_out
 from tuning.plant import (
     ControlPlant,
     FrfBands,
@@ -193,11 +189,11 @@ def read_plant(
     machine = with_loops(machine, choose_loops(loops, patterns))
     posterior = read_posterior(source.parent).on(machine_model(machine))
     request = parse_request(machine, outputs, inputs, freq_hz, quantity)
-    file = result_file(source)
-    lags = found_lag_remarks(file, machine.motors)
+    findings = PlantFindings.beside(source)
+    lags = findings.lag_remarks(machine.motors)
     ends = float(request.freq_hz[0]), float(request.freq_hz[-1])
-    moved = moved_sensor_remark(file, [p.point for p in (*request.outputs, *request.inputs)])
-    remarks = tuple(filter(None, (*lags, untested_band_remark(file, ends), moved)))
+    moved = findings.moved_sensor_remark([p.point for p in (*request.outputs, *request.inputs)])
+    remarks = tuple(filter(None, (*lags, findings.untested_band_remark(ends), moved)))
     names, doubts = tuple(loop.name for loop in loops), tuple(plant_doubts(source))
     return TunedPlant(posterior, request, source, names, remarks, doubts)
 

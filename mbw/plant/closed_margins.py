@@ -4,18 +4,17 @@ Loop gains and margins of a budget for python-control and MATLAB.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from identification.words import InputError, Loop, sampling_period
-from mbmodel import Machine, Model
+from mbmodel import Model
 from mbw.files import write_named_arrays
 from mbw.plant.margin_rows import margins_row
 from mbw.plant.margin_schema import MarginsRow
 from mbw.plant.margin_sentences import margin_lines
-from tuning.files.plant_folder import held_out_beside
 from tuning.plant.control_loops.loop_gain_lines import single_loop_gains
 from tuning.plant.control_loops.stability_margins import LoopMargins
 from tuning.plant.error_budget.loop_margins import (
@@ -26,8 +25,7 @@ from tuning.plant.error_budget.loop_margins import (
     variant_margins,
 )
 from tuning.plant.error_budget.loop_plant import LoopPlant, loops_alone
-from tuning.plant.error_budget.machine_files import fitted_model
-from tuning.plant.error_budget.plant_budget import MACHINE_SEED, POSTERIOR_MACHINES, open_loops
+from tuning.plant.error_budget.machine_files import FittedMachine
 from tuning.plant.variant_model import VariantModel
 
 _MIN_LOW_END_SHARE = 1e-3  # of the upper end of the band, which may begin at 0 Hz
@@ -76,7 +74,6 @@ class LoopStudy:
 
 
 def study_loops(
-    machine: Machine,
     model: Model,
     path: Path,
     read_variants: Callable[[], VariantModel | None],
@@ -85,31 +82,28 @@ def study_loops(
     """Compute the stability of the loops that are closed around a machine; None without any.
 
     Args:
-        machine: with its closed loops.
-        model: its nominal model, for a machine without a posterior.
+        model: nominal model of the machine with its closed loops.
         read_variants: returns the machines of tests with models or poses of their own.
         band: of interest [Hz].
 
     Raises:
         InputError: a file of the tuning or of its campaign cannot be used.
     """
+    machine = model.machine
     if not machine.loops:
         return None
     try:
         sampling_period(machine.loops)
     except InputError as error:
         return LoopStudy(machine.loops, ClosedLoops(None, 0, 0), (), str(error))
-    fitted, posterior = fitted_model(machine, model, path)
-    fitted, low = open_loops(fitted), max(band[0], _MIN_LOW_END_SHARE * band[1])
-    definition = loops_alone(machine.loops, (low, band[1]))
-    thetas = tuning = None
-    if posterior is not None:
-        posterior = replace(posterior, model=open_loops(posterior.model))
-        thetas, tuning = posterior.sample(POSTERIOR_MACHINES, MACHINE_SEED), held_out_beside(path)
-    plant = LoopPlant.of(fitted, definition)
-    closed = closed_loops(plant, fitted.drawn, posterior, thetas, tuning)
+    fitted = FittedMachine.read(model, path).open_loops()
+    definition = loops_alone(machine.loops, (max(band[0], _MIN_LOW_END_SHARE * band[1]), band[1]))
+    plant, posterior = LoopPlant.of(fitted.model, definition), fitted.posterior
+    closed = closed_loops(plant, fitted.model.drawn, posterior, fitted.thetas, fitted.held_out)
     models = read_variants()
-    variants = () if models is None else variant_margins(models, definition, posterior, thetas)
+    variants = (
+        () if models is None else variant_margins(models, definition, posterior, fitted.thetas)
+    )
     return LoopStudy(machine.loops, closed, variants)
 
 

@@ -19,11 +19,13 @@ from mbw.plant.margin_schema import (
     VariantRow,
 )
 from tuning import NORMAL_QUANTILE_95
+from tuning.files.parameter_rows import finite_or_none
 from tuning.plant.control_loops.stability_margins import AllMargins, Margin
 from tuning.plant.error_budget.loop_margins import PlantMargins, VariantMargins
 from tuning.plant.error_budget.margin_design import LimitingMode, LoopDesign
 
 _ENDS = (0.025, 0.975)
+_VARIANT_MARGINS = ("gain", "phase", "delay", "modulus")
 MarginName = Literal["crossover", "bandwidth", "gain", "reduction", "phase", "delay", "modulus"]
 
 
@@ -124,9 +126,7 @@ def _widen(row: MarginRow, deviation: float, *, is_logarithm: bool) -> MarginRow
 
 def _beside(row: MarginRow, before: Margin | None) -> MarginRow:
     """Return a row with the margin of the other machine."""
-    if before is None or not before.is_finite:
-        return row
-    return row.model_copy(update={"before": before.value})
+    return row if before is None else row.model_copy(update={"before": before.stated})
 
 
 def _margin_row(nominal: Margin, samples: Sequence[Margin], sign: float = 1.0) -> MarginRow:
@@ -151,10 +151,9 @@ def _margin_row(nominal: Margin, samples: Sequence[Margin], sign: float = 1.0) -
             float(limit) if np.isfinite(limit) and (sign > 0 or limit > 0) else None
             for limit in limits
         )
-    is_finite = nominal.is_finite
     return MarginRow(
-        value=nominal.value if is_finite else None,
-        frequency=nominal.freq_hz if is_finite else None,
+        value=nominal.stated,
+        frequency=nominal.freq_hz if nominal.is_finite else None,
         low=low,
         high=high,
         worst=worst,
@@ -171,18 +170,7 @@ def _variant_row(names: tuple[str, ...], variant: VariantMargins) -> VariantRow:
         growing_pole=None if pole is None else abs(pole.imag) / (2 * np.pi),
         unstable_machines=variant.unstable_samples,
         loops=[
-            VariantLoopRow(
-                loop=name,
-                **{
-                    key: margin.value if margin.is_finite else None
-                    for key, margin in (
-                        ("gain", loop.gain),
-                        ("phase", loop.phase),
-                        ("delay", loop.delay),
-                        ("modulus", loop.modulus),
-                    )
-                },
-            )
+            VariantLoopRow(loop=name, **loop.state(_VARIANT_MARGINS))
             for name, loop in zip(names, loops, strict=False)
         ],
     )
@@ -199,8 +187,8 @@ def limit_rows(designs: Sequence[LoopDesign]) -> list[LoopLimitRow]:
         LoopLimitRow(
             loop=design.loop,
             modulus=design.modulus,
-            gain=_finite(design.gain),
-            crossover=_finite(design.crossover_hz),
+            gain=finite_or_none(design.gain),
+            crossover=finite_or_none(design.crossover_hz),
             modes=[_mode_row(mode) for mode in design.modes],
         )
         for design in designs
@@ -219,11 +207,6 @@ def _mode_row(mode: LimitingMode) -> LimitingModeRow:
         bodies=mode.bodies,
         notch=mode.notch,
         notch_phase=mode.notch_phase_deg if has_notch else None,
-        notch_crossover=_finite(mode.notch_crossover_hz) if has_notch else None,
+        notch_crossover=finite_or_none(mode.notch_crossover_hz) if has_notch else None,
         changes=mode.changes,
     )
-
-
-def _finite(value: float) -> float | None:
-    """Return a number, or None if it is none."""
-    return float(value) if np.isfinite(value) else None

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import UsageError
-from mbmodel import Machine, Model
+from identification.words import UsageError, capitalise
+from mbmodel import Model
 from mbw.page.html import pack_real
 from mbw.page.numbers import format_percent
 from mbw.plant.schema import FeedbackRow, FramesRow, StrutsRow
 from tuning.plant.damping.force_feedback import ForceFeedback, RootLocus, force_feedback
 from tuning.plant.damping.frames import StrutFrames, find_struts, strut_frames
-from tuning.plant.error_budget.machine_files import fitted_model
+from tuning.plant.error_budget.machine_files import FittedMachine
 
 _POSTERIOR_MACHINES, _MACHINE_SEED = 40, 1  # samples of the interval of the damping ratio
 _FRAME_LINES = 200
@@ -61,7 +61,7 @@ class StrutsResult:
         head, *rest = self.lines()
         items = "".join(f"<li>{escape(line.strip())}</li>" for line in rest)
         return (
-            f"<h2>Damping and decoupling</h2><p>{escape(head[:1].upper() + head[1:])}</p>"
+            f"<h2>Damping and decoupling</h2><p>{escape(capitalise(head))}</p>"
             f'<ul class="plain">{items}</ul><div class="pair"><div><h3>Root locus of the target '
             'mode</h3><div id="locus"></div></div><div><h3>Coupling in each frame</h3>'
             '<div id="coupling"></div></div></div>'
@@ -85,19 +85,19 @@ class StrutsResult:
 
 
 def compute_struts(
-    machine: Machine, model: Model, path: Path, patterns: Sequence[str], band: tuple[float, float]
+    model: Model, path: Path, patterns: Sequence[str], band: tuple[float, float]
 ) -> StrutsResult:
     """Compute damping and decoupling.
 
     Args:
-        machine: with the struts.
-        model: its nominal model, for a machine without a posterior.
+        model: nominal model of the machine with the struts.
         band: of the coupling [Hz].
 
     Raises:
         UsageError: a name of no strut.
     """
-    model, posterior = fitted_model(machine, model, path)
+    fitted = FittedMachine.read(model, path)
+    model, posterior = fitted.model, fitted.posterior
     thetas = None if posterior is None else posterior.sample(_POSTERIOR_MACHINES, _MACHINE_SEED)
     feedback = force_feedback(model, model.drawn, tuple(patterns), thetas=thetas)
     frames, reason = None, ""

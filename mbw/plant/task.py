@@ -1,14 +1,14 @@
 """The error budget of ``mbw predict --budget``, and the machine that stands beside it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from diagnosis import Verdict
 from identification.readers.result_files import read_result_json
 from identification.readers.toml_files import load_toml
-from identification.words import InputError, UsageError
-from mbmodel import Machine, Model, load_machine
+from identification.words import InputError, UsageError, capitalise
+from mbmodel import Model, as_drawn, load_machine
 from mbw.output_folder import folder_beside, source_of
 from mbw.plant.closed_margins import LoopStudy, study_loops, write_margins
 from mbw.plant.margin_schema import MarginsRow
@@ -18,22 +18,18 @@ from mbw.plant.schema import BudgetRow, StrutsRow
 from mbw.plant.sentences import budget_lines_of_text, cause_sentences
 from mbw.plant.struts import StrutsResult, compute_struts
 from mbw.results.rivals import rival_sentence
-from tuning.files.found_lags import found_lag_remarks, untested_band_remark
+from tuning.files.plant_findings import PlantFindings
 from tuning.files.plant_folder import (
     AUGMENTED,
     VERDICT,
-    held_out_beside,
     plant_doubts,
     plant_file,
-    result_file,
 )
 from tuning.files.result import TUNED_MJCF
-from tuning.plant.error_budget.budget_remarks import budget_sentences
-from tuning.plant.error_budget.machine_files import fitted_model, model_with_posterior
+from tuning.plant.error_budget.machine_files import FittedMachine, open_loops
 from tuning.plant.error_budget.margin_design import design_loops
-from tuning.plant.error_budget.plant_budget import PlantBudget, open_loops, plant_budget
+from tuning.plant.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.plant.error_budget.read_definition import read_definition
-from tuning.plant.error_budget.source_spectra import image_sentences
 from tuning.plant.variant_model import VariantModel
 
 _MIN_CAUSE_PROBABILITY = 0.5  # of a cause that the augmented machine holds
@@ -150,7 +146,6 @@ class PlantStudy:
 
 
 def study_plant(
-    machine: Machine,
     model: Model,
     path: Path,
     request: BudgetRequest,
@@ -160,8 +155,7 @@ def study_plant(
     """Compute budget and struts, as far as they are asked for, and margins of closed loops.
 
     Args:
-        machine: with what is put on it.
-        model: its nominal model with laws of its springs, for a machine without a posterior.
+        model: nominal model of the machine with what is put on it, and laws of its springs.
         path: MJCF of the machine.
         band: of the coupling of struts without a budget [Hz].
         read_variants: returns the machines of tests with models or poses of their own.
@@ -173,19 +167,18 @@ def study_plant(
     budget = struts = None
     if request.budget is not None:
         budget = _compute_budget(
-            machine, model, path, request.budget, before=request.before, read_variants=read_variants
+            model, path, request.budget, before=request.before, read_variants=read_variants
         )
         band = budget.row.band
     if request.struts:
-        struts = compute_struts(machine, model, path, request.struts, band)
+        struts = compute_struts(model, path, request.struts, band)
     loops = None
     if budget is None:
-        loops = study_loops(machine, model, path, read_variants, band)
+        loops = study_loops(model, path, read_variants, band)
     return PlantStudy(budget, struts, loops)
 
 
 def _compute_budget(
-    machine: Machine,
     model: Model,
     path: Path,
     file: Path,
@@ -194,37 +187,28 @@ def _compute_budget(
     read_variants: Callable[[], VariantModel | None],
 ) -> BudgetResult:
     """Return the error budget of a machine, and of the machine beside it."""
+    machine = model.machine
     definition = read_definition(file, machine)
-    fitted, posterior = fitted_model(machine, model, path)
+    fitted = FittedMachine.read(model, path)
     before = before or _machine_before(path)
     counterpart = None
     if before is not None:
         before = plant_file(before)
-        counterpart, _ = model_with_posterior(load_machine(before), before)
+        counterpart = FittedMachine.read(as_drawn(load_machine(before)), before).model
         read_definition(file, counterpart.machine)  # refuses labels that it lacks
-    tuning = None if posterior is None else held_out_beside(path)
     variants = read_variants() if definition.loops else None
-    designs = design_loops(open_loops(fitted), definition) if definition.loops else ()
+    designs = design_loops(open_loops(fitted.model), definition) if definition.loops else ()
     limits = [line for loop in designs for line in loop.limit_sentences()]
     try:
-        plant = plant_budget(fitted, definition, counterpart, posterior)
+        plant = plant_budget(fitted, definition, counterpart, variants)
     except InputError as error:
         is_unstable = any(loop.pole is not None for loop in designs)
         hints = [loop.limit_sentences()[0] for loop in designs if loop.is_limited]
         raise InputError("; ".join([str(error), *(hints if is_unstable else [])])) from error
-    plant = replace(plant, tuning=tuning, variants=variants)
-    names_of_loops = ", ".join(loop.name for loop in definition.loops)
-    unstable = [each.sentence(names_of_loops) for each in plant.variant_margins]
-    remarks = [
-        *definition.remarks,
-        *budget_sentences(plant.budget),
-        *image_sentences(plant.budget),
-        *([] if plant.margins is None else plant.margins.sentences()),
-        *(f"{text[:1].upper()}{text[1:]}." for text in unstable if text),
-    ]
-    notes = definition.remarks
-    if untested := untested_band_remark(result_file(path), definition.band):
-        notes = (*notes, f"{untested[:1].upper()}{untested[1:]}.")
+    remarks, notes = plant.sentences(), definition.remarks
+    findings = PlantFindings.beside(path)
+    if untested := findings.untested_band_remark(definition.band):
+        notes = (*notes, f"{capitalise(untested)}.")
         remarks.append(notes[-1])
     if plant.before_failure and before is not None:
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")
@@ -233,8 +217,8 @@ def _compute_budget(
     verdict = None if before is None or before.name != TUNED_MJCF else _verdict_of(path)
     units = [definition.units[error.name][1] for error in row.errors]
     sentences = [] if verdict is None else _sentences_on_causes(verdict, row, units)
-    lags = found_lag_remarks(result_file(path), machine.motors)
-    first = [*plant_doubts(path), *(f"{text[:1].upper()}{text[1:]}." for text in lags)]
+    lags = findings.lag_remarks(machine.motors)
+    first = [*plant_doubts(path), *(f"{capitalise(text)}." for text in lags)]
     return BudgetResult(plant, row, names, tuple(sentences), tuple(first), notes, tuple(limits))
 
 

@@ -33,8 +33,7 @@ from mbw.spin_rates import parse_spin_rates
 from tuning.campaign_machine import with_drawn_laws
 from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
 from tuning.control_loops.stability import instability_sentence, unstable_variants
-from tuning.files.found_lags import found_lag_remarks
-from tuning.files.plant_folder import result_file
+from tuning.files.plant_findings import PlantFindings
 from tuning.files.result import TUNED_JSON, TUNED_MJCF
 from tuning.plant.variant_model import VariantModel, read_variant_model
 
@@ -162,7 +161,7 @@ class MachineRequest:
         sentence = loops_sentence(loops, closed)
         remarks = (
             *machine.remarks,
-            *found_lag_remarks(result_file(self.path), machine.motors),
+            *PlantFindings.beside(self.path).lag_remarks(machine.motors),
             *([sentence] if sentence else []),
             *self._unstable_variants(closed),
         )

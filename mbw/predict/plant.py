@@ -28,8 +28,8 @@ from mbw.predict.plant_request import PlantRequest
 from mbw.predict.schema import BandsRow, PlantRow, UncertainPlantRow, WeightRow
 from mbw.predict.state_space_check import law_rows, law_sentences
 from tuning import POSTERIOR_NPZ, PosteriorOfModel, read_posterior
-from tuning.files.found_lags import moved_sensor_remark, untested_band_remark
-from tuning.files.plant_folder import has_posterior, result_file
+from tuning.files.plant_findings import PlantFindings
+from tuning.files.plant_folder import has_posterior
 from tuning.plant import AlternativePlants, FrfBands, frf_bands
 
 FOLDER_NAMES = (BANDS_NPZ, SAMPLES_NPZ, WEIGHT_NPZ, WEIGHT_MAT)
@@ -194,17 +194,18 @@ def _bands_row(plant: PlantResult, bands: FrfBands, posterior: PosteriorOfModel)
     moving = size > 0
     low, high = plant.interval or bands.magnitude_interval()
     half = ((high - low) / 2)[moving] / size[moving]
-    file = result_file(plant.machine.path)
-    moved = moved_sensor_remark(
-        file, [port.point for port in (*bands.request.outputs, *bands.request.inputs)]
+    findings = PlantFindings.beside(plant.machine.path)
+    moved = findings.moved_sensor_remark(
+        [port.point for port in (*bands.request.outputs, *bands.request.inputs)]
     )
+    untested = findings.untested_band_remark((lines[0], lines[-1]))
     return BandsRow(
         median=float(np.median(half)) if half.size else 0.0,
         most=float(np.quantile(half, _MANY_LINES_SHARE)) if half.size else 0.0,
         error_floor=posterior.posterior.error_floor,
         discrepancy=posterior.posterior.discrepancy,
         coordinates=posterior.posterior.size,
-        remark="; ".join(filter(None, (untested_band_remark(file, (lines[0], lines[-1])), moved))),
+        remark="; ".join(filter(None, (untested, moved))),
     )
 
 

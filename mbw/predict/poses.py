@@ -219,9 +219,7 @@ def _result(grid: PoseGrid) -> PosesFile:
             PoseLoopRow(
                 loop=name,
                 modulus=loop.modulus.value,
-                phase=loop.phase.value if loop.phase.is_finite else None,
-                gain=loop.gain.value if loop.gain.is_finite else None,
-                crossover=loop.crossover.value if loop.crossover.is_finite else None,
+                **loop.state(("phase", "gain", "crossover")),
             )
             for name, loop in zip(grid.loops, margins.loops if margins else (), strict=False)
         ]

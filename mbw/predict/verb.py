@@ -148,7 +148,6 @@ def predict_pose(
             plant = compute_plant(machines, machine_request, frfs, targets.plant)
             outcome = _add_interval(outcome, frfs, plant)
             study = study_plant(
-                machines.model.machine,
                 machines.model,
                 machine_request.path,
                 targets.study,

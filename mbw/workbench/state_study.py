@@ -16,7 +16,6 @@ from mbw.workbench.state import SessionState
 from mbw.workbench.subject import WorkbenchSubject
 from tuning.control_loops.loops_file import known_loops
 from tuning.control_loops.stability import growing_pole
-from tuning.plant.control_loops.stability_margins import LoopMargins, Margin
 from tuning.plant.error_budget.budget import error_budget
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_plant import LoopPlant, loops_alone
@@ -132,10 +131,4 @@ def _margin_rows(plant: LoopPlant, theta: Real) -> dict[str, dict[str, Any]]:
         hertz = abs(growing.imag) / (2 * np.pi)
         return {name: {"unstable": float(hertz)} for name in names}
     margins = plant.margins(theta, plant.poles(theta, is_closed=False), poles)
-    return dict(zip(names, map(_margin_row, margins.loops), strict=True))
-
-
-def _margin_row(margins: LoopMargins) -> dict[str, float | None]:
-    """Return the margins of one loop, None where no change of this kind is critical."""
-    each: dict[str, Margin] = {name: getattr(margins, name) for name in _MARGINS}
-    return {name: margin.value if margin.is_finite else None for name, margin in each.items()}
+    return {name: loop.state(_MARGINS) for name, loop in zip(names, margins.loops, strict=True)}

@@ -20,6 +20,7 @@ from tuning.plant.error_budget.budget import error_budget
 from tuning.plant.error_budget.closed_loop_states import loop_states
 from tuning.plant.error_budget.loop_margins import closed_loops
 from tuning.plant.error_budget.loop_plant import LoopPlant
+from tuning.plant.error_budget.machine_files import FittedMachine
 from tuning.plant.error_budget.plant_budget import plant_budget
 
 
@@ -95,12 +96,12 @@ def test_two_loops_are_those_of_matrices_by_hand(folder, model):
 
 def test_samples_of_the_posterior_have_margins_of_their_own(folder, model):
     posterior = spring_posterior(model)
-    plant = plant_budget(model, loop_definition(folder, model), None, posterior)
+    plant = plant_budget(FittedMachine(model, posterior), loop_definition(folder, model))
     margins = plant.margins
     assert len(margins.samples) == 60
     worst = margins.worst_sample(0)
     distances = []
-    for theta in plant.thetas:
+    for theta in plant.fitted.thetas:
         k1, c1, k2, c2 = theta[:4]
         by_hand = loop_gain_by_hand(
             np.geomspace(10.0, 200.0, 6000), (VALUES["m1"], k1, c1, VALUES["m2"], k2, c2)

@@ -14,6 +14,7 @@ from budget_case import (
 from mbmodel import load_machine, machine_model
 from mbw.plant.margin_rows import margins_row
 from tuning.plant.control_loops.stability_margins import stability_margins
+from tuning.plant.error_budget.machine_files import FittedMachine
 from tuning.plant.error_budget.plant_budget import plant_budget
 from tuning.plant.error_budget.robust_stability import margin_deviations
 
@@ -25,7 +26,8 @@ LINES = np.geomspace(0.05, 2000.0, 400)
 def plant(tmp_path_factory):
     folder = write_machine(tmp_path_factory.mktemp("floor"))
     model = machine_model(load_machine(folder / "two.xml"))
-    return plant_budget(model, loop_definition(folder, model), None, spring_posterior(model, 0.01))
+    fitted = FittedMachine(model, spring_posterior(model, 0.01))
+    return plant_budget(fitted, loop_definition(folder, model))
 
 
 def test_deviations_are_those_of_loop_gains_that_err_at_random():

@@ -2,7 +2,7 @@
 
 import json
 
-from tuning.files.found_lags import moved_sensor_remark
+from tuning.files.plant_findings import PlantFindings
 
 
 def test_sensors_off_the_drawing_are_named_with_millimetres_and_degrees(tmp_path):
@@ -15,8 +15,9 @@ def test_sensors_off_the_drawing_are_named_with_millimetres_and_degrees(tmp_path
     file = tmp_path / "tuned.json"
     rows = [{"name": name, "tuned": value} for name, value in values.items()]
     file.write_text(json.dumps({"parameters": rows}), encoding="utf-8")
-    remark = moved_sensor_remark(file, ["acc7", "acc7", "acc8", "motor"])
+    findings = PlantFindings.beside(tmp_path / "tuned.xml")
+    remark = findings.moved_sensor_remark(["acc7", "acc7", "acc8", "motor"])
     assert "acc7 (1.3 mm, 1.1 degrees)" in remark
     assert "acc8" not in remark
-    assert moved_sensor_remark(file, ["motor"]) == ""
-    assert moved_sensor_remark(tmp_path / "none.json", ["acc7"]) == ""
+    assert findings.moved_sensor_remark(["motor"]) == ""
+    assert PlantFindings.beside(tmp_path / "none.xml").moved_sensor_remark(["acc7"]) == ""

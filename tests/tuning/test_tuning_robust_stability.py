@@ -24,6 +24,7 @@ from mbw.plant.margin_sentences import robust_sentence
 from tuning import LevelFrfs, TuningResult
 from tuning.plant import frf_bands
 from tuning.plant.error_budget.budget import error_budget
+from tuning.plant.error_budget.machine_files import FittedMachine
 from tuning.plant.error_budget.plant_budget import plant_budget
 from tuning.plant.error_budget.robust_stability import FLOOR as FLOOR_WEIGHT
 from tuning.plant.error_budget.robust_stability import HELD_OUT
@@ -42,7 +43,7 @@ def model(folder):
 
 def test_the_floor_is_the_error_of_the_plant_that_its_bands_have(folder, model):
     posterior = spring_posterior(model, 0.0)
-    plant = plant_budget(model, loop_definition(folder, model), None, posterior)
+    plant = plant_budget(FittedMachine(model, posterior), loop_definition(folder, model))
     (test,) = plant.margins.robust[0]
     assert test.weight == FLOOR_WEIGHT
     layout = model.machine.layout
@@ -146,7 +147,8 @@ def test_the_floor_of_two_loops_is_that_of_machines_that_are_changed_at_random(f
     # dZ = e sqrt(a_r a_s) X_rs between the undamped modes, X complex normal, X_rr = 0.
     error, count, rng = 1e-4, 4000, np.random.default_rng(8)
     definition = loop_definition(folder, model, SECOND_LOOP)
-    margins = plant_budget(model, definition, None, spring_posterior(model, 0.0, error)).margins
+    fitted = FittedMachine(model, spring_posterior(model, 0.0, error))
+    margins = plant_budget(fitted, definition).margins
     m1, k1, c1, m2, k2, c2 = VALUES.values()
     mass, stiffness = np.diag([m1, m2]), np.array([[k1 + k2, -k2], [-k2, k2]])
     damping = np.array([[c1 + c2, -c2], [-c2, c2]])

@@ -12,6 +12,7 @@ from identification.words import InputError
 from mbmodel import as_drawn, load_machine, machine_model
 from tuning.control_loops.stability import growing_pole
 from tuning.plant.error_budget.budget import error_budget
+from tuning.plant.error_budget.machine_files import FittedMachine
 from tuning.plant.error_budget.plant_budget import log_rms_gradient, plant_budget, sample_rms
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.source_spectra import image_shares
@@ -294,12 +295,13 @@ def test_a_step_of_the_reference_is_that_of_python_control(folder, model):
 
 
 def test_machines_of_the_posterior_have_sampled_margins(folder, model):
-    plant = plant_budget(model, definition_of(folder, model), None, spring_posterior(model))
+    fitted = FittedMachine(model, spring_posterior(model))
+    plant = plant_budget(fitted, definition_of(folder, model))
     margins = plant.margins
     assert len(margins.samples) == 60
     values = [each.loops[0].modulus.value for each in margins.samples]
     assert min(values) < margins.nominal.loops[0].modulus.value < max(values)
-    drawn = sample_rms(plant.budget, plant.thetas[:12])[:, 0]
+    drawn = sample_rms(plant.budget, fitted.thetas[:12])[:, 0]
     spread = np.log(drawn).std()
     assert spread == pytest.approx(plant.interval.by_parameters[0], rel=0.5)
     assert plant.curves().magnitude.shape[1] == 3

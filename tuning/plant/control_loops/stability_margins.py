@@ -22,7 +22,7 @@ takes out the units of the signals (``scaled_singular_values``).
 Stability margins of one loop, and of all loops at once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +63,11 @@ class Margin:
         """Whether a change of this kind is critical."""
         return bool(np.isfinite(self.value) and np.isfinite(self.freq_hz))
 
+    @property
+    def stated(self) -> float | None:
+        """Value as files state it; None where no change of this kind is critical."""
+        return self.value if self.is_finite else None
+
 
 @dataclass(frozen=True, eq=False)
 class LoopMargins:
@@ -89,6 +94,10 @@ class LoopMargins:
     modulus: Margin
     gain_crossovers: Real
     phase_crossovers: Real
+
+    def state(self, names: Iterable[str]) -> dict[str, float | None]:
+        """Return some margins by name; None where no change of this kind is critical."""
+        return {name: getattr(self, name).stated for name in names}
 
     def __repr__(self) -> str:
         """Return the margins in one line."""

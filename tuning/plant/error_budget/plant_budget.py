@@ -13,20 +13,20 @@ would have the deviation e / sqrt(2) sum_f S |E| sd(dE) / J, which is added to t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from identification.words import Complex, InputError, Real
-from mbmodel import Model, with_loops
+from identification.words import Complex, InputError, Real, capitalise
+from mbmodel import Model
 from tuning.assessment.model_discrepancy import discrepancy_motion
 from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95
 from tuning.assessment.parameter_posterior import PosteriorOfModel
 from tuning.control_loops.stability import growing_pole
-from tuning.files.plant_folder import HeldOutResult
 from tuning.plant.control_loops.stability_margins import AllMargins
 from tuning.plant.error_budget.budget import ErrorBudget, error_budget
+from tuning.plant.error_budget.budget_remarks import budget_sentences
 from tuning.plant.error_budget.closed_loop_states import loop_states, refuse_unstable
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.loop_margins import (
@@ -36,7 +36,9 @@ from tuning.plant.error_budget.loop_margins import (
     variant_margins,
 )
 from tuning.plant.error_budget.loop_plant import LoopPlant
+from tuning.plant.error_budget.machine_files import FittedMachine, open_loops
 from tuning.plant.error_budget.plant_curves import PlantCurves, plant_curves
+from tuning.plant.error_budget.source_spectra import image_sentences
 from tuning.plant.variant_model import VariantModel
 
 
@@ -139,8 +141,6 @@ def stable_poles_of_samples(budget: ErrorBudget, thetas: Real) -> list[Complex]:
 
 
 STEP_OF_A_TOUCH = 0.1  # relative change of a stiffness or damping whose effect is stated
-POSTERIOR_MACHINES = 60  # for bands and stability: a deviation is right to 9 %
-MACHINE_SEED = 1
 
 
 @dataclass(frozen=True)
@@ -162,24 +162,20 @@ class PlantBudget:
 
     Args:
         budget: of the machine.
+        fitted: the machine, its loops opened.
         before: of another machine, such as the nominal one; None for none.
         before_failure: why the counterpart has no budget; empty if it has one.
         interval: of the rms errors; None without a posterior.
-        posterior: of the parameters; None for none.
-        thetas: samples of the posterior; None for none.
-        sample_poles: closed-loop poles of each sample [rad/s]; n_sample.
-        tuning: whose held-out error the plants of the loops have; None if not known.
+        sample_poles: closed-loop poles of each machine of the posterior [rad/s]; n_sample.
         variants: machines of tests with models or poses of their own; None for none.
     """
 
     budget: ErrorBudget
+    fitted: FittedMachine
     before: ErrorBudget | None = None
     before_failure: str = ""
     interval: RmsInterval | None = None
-    posterior: PosteriorOfModel | None = None
-    thetas: Real | None = None
     sample_poles: Sequence[Complex] = ()
-    tuning: HeldOutResult | None = None
     variants: VariantModel | None = None
 
     @cached_property
@@ -206,11 +202,11 @@ class PlantBudget:
         """Stability margins of the loops; None without any."""
         if not self.budget.definition.loops:
             return None
-        thetas = () if self.thetas is None else self.thetas
+        fitted, lines = self.fitted, self.budget.linearised
+        thetas = () if fitted.thetas is None else fitted.thetas
         samples = list(zip(thetas, self.sample_poles, strict=True))
-        lines = self.budget.linearised
         plant = LoopPlant.of(lines.model, self.budget.definition)
-        return plant_margins(plant, lines.theta, self.posterior, samples, self.tuning)
+        return plant_margins(plant, lines.theta, fitted.posterior, samples, fitted.held_out)
 
     @cached_property
     def margins_before(self) -> AllMargins | None:
@@ -228,55 +224,55 @@ class PlantBudget:
         definition = self.budget.definition
         if self.variants is None or not definition.loops:
             return ()
-        return variant_margins(self.variants, definition, self.posterior, self.thetas)
+        fitted = self.fitted
+        return variant_margins(self.variants, definition, fitted.posterior, fitted.thetas)
 
     def curves(self) -> PlantCurves:
         """Return the FRFs of the budget with their bands."""
-        return plant_curves(self.budget, self.before, self.posterior, self.thetas)
+        return plant_curves(self.budget, self.before, self.fitted.posterior, self.fitted.thetas)
 
-
-def open_loops(model: Model) -> Model:
-    """Return a model without the loops that are closed around its machine."""
-    return replace(model, machine=with_loops(model.machine, ())) if model.loops else model
+    def sentences(self) -> list[str]:
+        """Return what the budget leaves out or rests on, such as images of sampled loops."""
+        definition = self.budget.definition
+        loops = ", ".join(loop.name for loop in definition.loops)
+        unstable = [each.sentence(loops) for each in self.variant_margins]
+        return [
+            *definition.remarks,
+            *budget_sentences(self.budget),
+            *image_sentences(self.budget),
+            *([] if self.margins is None else self.margins.sentences()),
+            *(f"{capitalise(text)}." for text in unstable if text),
+        ]
 
 
 def plant_budget(
-    model: Model,
+    fitted: FittedMachine,
     definition: BudgetDefinition,
     before: Model | None = None,
-    posterior: PosteriorOfModel | None = None,
+    variants: VariantModel | None = None,
 ) -> PlantBudget:
     """Compute the budget of a machine at its nominal values.
 
     The definition holds all loops that are closed: those of the machine itself are opened.
 
     Args:
-        model: of the machine; that of the posterior if there is one.
+        fitted: the machine.
         before: another machine with the same labels; None for none.
-        posterior: of the parameters; None for no intervals.
+        variants: machines of tests with models or poses of their own; None for none.
 
     Raises:
         InputError: the machine, or some machine of the posterior, is unstable with the loops.
     """
-    model = open_loops(model)
-    if posterior is not None:
-        posterior = replace(posterior, model=open_loops(posterior.model))
-    budget = error_budget(model, model.drawn, definition)
+    fitted = fitted.open_loops()
+    budget = error_budget(fitted.model, fitted.model.drawn, definition)
     counterpart, failure = None, ""
     if before is not None:
         try:
             counterpart = error_budget(open_loops(before), before.drawn, definition)
         except InputError as error:
             failure = str(error)
-    if posterior is None:
-        return PlantBudget(budget, counterpart, failure)
-    thetas = posterior.sample(POSTERIOR_MACHINES, MACHINE_SEED)
-    return PlantBudget(
-        budget,
-        counterpart,
-        failure,
-        rms_interval(budget, posterior),
-        posterior,
-        thetas,
-        stable_poles_of_samples(budget, thetas),
-    )
+    interval, poles = None, []
+    if fitted.posterior is not None and fitted.thetas is not None:
+        interval = rms_interval(budget, fitted.posterior)
+        poles = stable_poles_of_samples(budget, fitted.thetas)
+    return PlantBudget(budget, fitted, counterpart, failure, interval, poles, variants)
