@@ -6,6 +6,7 @@ Check of the frequency band that a user states.
 from pathlib import Path
 
 from identification import correct_layout, read_campaign, read_layout, read_settings, select_band
+from identification.readers.campaign_toml import model_file
 from identification.words import Campaign, InputError, UsageError
 from mbmodel import Machine
 from tuning import open_campaign
@@ -44,9 +45,7 @@ def find_model(path: Path, key: str | None = None) -> tuple[Path, Path, str | No
     is_campaign = path.suffix == ".toml" or (path / _CAMPAIGN_TOML).is_file()
     if is_campaign:
         source, settings = read_settings(path)
-        if settings.model is None:
-            raise InputError(f"{source} names no model, only a layout: name an MJCF")
-        return source.parent / settings.model, source, settings.key if key is None else key
+        return model_file(source, settings), source, settings.key if key is None else key
     if not path.is_dir():
         return path, path, key
     mjcf = plant_file(path)

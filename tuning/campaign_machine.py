@@ -1,12 +1,20 @@
 """The machine of a campaign: its variants, its control loops, and the ports that tests name."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from identification import correct_layout
 from identification.readers.campaign_toml import CampaignSettings
 from identification.words import Campaign, InputError, UsageError
-from mbmodel import Machine, StatedLaws, load_machine, with_loops, with_spring_laws
+from mbmodel import (
+    Machine,
+    StatedLaws,
+    load_machine,
+    with_loops,
+    with_spring_laws,
+    with_variants,
+)
 from mbmodel.ports.ports import find_ports
 from tuning.control_loops.read_loops import read_loops
 from tuning.control_loops.stability import check_nominal_loops
@@ -51,6 +59,22 @@ def load_variants(source: Path, settings: CampaignSettings, machine: Machine) ->
         variant = with_drawn_laws(source, settings, variant)
         variants[entry.variant] = replace(variant, layout=layout)
     return variants
+
+
+def state_machine(source: Path, settings: CampaignSettings, machine: Machine) -> Machine:
+    """Return a machine with sensors, laws and variants as campaign.toml states them, loops open.
+
+    Args:
+        source: path of campaign.toml.
+        machine: of the MJCF alone.
+
+    Raises:
+        InputError: a spring, model or pose that cannot be used.
+    """
+    correct = partial(correct_layout, source, settings)
+    machine = replace(machine, layout=correct(machine.layout), correct=correct)
+    machine = with_drawn_laws(source, settings, machine)
+    return with_variants(machine, load_variants(source, settings, machine))
 
 
 def close_loops(

@@ -5,27 +5,21 @@ Tolerances of single instruments, from ``[sensor.<name>]`` and ``[hammer.<name>]
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from glob import escape
 from pathlib import Path
 
 import numpy as np
 
-from identification import correct_layout, read_campaign, read_settings, select_band
-from identification.readers.campaign_toml import CampaignSettings, port_key
+from identification import read_campaign, read_settings, select_band
+from identification.readers.campaign_toml import CampaignSettings, model_file, port_key
 from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
 from identification.unknown_gains import leave_out_unknown_gains
 from identification.words import TOLERANCE_BOUND_SIGMA, Campaign, InputError
 from identification.words.ports import FLOOR
-from mbmodel import Machine, Model, as_drawn, load_machine, with_variants
+from mbmodel import Machine, Model, as_drawn, load_machine
 from tuning.attached_instruments import attach_instruments
-from tuning.campaign_machine import (
-    close_loops,
-    load_variants,
-    refuse_unknown_ports,
-    with_drawn_laws,
-)
+from tuning.campaign_machine import close_loops, refuse_unknown_ports, state_machine
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
 from tuning.parametrisation.parametrisation import Parametrisation
@@ -205,10 +199,8 @@ def open_campaign(
         InputError: an input cannot be used; the message names file, element and remedy.
     """
     source, settings = read_settings(path)
-    if machine is None and settings.model is None:
-        raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
     if machine is None:
-        machine = load_machine(source.parent / str(settings.model), key=settings.key)
+        machine = load_machine(model_file(source, settings), key=settings.key)
     machine, loop_remarks = prepare_machine(source, settings, machine)
     campaign = tests or read_campaign(source, settings, machine.layout)
     refuse_unknown_ports(source, machine, campaign)
@@ -235,11 +227,7 @@ def prepare_machine(
         source, settings: as ``read_settings`` returns them.
         machine: machine of the MJCF alone.
     """
-    correct = partial(correct_layout, source, settings)
-    machine = replace(machine, layout=correct(machine.layout), correct=correct)
-    machine = with_drawn_laws(source, settings, machine)
-    machine = with_variants(machine, load_variants(source, settings, machine))
-    return close_loops(source, machine, settings)
+    return close_loops(source, state_machine(source, settings, machine), settings)
 
 
 def instrument_priors(settings: CampaignSettings) -> dict[str, float]:

@@ -339,6 +339,20 @@ def _try_port(text: str) -> Port | None:
         return None
 
 
+def model_file(source: Path, settings: CampaignSettings) -> Path:
+    """Return the path of the model that a campaign names.
+
+    Args:
+        source: path of campaign.toml.
+
+    Raises:
+        InputError: it names a layout alone.
+    """
+    if settings.model is None:
+        raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
+    return source.parent / settings.model
+
+
 def find_campaign_file(folder: Path) -> Path:
     """Return the path of the campaign.toml of a folder, given the folder or the file.
 

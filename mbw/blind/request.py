@@ -18,7 +18,7 @@ from identification.words import InputError, UsageError
 from identification.words.file_access import read_bytes
 from mbmodel.mjcf.read import current_reading
 from mbw.blind.case import HASHES, REQUEST_JSON, TREES
-from mbw.blind.user_test import is_campaign, model_of
+from mbw.blind.user_test import find_model, is_campaign
 from mbw.output_folder import RECORD
 from truth import Choice, TruthError, read_station
 
@@ -190,5 +190,5 @@ def _hash_campaign(path: Path) -> str:
     for test in settings.test:
         content = read_bytes(source.parent / test.file, "correct file in campaign.toml")
         combined.update(hashlib.sha256(content).digest())
-    combined.update(_fingerprint(str(model_of(path))).encode())
+    combined.update(_fingerprint(str(find_model(path))).encode())
     return combined.hexdigest()

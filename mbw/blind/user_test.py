@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from identification import read_settings
+from identification.readers.campaign_toml import model_file
 from identification.readers.controller import CampaignLoopTable, find_controller
 from identification.readers.toml_files import toml_key, toml_value
 from identification.words import DERIVATIVE_ORDER, Campaign, Complex, InputError, Test
@@ -59,19 +60,7 @@ def title_of(path: Path) -> str:
 
 def find_model(path: Path) -> Path:
     """Return a model itself, or the one that a campaign names."""
-    return model_of(path) if is_campaign(path) else path
-
-
-def model_of(path: Path) -> Path:
-    """Return the model that a campaign names.
-
-    Raises:
-        InputError: it names none.
-    """
-    source, settings = read_settings(path)
-    if settings.model is None:
-        raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
-    return source.parent / settings.model
+    return model_file(*read_settings(path)) if is_campaign(path) else path
 
 
 def read_test(path: Path, band: tuple[float, float] | None) -> UserTest:
@@ -118,7 +107,7 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
     moving = freq_hz > 0
     stated = tuple(_state(source, test, moving) for test in campaign.tests)
     try:
-        station = read_station(model_of(path), current_reading().without)
+        station = read_station(find_model(path), current_reading().without)
         loops = tuple(_read_loop(source, station, *row) for row in settings.loop.items())
         station = replace(station, loops=loops)
         measured = locate_tests(station, freq_hz[moving], stated)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from identification.readers.campaign_toml import read_settings
+from identification.readers.campaign_toml import model_file, read_settings
 from identification.readers.result_files import FORMAT
 from identification.words import InputError, WorkbenchError
 from mbmodel import load_machine
@@ -80,13 +80,8 @@ class LiveSession:
             InputError: campaign.toml or the model cannot be used.
         """
         source, settings = read_settings(path)
-        if settings.model is None:
-            raise InputError(
-                f'{source} names no model: add model = "model.xml", with which hits are compared'
-            )
-        machine, remarks = prepare_machine(
-            source, settings, load_machine(source.parent / settings.model, key=settings.key)
-        )
+        nominal = load_machine(model_file(source, settings), key=settings.key)
+        machine, remarks = prepare_machine(source, settings, nominal)
         for remark in (*machine.remarks, *remarks):
             say(remark)
         test = LiveTest(source, settings, machine.layout)

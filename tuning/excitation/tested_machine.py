@@ -9,9 +9,9 @@ import numpy as np
 
 from identification import correct_layout, read_settings
 from identification.campaign_reader import stated_unknown_gains
-from identification.readers.campaign_toml import CampaignSettings, port_key
+from identification.readers.campaign_toml import CampaignSettings, model_file, port_key
 from identification.readers.toml_files import load_toml
-from identification.words import Condition, Dof, InputError, Tolerance
+from identification.words import Condition, Dof, Tolerance
 from mbmodel import Machine, load_machine, with_loops
 from tuning.attached_instruments import attach_instruments
 from tuning.campaign_machine import close_loops, with_drawn_laws
@@ -76,9 +76,7 @@ def open_tested_machine(path: Path, key: str | None = None) -> TestedMachine:
         machine = with_loops(machine, known_loops(mjcf, machine))
         return TestedMachine(machine, mjcf, Tolerance(), UserSpecification(), {}, (), (), ())
     source, settings = read_settings(path)
-    if settings.model is None:
-        raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
-    machine = load_machine(source.parent / settings.model, key=key or settings.key)
+    machine = load_machine(model_file(source, settings), key=key or settings.key)
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
     machine = with_drawn_laws(source, settings, machine)
     machine, remarks = close_loops(source, machine, settings)

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from identification import correct_layout, read_settings
+from identification import read_settings
 from identification.readers.result_files import read_result_json
 from identification.words import Loop, Real
-from mbmodel import Model, load_machine, machine_model, with_loops, with_variants
+from mbmodel import Model, load_machine, machine_model, with_loops
 from tuning.assessment.parameter_posterior import PosteriorOfModel
-from tuning.campaign_machine import load_variants, with_drawn_laws
+from tuning.campaign_machine import state_machine
 from tuning.files.result import TUNED_JSON
 from tuning.files.schema import TunedFile
 
@@ -66,10 +66,8 @@ def read_variant_model(campaign: Path, tuning: Path | None = None) -> VariantMod
     source, settings = read_settings(campaign)
     if settings.model is None or not any(entry.variant for entry in settings.test):
         return None
-    machine = load_machine(source.parent / settings.model, key=settings.key)
-    machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
-    machine = with_drawn_laws(source, settings, machine)
-    model = machine_model(with_variants(machine, load_variants(source, settings, machine)))
+    nominal = load_machine(source.parent / settings.model, key=settings.key)
+    model = machine_model(state_machine(source, settings, nominal))
     tuned: dict[str, float] = {}
     if tuning is not None:
         summary = read_result_json(tuning / TUNED_JSON, TunedFile, "mbw tune")
