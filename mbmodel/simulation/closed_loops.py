@@ -16,7 +16,6 @@ the middle of the step less tau. Its error is of second order in the step, as th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import mujoco
@@ -28,170 +27,23 @@ from identification.words import (
     ConvergenceError,
     Integers,
     Loop,
-    Mask,
     Real,
-    UsageError,
     sampling_period,
 )
-from mbmodel.simulation.drives import CONTROL_SPEC, Drive, LoopSignal, find_drives
+from mbmodel.simulation.drives import CONTROL_SPEC
 from mbmodel.simulation.instant_sensors import BoundSensors
 from mbmodel.simulation.integration import InputMeans
+from mbmodel.simulation.loop_signals import (
+    PERIOD_ROUNDING,
+    LoopDrives,
+    LoopRecord,
+    mask_position_loops,
+)
 from mbmodel.simulation.time_model import (
     FULL_STATE,
-    TimeModel,
 )
 
-_MIN_STEPS, _MAX_ALIGNED_STEPS = 4, 40  # per sample of the signals
-_PERIOD_ROUNDING = 1e-6  # of a period, in sampling rates and delays
 _MAX_CONTROL = 1e10  # beyond it MuJoCo sets all controls to zero
-_STILL_SHARE = 1e-9  # of the range of a reference, between instants: it rests
-_SETTLED_SHARE_OF_MOVE = 0.02  # of the distance of the last move, as for a step of the reference
-
-
-@dataclass(frozen=True, eq=False)
-class LoopRecord:
-    """Signals of a closed loop in time.
-
-    Args:
-        loop: the loop.
-        time_s: instants [s]; (n_time,).
-        reference: r, in the unit of what it measures; (n_time,).
-        measured: y without noise and rounding, a position from the first one of r; (n_time,).
-        control: input of the machine within its limit; (n_time,).
-    """
-
-    loop: Loop
-    time_s: Real
-    reference: Real
-    measured: Real
-    control: Real
-
-    @property
-    def error(self) -> Real:
-        """Tracking error r - y; (n_time,)."""
-        return self.reference - self.measured
-
-    @property
-    def limited_share(self) -> float:
-        """Share of the time at the limit."""
-        limit = self.loop.limit
-        return 0.0 if limit is None else float(np.mean(np.abs(self.control) >= limit))
-
-    def since(self, first: int, time_s: Real) -> "LoopRecord":
-        """Return the record from an instant on, with other times [s]; (n_time - first,)."""
-        parts = (values[first:] for values in (self.reference, self.measured, self.control))
-        return LoopRecord(self.loop, time_s, *parts)
-
-    def settling_time_s(self, window: float | None = None) -> float | None:
-        """Return the time from the end of the last move until the error stays in a window [s].
-
-        Args:
-            window: largest magnitude of the error; None for 2 % of the reference's last change.
-
-        Returns:
-            None if the reference never moves, or the error does not settle.
-        """
-        least = _STILL_SHARE * float(np.ptp(self.reference))  # below it a spline rounds
-        moving = np.flatnonzero(np.abs(np.diff(self.reference)) > least)
-        if not len(moving):
-            return None
-        last = int(moving[-1]) + 1
-        still = np.flatnonzero(np.diff(moving) > 1)
-        start = int(moving[still[-1] + 1]) if len(still) else int(moving[0])
-        change = abs(self.reference[last] - self.reference[start])
-        bound = _SETTLED_SHARE_OF_MOVE * change if window is None else window
-        outside = np.flatnonzero(np.abs(self.error[last:]) > bound)
-        if not len(outside):
-            return 0.0
-        end = last + int(outside[-1]) + 1
-        return None if end == len(self.time_s) else float(self.time_s[end] - self.time_s[last])
-
-
-class LoopDrives(NamedTuple):
-    """How loops drive the machine.
-
-    Args:
-        gain: entries of the control vector per unit of each loop's input; (n_control, n_loop).
-        reference, noise, command: 1 where an input of the simulation is that of a loop;
-            (n_in, n_loop).
-    """
-
-    gain: Real
-    reference: Real
-    noise: Real
-    command: Real
-
-
-def drive_loops(model: TimeModel, loops: Sequence[Loop], inputs: Sequence[Drive]) -> LoopDrives:
-    """Return how loops drive a machine, and which inputs act through them.
-
-    Args:
-        inputs: of the simulation.
-    """
-    names = [loop.name for loop in loops]
-    signals = {kind: np.zeros((len(inputs), len(loops))) for kind in LoopDrives._fields[1:]}
-    for row, drive in enumerate(inputs):
-        if isinstance(drive, LoopSignal):
-            signals[drive.kind][row, names.index(drive.loop)] = 1.0
-    return LoopDrives(find_drives(model, [loop.input for loop in loops]).gain, **signals)
-
-
-def reference_remarks(loops: Sequence[Loop], begins: Real) -> tuple[str, ...]:
-    """Return a sentence on each reference that does not begin at 0.
-
-    Args:
-        begins: first value of each reference; (n_loop,).
-    """
-    sentences = []
-    for loop, begin, rests in zip(loops, begins.tolist(), _read_positions(loops), strict=True):
-        where = "where the machine rests" if rests else "but the machine rests"
-        how = "begin at 0 for a step" if rests else "the loop begins with a step"
-        if begin:
-            sentences.append(f"{LoopSignal(loop.name)} begins at {begin:.4g}, {where}: {how}")
-    return tuple(sentences)
-
-
-def _read_positions(loops: Sequence[Loop]) -> Mask:
-    """Return which loops read a position, whose origin is where the machine rests; (n_loop,)."""
-    measured = [loop.measured for loop in loops]
-    return np.array([each.unit in ("m", "rad") and not each.derivative for each in measured], bool)
-
-
-def samples_per_period(loops: Sequence[Loop], rate_hz: float) -> int:
-    """Return how many samples of the signals a sampling period of loops has; 1 if continuous.
-
-    Args:
-        loops: that are closed, all of one sampling period.
-        rate_hz: of the signals [Hz].
-
-    Raises:
-        UsageError: the samples do not divide the period.
-    """
-    period = sampling_period(loops)
-    count = round(period * rate_hz) if period else 1
-    if period and (not count or abs(count / (period * rate_hz) - 1) > _PERIOD_ROUNDING):
-        raise UsageError(
-            f"the loops are sampled every {period:g} s, which samples at {rate_hz:g} Hz do not "
-            f"divide: give a whole multiple of {1 / period:g} Hz as the rate"
-        )
-    return count
-
-
-def steps_per_sample(loops: Sequence[Loop], rate_hz: float) -> int:
-    """Return the fewest steps per sample of the signals at which delayed controls arrive.
-
-    Args:
-        loops: that are closed.
-        rate_hz: of the signals [Hz].
-
-    Returns:
-        From 4 to 40; 4 where no number of steps meets all delays, which then end within a step.
-    """
-    delays = np.array([loop.delay for loop in loops if loop.controller.period_s]) * rate_hz
-    for steps in range(_MIN_STEPS, _MAX_ALIGNED_STEPS + 1):
-        if (np.abs(delays * steps - np.round(delays * steps)) < _PERIOD_ROUNDING).all():
-            return steps
-    return _MIN_STEPS
 
 
 class SignalSplines(NamedTuple):
@@ -255,7 +107,7 @@ class ClosedLoopSteps:
         self._steps_per_record = round(1 / (step_s * rate_hz))
         begin = signals.spline(signals.start_s) @ drives.reference
         # a span in the middle begins at rest, whatever it reads
-        self._origin = np.where(_read_positions(loops) | (signals.start_s > 0), begin, 0.0)
+        self._origin = np.where(mask_position_loops(loops) | (signals.start_s > 0), begin, 0.0)
         matrices = [_matrices(loop, step_s) for loop in loops]
         self._a, self._b, self._c, self._d = (
             block_diag(*[each[k] for each in matrices]) if loops else np.zeros((0, 0))
@@ -403,7 +255,7 @@ def _taps(loop: Loop, step_s: float, steps: int) -> tuple[Integers, Real]:
             [[1 - (place - before), place - before]]
         )
     period = loop.controller.period_s
-    whole = int(loop.delay / period + _PERIOD_ROUNDING)
+    whole = int(loop.delay / period + PERIOD_ROUNDING)
     rest = max(loop.delay - whole * period, 0.0)
     share = np.clip((np.arange(steps) + 1) - rest / step_s, 0.0, 1.0)
     ages = np.tile([whole + 1, whole], (steps, 1))

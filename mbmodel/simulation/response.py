@@ -9,20 +9,18 @@ from scipy.interpolate import CubicSpline, PPoly
 from identification.words import DERIVATIVE_ORDER, Loop, PortSum, Quantity, Real, UsageError
 from mbmodel.export.linear_response import even_step
 from mbmodel.machine import Machine
-from mbmodel.simulation.closed_loops import (
-    ClosedLoopSteps,
-    LoopRecord,
-    SignalSplines,
-    drive_loops,
-    floor_motion,
-    reference_remarks,
-    samples_per_period,
-    steps_per_sample,
-)
+from mbmodel.simulation.closed_loops import ClosedLoopSteps, SignalSplines, floor_motion
 from mbmodel.simulation.drives import Drive, Reading, find_drives
 from mbmodel.simulation.instant_sensors import InstantSensors
 from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
 from mbmodel.simulation.joint_reach import JointReach
+from mbmodel.simulation.loop_signals import (
+    LoopRecord,
+    drive_loops,
+    reference_remarks,
+    samples_per_period,
+    steps_per_sample,
+)
 from mbmodel.simulation.readings import find_readings
 from mbmodel.simulation.time_model import build_time_model
 from mbmodel.simulation.time_step import Recorder, choose_time_step

@@ -12,7 +12,6 @@ import numpy as np
 from identification.words import Loop, Quantity, Real, Signal
 from mbmodel import HammerTestPlan, Machine, VirtualTest
 from mbmodel.ports.signal_rows import is_floor
-from mbmodel.simulation.closed_loops import LoopRecord
 from mbmodel.simulation.drives import (
     REFERENCE,
     Drive,
@@ -21,6 +20,7 @@ from mbmodel.simulation.drives import (
     Reading,
     SensorValue,
 )
+from mbmodel.simulation.loop_signals import LoopRecord
 from mbw.page.html import fill_template, pack_real, warning_boxes
 from mbw.page.numbers import MOTION_UNITS
 

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from identification.readers.result_files import ResultFile, ResultRow
 from mbmodel import TimeStep
-from mbmodel.simulation.closed_loops import LoopRecord
+from mbmodel.simulation.loop_signals import LoopRecord
 from mbw.page.numbers import format_percent
 from tuning.plant.error_budget.simulated_budget import SimulatedErrors
 

@@ -19,8 +19,8 @@ from mbmodel import (
     simulate,
     write_nonlinear_joints,
 )
-from mbmodel.simulation.closed_loops import LoopRecord
 from mbmodel.simulation.drives import LoopSignal, parse_drive, parse_reading
+from mbmodel.simulation.loop_signals import LoopRecord
 from mbmodel.simulation.signals import move_signal
 
 PERIOD_S, COUNT = 1e-3, 300
