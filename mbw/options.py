@@ -73,6 +73,17 @@ Key = Annotated[
         help="Keyframe that gives pose and controls; default: home if there is one.",
     ),
 ]
+Closed = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="LOOP",
+        help="Loop of the campaign, such as ty or '*', that is closed; the others are open; "
+        "repeatable.",
+    ),
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Continue an interrupted run of the same call.")
+]
 Without = Annotated[
     str | None,
     typer.Option(

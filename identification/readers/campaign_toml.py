@@ -1,18 +1,17 @@
 """Reader of campaign.toml, which checks every key before any other file is read."""
 
 import os
-from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StrictInt, StrictStr, create_model, model_validator
+from pydantic import Field, StrictInt, StrictStr, model_validator
 
 from identification.readers.controller import CampaignLoopTable
 from identification.readers.frequency_lines import FrequencyRanges
 from identification.readers.instrument_toml import HammerSettings, SensorSettings
 from identification.readers.log_toml import LogSettings
 from identification.readers.several_inputs import CoherenceKind
-from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml
+from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml, table_of
 from identification.words import (
     DEFAULT_HAMMER,
     Estimator,
@@ -101,13 +100,8 @@ class TestSettings(TomlTable):
 
 
 class ToleranceSettings(
-    create_model(  # type: ignore[misc]  # a key for each field of Tolerance, with its default
-        "Tolerances",
-        __base__=TomlTable,
-        **{
-            each.name: (float, Field(default=each.default, ge=int(each.name in TOLERANCE_FACTORS)))
-            for each in fields(Tolerance)
-        },
+    table_of(  # type: ignore[misc]
+        Tolerance, lambda name: {"ge": int(name in TOLERANCE_FACTORS)}
     )
 ):
     """Settings of ``[tolerance]``: standard deviations of the real machine about its drawings."""

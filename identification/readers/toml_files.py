@@ -4,13 +4,15 @@ import json
 import math
 import re
 import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import fields
 from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 from unicodedata import category
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from identification.readers.result_files import check_format
 from identification.words import MAX_INPUT_MAGNITUDE, InputError
@@ -29,6 +31,20 @@ class TomlTable(BaseModel):
     """Table that refuses unknown keys, NaN, infinity and values of another type."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+def table_of(record: type, bounds: Callable[[str], Mapping[str, Any]]) -> type[TomlTable]:
+    """Return a table with a key for each field of a record, of its type and with its default.
+
+    Args:
+        record: dataclass whose fields have defaults.
+        bounds: returns the bounds of a key, such as ``{"ge": 0}``, by its name.
+    """
+    keys: dict[str, Any] = {
+        each.name: (each.type, Field(default=each.default, **bounds(each.name)))
+        for each in fields(record)
+    }
+    return create_model(record.__name__, __base__=TomlTable, **keys)
 
 
 def _check_file_name(name: str) -> str:

@@ -13,6 +13,7 @@ from mbw.options import (
     Json,
     Overwrite,
     Quiet,
+    Resume,
     Seed,
     SoftEqualities,
     Without,
@@ -30,9 +31,7 @@ def diagnose(  # noqa: PLR0913  # one for each option
     explain: Annotated[
         bool, typer.Option("--explain", help="Print the hypotheses that were tried and rejected.")
     ] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted run of the same call.")
-    ] = False,
+    resume: Resume = False,
     seed: Seed = 0,
     without: Without = None,
     soft_equalities: SoftEqualities = False,

@@ -12,7 +12,6 @@ from mbw.plant.schema import (
     PoleRow,
     ShareOfErrorRow,
     ShareOfPoleRow,
-    TouchRow,
 )
 from tuning.plant.error_budget.budget import ErrorBudget
 from tuning.plant.error_budget.margin_design import LoopDesign
@@ -85,10 +84,7 @@ def _error_row(plant: PlantBudget, number: int) -> ErrorRow:
         modes=[_mode_share(complex(poles[k]), float(modes[number, k])) for k in order],
         modes_rest=float(modes[number, -1]),
         joints=_largest(names, joints[number]),
-        touches=[
-            TouchRow(parameter=touch.parameter, change=touch.change)
-            for touch in plant.touches[number][:_MAX_LISTED_SHARES]
-        ],
+        touches=list(plant.touches[number][:_MAX_LISTED_SHARES]),
         freq_hz=freq.tolist(),
         cumulative=cumulative.tolist(),
     )

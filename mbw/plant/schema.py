@@ -2,6 +2,7 @@
 
 from identification.readers.result_files import ResultRow
 from mbw.plant.margin_schema import LoopLimitRow, MarginsRow
+from tuning.plant.error_budget.plant_budget import Touch
 
 
 class ShareOfErrorRow(ResultRow):
@@ -20,13 +21,6 @@ class ShareOfPoleRow(ResultRow):
     frequency: float
     damping: float
     share: float
-
-
-class TouchRow(ResultRow):
-    """Change of the rms [m or rad] for 10 % more of a stiffness or damping."""
-
-    parameter: str
-    change: float
 
 
 class ErrorRow(ResultRow):
@@ -61,7 +55,7 @@ class ErrorRow(ResultRow):
     modes: list[ShareOfPoleRow]
     modes_rest: float
     joints: list[ShareOfErrorRow]
-    touches: list[TouchRow]
+    touches: list[Touch]
     freq_hz: list[float]
     cumulative: list[float]
 

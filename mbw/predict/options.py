@@ -7,6 +7,7 @@ import typer
 
 from mbw.loader import run_verb
 from mbw.options import (
+    Closed,
     Json,
     Key,
     Overwrite,
@@ -233,14 +234,7 @@ def predict(  # noqa: PLR0913  # one for each option
         ),
     ] = None,
     key: Key = None,
-    closed: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="LOOP",
-            help="Loop of the campaign, such as ty or '*', that is closed; the others are open; "
-            "repeatable.",
-        ),
-    ] = None,
+    closed: Closed = None,
     out: Annotated[Path | None, out_option("<model>-predicted beside it")] = None,
     pictures: Pictures = True,
     json: Json = None,

@@ -7,6 +7,7 @@ import typer
 
 from mbw.loader import run_verb
 from mbw.options import (
+    Closed,
     Json,
     Key,
     Overwrite,
@@ -229,14 +230,7 @@ def simulate(  # noqa: PLR0913  # one for each option
             help="Close the loops of a budget.toml, play its sources and record its errors.",
         ),
     ] = None,
-    closed: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="LOOP",
-            help="Loop of the campaign, such as ty or '*', that is closed; the others are open; "
-            "repeatable.",
-        ),
-    ] = None,
+    closed: Closed = None,
     window: Annotated[
         float | None,
         typer.Option(

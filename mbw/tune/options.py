@@ -13,6 +13,7 @@ from mbw.options import (
     Overwrite,
     Pictures,
     Quiet,
+    Resume,
     Seed,
     SoftEqualities,
     Without,
@@ -100,9 +101,7 @@ def tune(  # noqa: PLR0913  # one for each option
             "value, 0 to fix it; a name or a pattern such as '*.damping'; repeatable.",
         ),
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted run of the same call.")
-    ] = False,
+    resume: Resume = False,
     information: Annotated[
         bool,
         typer.Option(

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import Field
 
-from identification.readers.toml_files import TomlTable, read_toml
+from identification.readers.toml_files import TomlTable, read_toml, table_of
 from identification.words import InputError, UsageError
 from tuning.excitation.limits import DriveLimits
 from tuning.excitation.request import ExcitationOptions
@@ -15,15 +15,12 @@ from tuning.excitation.request import ExcitationOptions
 _LIMIT_NAMES = ("force", "current", "stroke", "speed", "motor_constant")
 
 
-class DriveTable(TomlTable):
+class DriveTable(
+    table_of(  # type: ignore[misc]
+        DriveLimits, lambda name: {} if name == "at" else {"gt": 0}
+    )
+):
     """Limits of one ``[drive.<name>]``, in SI; ``at`` is where stroke and speed are read."""
-
-    force: float | None = Field(default=None, gt=0)
-    current: float | None = Field(default=None, gt=0)
-    motor_constant: float | None = Field(default=None, gt=0)
-    stroke: float | None = Field(default=None, gt=0)
-    speed: float | None = Field(default=None, gt=0)
-    at: str | None = None
 
 
 class SensorTable(TomlTable):
