@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import (
-    DERIVATIVE_ORDER,
     Dof,
     Input,
     Output,
@@ -15,6 +14,7 @@ from identification.words import (
     Real,
     Signal,
     UsageError,
+    parse_quantity,
 )
 from mbmodel import FrfRequest, Machine, parse_input, parse_output, usual_quantity
 
@@ -79,18 +79,6 @@ def check_frequencies(freq_hz: Sequence[float] | Real) -> Real:
     return lines
 
 
-def check_quantity(quantity: str) -> Quantity:
-    """Return the name of a quantity after checking it.
-
-    Raises:
-        UsageError: it is none of receptance, mobility and accelerance.
-    """
-    for name in DERIVATIVE_ORDER:
-        if name == quantity:
-            return name
-    raise UsageError(f"{quantity!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}")
-
-
 def parse_request(
     machine: Machine,
     outputs: AnyLabel | Iterable[AnyLabel],
@@ -100,7 +88,7 @@ def parse_request(
 ) -> FrfRequest:
     """Return a request of FRFs as a user writes it; see ``Model.frf``."""
     lines, readings = check_frequencies(freq_hz), parse_outputs(machine, outputs)
-    chosen = usual_quantity(readings) if quantity is None else check_quantity(quantity)
+    chosen = usual_quantity(readings) if quantity is None else parse_quantity(quantity)
     return FrfRequest(lines, readings, parse_inputs(machine, inputs), chosen)
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.words import Frf, Quantity, Real, shorten_names
+from identification.words import Frf, Quantity, Real, parse_quantity, shorten_names
 from mbmodel import (
     Machine,
     Model,
@@ -26,7 +26,6 @@ from mbworkbench.labels import (
     AnyPath,
     as_labels,
     as_path,
-    check_quantity,
     parse_request,
 )
 from mbworkbench.tables import Shown, Table
@@ -185,7 +184,7 @@ class MachineModel(Shown):
             tuple(parse_reading(self.machine, str(label)) for label in as_labels(outputs)),
             time_s,
             values[:, None] if values.ndim == 1 else values,
-            quantity=check_quantity(quantity),
+            quantity=parse_quantity(quantity),
             spin=spin,
         )
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.words import Quantity, Real
+from identification.words import Quantity, Real, parse_quantity
 from mbmodel import FrfRequest, load_machine, machine_model, with_loops
 from mbworkbench.labels import (
     AnyLabel,
@@ -15,7 +15,6 @@ from mbworkbench.labels import (
     as_labels,
     as_path,
     check_frequencies,
-    check_quantity,
     parse_request,
 )
 from mbworkbench.tables import Shown, Table
@@ -232,7 +231,7 @@ def predict_poses(
         tuple(str(label) for label in as_labels(outputs)) if outputs else (),
         tuple(str(label) for label in as_labels(inputs)) if inputs else (),
         check_frequencies(freq_hz),
-        None if quantity is None else check_quantity(quantity),
+        None if quantity is None else parse_quantity(quantity),
         None if budget is None else as_path(budget),
     )
     points = [GridPoint(pose, dict(spin or {})) for pose in poses]

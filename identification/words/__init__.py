@@ -31,7 +31,14 @@ from identification.words.control_loop import (
     zero_order_hold,
 )
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
-from identification.words.frf import DERIVATIVE_ORDER, Frf, FrfEstimate, Quantity, VarianceSource
+from identification.words.frf import (
+    DERIVATIVE_ORDER,
+    Frf,
+    FrfEstimate,
+    Quantity,
+    VarianceSource,
+    parse_quantity,
+)
 from identification.words.gains import NominalGain, UnknownGains
 from identification.words.hits import (
     Estimator,
@@ -124,6 +131,7 @@ __all__ = [
     "modal_sum",
     "node_number",
     "parse_port",
+    "parse_quantity",
     "percent_text",
     "poles_in_s",
     "read_number",

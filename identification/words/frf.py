@@ -26,6 +26,17 @@ VarianceSource = Literal["coherence", "differences", "stated"]
 DERIVATIVE_ORDER: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
 
+def parse_quantity(text: str) -> Quantity:
+    """Return the quantity that a text names.
+
+    Raises:
+        UsageError: it names none.
+    """
+    if text not in DERIVATIVE_ORDER:
+        raise UsageError(f"{text!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}")
+    return text
+
+
 @dataclass(frozen=True, eq=False)
 class Frf:
     """Labelled frequency response functions: motion per force, time convention exp(+i w t).

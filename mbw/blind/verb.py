@@ -13,7 +13,7 @@ import typer
 
 from diagnosis import load_catalogue
 from diagnosis.next_test.smallest_sizes import SmallestSize
-from identification.words import UsageError, read_number
+from identification.words import UsageError
 from mbw.blind.case import BlindCase
 from mbw.blind.chosen_cases import (
     BlindOptions,
@@ -41,6 +41,7 @@ from mbw.blind.smallest import (
 from mbw.blind.user_test import read_test, title_of
 from mbw.files import write_json
 from mbw.messages import SCREEN
+from mbw.option_texts import read_assignment
 from mbw.output_folder import OutputFolder, ResultOptions
 from truth import Choice
 from truth.effects.other_packages import known_effects
@@ -220,14 +221,6 @@ def read_choice(
         raise UsageError("--ratio and --size exclude each other: give one of them")
     if not all(0 < ratio < math.inf for ratio in ratios):
         raise UsageError("--ratio: give a survival ratio of more than 0, such as 2")
-    return Choice(tuple(effects), tuple(places), tuple(ratios), _read_size(size), dirt)
-
-
-def _read_size(text: str | None) -> tuple[str, float] | None:
-    """Return name and value of ``parameter=value``."""
-    if text is None:
-        return None
-    name, _, value = text.partition("=")
-    if not math.isfinite(number := read_number(value)):
-        raise UsageError(f"--size {text!r}: give parameter=value, such as mass=5")
-    return name, number
+    form = "parameter=value, such as mass=5"
+    stated = None if size is None else read_assignment("--size", size, form)
+    return Choice(tuple(effects), tuple(places), tuple(ratios), stated, dirt)

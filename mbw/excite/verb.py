@@ -3,7 +3,6 @@
 Causes that a diagnosis has left open, for which an excitation is designed.
 """
 
-import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -18,7 +17,7 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.verdict.schema import CauseRow
 from identification import correct_layout
 from identification.readers.result_files import read_result_json
-from identification.words import UsageError, read_number
+from identification.words import UsageError
 from mbmodel.parts import AttachedPart
 from mbw.excite.folder import folder_names, write_folder
 from mbw.excite.page import PAGE, render
@@ -26,6 +25,7 @@ from mbw.excite.schema import EXCITATION_JSON
 from mbw.excite.summary import describe_excitation, summarise
 from mbw.files import write_json
 from mbw.messages import SCREEN
+from mbw.option_texts import read_assignment
 from mbw.output_folder import ResultOptions, source_of
 from mbw.results.diagnosed_schema import ShownFile
 from tuning import Session
@@ -34,6 +34,8 @@ from tuning.excitation.limits_toml import read_limits
 from tuning.excitation.request import ExcitationOptions, build_request
 from tuning.excitation.tested_machine import TestedMachine, design_test, open_tested_machine
 from tuning.files.plant_folder import DIAGNOSE_VERB, SHOWN, VERDICT, plant_file
+
+_LABEL_FORM = "LABEL=NUMBER in SI"
 
 
 def run(  # noqa: PLR0913  # one for each option
@@ -58,8 +60,8 @@ def run(  # noqa: PLR0913  # one for each option
     options = ExcitationOptions(
         limits={},
         outputs=outputs or tested.outputs,
-        noise=_read_numbers("--noise", noise),
-        steps=_read_numbers("--resolution", resolution),
+        noise=dict(read_assignment("--noise", text, _LABEL_FORM) for text in noise),
+        steps=dict(read_assignment("--resolution", text, _LABEL_FORM) for text in resolution),
         band=band,
         seconds=seconds,
         rate_hz=rate,
@@ -117,17 +119,6 @@ def _list_drives(stated: str | None, tested: TestedMachine) -> list[str]:
     if not all(names):
         raise UsageError(f"--drives {stated!r} names no drive: write NAME,NAME")
     return names
-
-
-def _read_numbers(option: str, texts: Sequence[str]) -> dict[str, float]:
-    """Return the numbers of texts ``LABEL=NUMBER``, by label."""
-    numbers = {}
-    for text in texts:
-        label, _, number = text.rpartition("=")
-        numbers[label] = read_number(number)
-        if math.isnan(numbers[label]):
-            raise UsageError(f"{option} {text!r}: write LABEL=NUMBER in SI")
-    return numbers
 
 
 _MIN_OPEN_PROBABILITY = 0.05  # of a cause: rarer ones would take power from the open question

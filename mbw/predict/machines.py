@@ -27,9 +27,9 @@ from mbmodel import (
     load_machine,
     with_loops,
 )
+from mbw.option_texts import parse_spin_rates
 from mbw.output_folder import source_of
 from mbw.predict.spring_laws import SpringLaw, model_with_laws
-from mbw.spin_rates import parse_spin_rates
 from tuning.campaign_machine import with_drawn_laws
 from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
 from tuning.control_loops.stability import instability_sentence, unstable_variants

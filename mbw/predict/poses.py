@@ -14,9 +14,9 @@ from identification.readers.result_files import ResultFile, ResultRow, write_res
 from identification.words import UsageError
 from mbw.files import write_json
 from mbw.messages import SCREEN
+from mbw.option_texts import parse_spin_rates
 from mbw.output_folder import ResultOptions
 from mbw.predict.requests import PredictRequest, band_lines, read_quantity
-from mbw.spin_rates import parse_spin_rates
 from tuning.plant.pose_grid import GridPoint, GridRequest, PoseGrid, pose_grid
 
 POSES_NPZ, POSES_MAT = "poses.npz", "poses.mat"

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.words import (
-    DERIVATIVE_ORDER,
     MAX_FREQUENCY_HZ,
     MIN_FREQUENCY_HZ,
     Dof,
@@ -15,6 +14,7 @@ from identification.words import (
     Quantity,
     Real,
     UsageError,
+    parse_quantity,
 )
 from mbmodel import (
     Evaluator,
@@ -116,13 +116,7 @@ def band_lines(request: PredictRequest) -> Real:
 
 def read_quantity(request: PredictRequest) -> Quantity:
     """Return the quantity of a request; the accelerance without one."""
-    if request.quantity is None:
-        return "accelerance"
-    if request.quantity not in DERIVATIVE_ORDER:
-        raise UsageError(
-            f"{request.quantity!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}"
-        )
-    return request.quantity
+    return "accelerance" if request.quantity is None else parse_quantity(request.quantity)
 
 
 def _axes(points: Sequence[str]) -> tuple[Dof, ...]:

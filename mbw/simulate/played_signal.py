@@ -12,7 +12,6 @@ from scipy.interpolate import CubicSpline
 from identification.readers.csv_tables import read_number_table
 from identification.readers.result_files import write_result_arrays
 from identification.words import (
-    DERIVATIVE_ORDER,
     InputError,
     Quantity,
     Real,
@@ -106,17 +105,6 @@ class PlayedSignal:
     labels: tuple[str, ...]
     time_s: Real
     values: Real
-
-
-def parse_quantity(text: str) -> Quantity:
-    """Return a quantity.
-
-    Raises:
-        UsageError: the text is none.
-    """
-    if text not in DERIVATIVE_ORDER:
-        raise UsageError(f"{text!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}")
-    return text
 
 
 def load_signal(options: PlayOptions, seed: int, definition: BudgetDefinition) -> PlayedSignal:

@@ -14,6 +14,7 @@ from identification.words import (
     Quantity,
     UsageError,
     count_noun,
+    parse_quantity,
 )
 from mbmodel import (
     refuse_difference,
@@ -25,6 +26,7 @@ from mbw.animation.files import check_picture_target
 from mbw.any_campaign import find_model
 from mbw.files import write_json
 from mbw.messages import SCREEN
+from mbw.option_texts import parse_spin_rates
 from mbw.output_folder import ResultOptions
 from mbw.simulate.animation import write_animation
 from mbw.simulate.campaign_folder import (
@@ -51,7 +53,6 @@ from mbw.simulate.played_signal import (
     PlayOptions,
     find_definition,
     load_signal,
-    parse_quantity,
     write_response,
 )
 from mbw.simulate.summary import (
@@ -64,7 +65,6 @@ from mbw.simulate.summary import (
     step_sentence,
 )
 from mbw.site_kinds import sensor_sites
-from mbw.spin_rates import parse_spin_rates
 from tuning.plant.error_budget.definition import BudgetDefinition
 from tuning.plant.error_budget.simulated_budget import (
     SimulatedErrors,

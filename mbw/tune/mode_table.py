@@ -8,12 +8,13 @@ import typer
 
 from identification.readers.mode_table import read_mode_table
 from identification.readers.result_files import json_text
-from identification.words import UsageError, read_number
+from identification.words import UsageError
 from identification.words.file_access import check_file
 from mbmodel import load_machine, refuse_difference
 from mbw.files import write_json
 from mbw.interrupts import INTERRUPTED
 from mbw.messages import NOT_CONVERGED, SCREEN
+from mbw.option_texts import read_assignment
 from mbw.output_folder import ResultOptions
 from mbw.remarks import describe_not_in_mjcf, describe_search
 from mbw.tune.mode_pairs import pair_lines
@@ -89,12 +90,10 @@ def run(
 
 def _parse_prior(text: str) -> tuple[str, float]:
     """Return the pattern and the standard deviation of a text ``NAME=SD``."""
-    name, equals, number = text.rpartition("=")
-    deviation = read_number(number)
-    if not (equals and name and math.isfinite(deviation) and deviation >= 0):
-        raise UsageError(
-            f"--prior {text!r}: write NAME=SD, such as '*.stiffness=0.5', with SD of 0 or more"
-        )
+    form = "NAME=SD, such as '*.stiffness=0.5', with SD of 0 or more"
+    name, deviation = read_assignment("--prior", text, form)
+    if deviation < 0:
+        raise UsageError(f"--prior {text!r}: write {form}")
     return name, deviation
 
 
