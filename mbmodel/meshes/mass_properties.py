@@ -1,4 +1,9 @@
-"""Mass properties of a homogeneous solid from its surface mesh or its volume mesh."""
+"""Mass properties of a homogeneous solid from its surface mesh or its volume mesh.
+
+trimesh 5.2 takes 0.02 s for 20,000 triangles where this takes 0.15 s. It agrees to 3e-15 about
+the origin and to 5e-10 for a ball of radius 1 at 170 from it, knows no tetrahedra, and does not say
+where a surface is open or turned; so it saves too little for one more dependency.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
