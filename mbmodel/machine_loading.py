@@ -98,7 +98,7 @@ def load_machine(
         springs=find_springs(model, data, path, stages, centres),
         remaining_stiffness=stiffness,
         remaining_damping=damping,
-        gravity=_gravity(model),
+        gravity=read_gravity(model),
         weight_fraction=_weight_fraction(model, path, stages),
         precedence=_precedence(model),
         axles=_axles(model, data),
@@ -137,7 +137,7 @@ def load_machine(
     return with_statics(machine, statics, data, always=follow)
 
 
-def _gravity(model: mujoco.MjModel) -> Real:
+def read_gravity(model: mujoco.MjModel) -> Real:
     """Return the acceleration of gravity, zero if it is switched off [m/s^2]; (3,)."""
     off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     gravity: Real = np.zeros(3) if off else model.opt.gravity.copy()

@@ -13,7 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.modal.shape_fit import ModalFit, WeightedFrfs, build_kernels
+from identification.modal.shape_fit import (
+    ModalFit,
+    WeightedFrfs,
+    build_kernels,
+    reduced_chi_square,
+)
 from identification.words import Complex, Mask, Real
 
 _MAX_POLE_STEPS = 30  # Gauss-Newton steps; a fit converges in some eight
@@ -78,13 +83,13 @@ def fit_poles(data: WeightedFrfs, start: ModalFit, moving: Mask) -> PoleFit:
             if np.isfinite(refit.cost) and refit.cost <= fitted.cost:
                 drop, damping = fitted.cost - refit.cost, damping / 10
                 fitted, normal, right = refit, next_normal, next_right
-                if drop <= _POLE_COST_TOLERANCE * _misfit(data, fitted):
+                if drop <= _POLE_COST_TOLERANCE * reduced_chi_square(data, fitted):
                     break
                 continue
         damping *= 10
         if damping > 1e6:
             break
-    misfit = _misfit(data, fitted)
+    misfit = reduced_chi_square(data, fitted)
     return PoleFit(
         fitted.poles, fitted.participation, misfit * _pole_covariance(normal, moving), misfit
     )
@@ -104,7 +109,7 @@ def find_first_step(data: WeightedFrfs, model: ModalFit, moving: Mask) -> PoleFi
     fitted, normal, right = _linearise(moved, bare, moving)
     step = np.linalg.solve(_add_ridge(normal, _POLE_RIDGE), right)
     after = _apply_step(fitted, np.asarray(step, np.float64), moving)
-    misfit = _misfit(data, replace(fitted, cost=fitted.cost - float(right @ step)))
+    misfit = reduced_chi_square(data, replace(fitted, cost=fitted.cost - float(right @ step)))
     return PoleFit(
         after.poles - model.poles,
         after.participation - model.participation,
@@ -129,12 +134,6 @@ def _pole_covariance(normal: Real, moving: Mask) -> Real:
     places = np.stack([np.arange(count), count + np.arange(count)], axis=1)
     covariance[moving] = inverse[places[:, :, None], places[:, None, :]] / 2
     return covariance
-
-
-def _misfit(data: WeightedFrfs, fitted: ModalFit) -> float:
-    """Return the cost per value, at least 1."""
-    count = int((data.cells > 0).sum()) * len(data.laplace)
-    return max(1.0, fitted.cost * data.correlated_lines / count)
 
 
 def _apply_step(fitted: ModalFit, step: Real, moving: Mask) -> ModalFit:

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identification.words import ConvergenceError, InputError, Real
+from identification.words import ConvergenceError, InputError
 from mbmodel.machine import Machine
-from mbmodel.machine_loading import load_machine
+from mbmodel.machine_loading import load_machine, read_gravity
 from mbmodel.mjcf.names import equality_name
 from mbmodel.mjcf.read import compile_mjcf
 from mbmodel.mjcf.stages import GROUND, stage_of
@@ -194,7 +194,7 @@ def _stage_remarks(
             f"geoms that stand in the world of {stage.path.name} are left out: write as a body "
             "what the machine carries"
         )
-    stated, carried = (_gravity(model) for model in (compiled, base))
+    stated, carried = (read_gravity(model) for model in (compiled, base))
     if not np.array_equal(stated, carried):
         texts = [" ".join(f"{value:g}" for value in values) for values in (stated, carried)]
         remarks.append(
@@ -211,13 +211,6 @@ def _turn(machine: Machine, stage: MountedStage) -> float:
     layout = machine.layout
     axes = layout.axes[layout.points.index(stage.place)]
     return float(Rotation.from_matrix(axes).magnitude())
-
-
-def _gravity(model: mujoco.MjModel) -> Real:
-    """Return the acceleration of gravity, zero if it is switched off [m/s^2]; (3,)."""
-    is_off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    gravity: Real = np.zeros(3) if is_off else model.opt.gravity.copy()
-    return gravity
 
 
 _TIES_OF_BODIES = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)

@@ -25,7 +25,6 @@ To first order it knows no bounds, so that it is limited to the prior in every d
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from identification.words import Campaign, Complex, Mask, Real
 from mbmodel import Model
@@ -34,7 +33,7 @@ from tuning.assessment.parameter_confidence import ParameterConfidence, bound_co
 from tuning.fitting.fitter import Fit
 from tuning.fitting.stage_search import LAST_STAGE, Stage
 from tuning.misfit.misfit import Misfit
-from tuning.misfit.residual_statistics import independent_share
+from tuning.misfit.residual_statistics import floor_cost, independent_share, profile_floor
 
 
 @dataclass(frozen=True)
@@ -165,16 +164,10 @@ def _largest_likelihood(batches: list[_Residuals]) -> tuple[float, float]:
             [batch.power for batch in batches],
         )
     )
-
-    def cost(log_error: float) -> float:
-        total = variance + np.exp(2 * log_error) * power
-        return float(np.sum(squares / total + np.log(total)))
-
-    bounds = np.log(SETTINGS.smallest), np.log(SETTINGS.largest)
-    minimum = minimize_scalar(
-        cost, bounds=bounds, method="bounded", options={"xatol": SETTINGS.log_step}
-    )
-    return float(np.exp(minimum.x)), cost(bounds[0]) - float(minimum.fun)
+    bounds = SETTINGS.smallest, SETTINGS.largest
+    error = profile_floor(squares, variance, power, bounds, SETTINGS.log_step)
+    without = floor_cost(float(np.log(SETTINGS.smallest)), squares, variance, power)
+    return error.floor, without - error.cost
 
 
 def _absorbed_factor(confidence: ParameterConfidence, independent: float, share: float) -> float:

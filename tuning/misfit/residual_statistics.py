@@ -165,22 +165,41 @@ def estimate_model_error(predicted: Sequence[Complex], campaign: Campaign) -> Mo
     return profile_floor(squares, variance, power)
 
 
-def profile_floor(squares: Real, variance: Real, power: Real) -> ModelError:
+def profile_floor(
+    squares: Real,
+    variance: Real,
+    power: Real,
+    bounds: tuple[float, float] = (FORCE_ERROR_FLOOR, _LARGEST_ERROR),
+    log_step: float = _LOG_STEP,
+) -> ModelError:
     """Return the floor of largest likelihood.
 
     Args:
         squares: |r|^2 of each value; (n_value,).
         variance: var of each; (n_value,).
         power: |H_point|^2 of each, above zero; (n_value,).
+        bounds: smallest and largest floor.
+        log_step: error of its logarithm.
     """
-
-    def cost(log_floor: float) -> float:
-        total = variance + np.exp(2 * log_floor) * power
-        return float(np.sum(squares / total + np.log(total)))
-
-    bounds = np.log(FORCE_ERROR_FLOOR), np.log(_LARGEST_ERROR)
-    minimum = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _LOG_STEP})
+    minimum = minimize_scalar(
+        floor_cost,
+        args=(squares, variance, power),
+        bounds=np.log(bounds),
+        method="bounded",
+        options={"xatol": log_step},
+    )
     return ModelError(float(np.exp(minimum.x)), float(minimum.fun), len(squares))
+
+
+def floor_cost(log_floor: float, squares: Real, variance: Real, power: Real) -> float:
+    """Return -ln L of a floor a [nats], but for constants: sum |r|^2 / v + ln v, v = var + a^2 p.
+
+    Args:
+        log_floor: ln a.
+        squares, variance, power: as for ``profile_floor``.
+    """
+    total = variance + np.exp(2 * log_floor) * power
+    return float(np.sum(squares / total + np.log(total)))
 
 
 def find_counted_values(estimate: FrfEstimate) -> tuple[Mask, Real]:
