@@ -1,11 +1,10 @@
 """Paths in a copy of an MJCF that lies in another folder than its source."""
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from xml.dom import minidom
-from xml.etree import ElementTree
 
+from mbmodel.mjcf.expand import flatten_mjcf
 from mbmodel.mjcf.source_files import read_source_files
 
 # Attributes of <compiler> that name folders.
@@ -29,12 +28,18 @@ def redirect_paths(document: minidom.Document, source: Path, target: Path) -> No
     main, *included = [file.root for file in read_source_files(source) if file.model == source]
     roots = [main, *included]
     if any(next(root.iter(tag), None) is not None for root in roots for tag in _FILE_TAGS):
-        folders = _asset_folders(roots)
+        folders = _asset_folders(flatten_mjcf(source))
         for compiler in document.getElementsByTagName("compiler"):
             for name in _FOLDER_ATTRIBUTES:
                 if compiler.hasAttribute(name):
                     compiler.removeAttribute(name)
-        last = _last_compiler(document, behind_all=bool(any(_asset_folders(included).values())))
+        stated = any(
+            compiler.get(name)
+            for root in included
+            for compiler in root.iter("compiler")
+            for name in _FOLDER_ATTRIBUTES
+        )
+        last = _last_compiler(document, behind_all=stated)
         for name, value in folders.items():
             last.setAttribute(name, _redirect(value, *places))
     for kind in ("include", "model"):
@@ -43,15 +48,14 @@ def redirect_paths(document: minidom.Document, source: Path, target: Path) -> No
                 element.setAttribute("file", _redirect(name, *places))
 
 
-def _asset_folders(roots: Sequence[ElementTree.Element]) -> dict[str, str]:
-    """Return meshdir and texturedir that the <compiler> elements of some files state."""
+def _asset_folders(document: minidom.Document) -> dict[str, str]:
+    """Return meshdir and texturedir of an MJCF without includes, whose last <compiler> counts."""
     folders = {"meshdir": "", "texturedir": ""}
-    for root in roots:
-        for compiler in root.iter("compiler"):
-            if shared := compiler.get("assetdir"):
-                folders = dict.fromkeys(folders, shared)
-            for name in folders:
-                folders[name] = compiler.get(name) or folders[name]
+    for compiler in document.getElementsByTagName("compiler"):
+        if shared := compiler.getAttribute("assetdir"):
+            folders = dict.fromkeys(folders, shared)
+        for name in folders:
+            folders[name] = compiler.getAttribute(name) or folders[name]
     return folders
 
 

@@ -34,17 +34,20 @@ class Difference:
     """Largest difference of a written machine.
 
     Args:
-        what: quantity that differs, such as ``mass``, ``stiffness``, ``point`` or ``motor``.
+        what: quantity that differs, such as ``mass``, ``stiffness``, ``point`` or ``motor``; where
+            nothing can be compared, the reason.
         place: joint coordinate, body, point or motor at which it is largest.
-        relative: difference over the largest entry.
+        relative: difference over the largest entry; infinite where nothing can be compared.
     """
 
     what: str
     place: str
-    relative: float
+    relative: float = np.inf
 
     def __str__(self) -> str:
         """Return it in words."""
+        if np.isinf(self.relative):
+            return f"{self.place}: {self.what}"
         return f"the {self.what} at {self.place} differs by {100 * self.relative:.2g} %"
 
 
@@ -193,13 +196,13 @@ def write_and_compare(
     difference: Difference | None = None
     for expanded in (False, True):
         if refused := write_mjcf(source, target, changes, folder, expanded=expanded):
-            difference = Difference(refused[0].reason, refused[0].name, 1.0)
+            difference = Difference(refused[0].reason, refused[0].name)
             continue
         try:
             with in_place(target, folder) as path:
                 difference = compare(path)
         except (InputError, ConvergenceError) as error:
-            difference = Difference(f"file cannot be read ({error})", target.name, 1.0)
+            difference = Difference(f"the file cannot be read ({error})", target.name)
         if difference is None:
             break
     return difference

@@ -211,7 +211,7 @@ def compare_machines(model: Model, theta: Real, written: Machine) -> Difference 
         *(name for name in model.machine.motors if name not in written.motors),
     ]
     if lacking:
-        return Difference("element", lacking[0], 1.0)
+        return Difference("the file has no such element", lacking[0])
     differences = [
         *_compare_motion(memory, file, shared),
         *(
@@ -301,9 +301,9 @@ def compare_masses(path: Path) -> Difference | None:
     try:
         alone = mujoco.MjModel.from_xml_path(mujoco_path(path))
     except ValueError as error:
-        return Difference(f"file ({' '.join(str(error).split())})", path.name, 1.0)
+        return Difference(f"MuJoCo refuses it ({' '.join(str(error).split())})", path.name)
     if read.nbody != alone.nbody:
-        return Difference("number of bodies", path.name, 1.0)
+        return Difference("MuJoCo reads another number of bodies", path.name)
     for number in range(1, read.nbody):
         values = [np.append(m.body_inertia[number], m.body_mass[number]) for m in (read, alone)]
         relative = float(np.abs(values[0] - values[1]).max() / (values[0].max() or 1.0))

@@ -222,6 +222,12 @@ def test_a_machine_moved_to_another_folder_still_compiles(folders, case):
     moved = load_machine(target / "m.xml")
     assert moved.springs[0].stiffness == 2e4
     np.testing.assert_allclose(moved.mass, mass, rtol=1e-12)
+    # A copy states its folders beside those of an included file, which must not win.
+    again = source.parent / "again"
+    again.mkdir()
+    for expanded in (False, True):
+        write_mjcf(target / "m.xml", again / "m.xml", (), expanded=expanded)
+        np.testing.assert_allclose(load_machine(again / "m.xml").mass, mass, rtol=1e-12)
 
 
 def test_paths_relative_to_the_working_folder_are_understood(folders, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 from mbmodel_examples import mass_on_spring, mjcf
 from written_machines import compare_with_mujoco, moved_model, random_machine
 
-from identification.words import WorkbenchError
+from identification.words import InputError, WorkbenchError
 from mbmodel import (
     GapSpring,
     MjcfLack,
@@ -207,6 +207,17 @@ def test_a_file_that_differs_is_kept_and_named(tmp_path, monkeypatch):
     with pytest.raises(WorkbenchError, match="is not the machine that was meant") as caught:
         refuse_difference(written.file, written.difference)
     assert caught.value.exit_code == 1
+
+
+def test_a_written_file_that_cannot_be_read_says_why(tmp_path):
+    path = tmp_path / "m.xml"
+    path.write_text(mjcf(mass_on_spring(10.0, 3e5, 50.0)), encoding="utf-8")
+
+    def refuse(written):
+        raise InputError("its mesh is missing")
+
+    difference = written_file.write_and_compare(path, tmp_path / "t.xml", (), None, refuse)
+    assert str(difference) == "t.xml: the file cannot be read (its mesh is missing)"
 
 
 def test_a_source_is_copied_with_all_that_it_means(tmp_path):
