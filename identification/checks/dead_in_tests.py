@@ -3,9 +3,9 @@
 A channel that reads noise alone in one good test, but not in all, has lost its cable there, or it
 does not move under that hit. Its body tells both apart: where the other channels of the body
 determine its motion, and this stands far above its noise, the channel is dead. Where they do not
-determine it, a sensor is dead that is silent as a whole while another sensor of its body reads
-motion: one point of a body that moves does not stand still at all frequencies. Else only the fact
-is said.
+determine it, a sensor is dead that reads noise alone in all its channels while another sensor of
+its body reads motion: one point of a body that moves does not stand still at all frequencies. Else
+only the fact is said.
 """
 
 from dataclasses import replace
@@ -55,7 +55,7 @@ def leave_out_dead_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
         whole = [
             row
             for row in unknown
-            if _whole_sensor_is_in(outputs, row, suspects)
+            if _whole_sensor_is_in(outputs, row, noise_only)
             and _body_reads_motion(campaign.layout, outputs, row, weak)
         ]
         if len({outputs[row].point for row in whole}) == 1:

@@ -90,6 +90,18 @@ def test_a_body_without_redundant_channels_tells_a_dead_sensor_by_all_its_channe
     assert "a cable was off" in remark
 
 
+def test_a_weak_sensor_that_reads_more_than_noise_stays_where_its_body_cannot_confirm_it():
+    # Noise alone has a coherence of 0.1 at most; 0.15 of each channel is little, but a response.
+    sound = campaign(n_channel=6)
+    weak = sound.tests[1].estimate
+    coherence = weak.coherence.copy()
+    coherence[:, 3:] = 0.15
+    tests = (sound.tests[0], replace(sound.tests[1], estimate=replace(weak, coherence=coherence)))
+    changed, remarks = leave_out_dead_channels(replace(sound, tests=tests))
+    assert channels(changed) == [6, 6]
+    assert remarks == ()
+
+
 def test_sound_tests_and_channels_dead_in_every_test_are_left_as_they_are():
     sound = campaign()
     assert leave_out_dead_channels(sound)[1] == ()
