@@ -106,7 +106,8 @@ def identify_modes(
     whole, data = data, compress_channels(data)
     values, n_in = data.values, data.values.shape[2]
     size = np.sqrt((np.abs(values) ** 2).mean(axis=(0, 2)))
-    rows = values[:, size > 0] / size[size > 0, None]
+    chosen = _rows_for_poles(data, size)
+    rows = values[:, chosen] / size[chosen, None]
     highest = min(-(-roots // n_in), len(freq_hz) // 2 - 1)
     orders = lscf(freq_hz, rows, highest)
     band = (float(freq_hz[0]), float(freq_hz[-1]))
@@ -149,6 +150,19 @@ def identify_modes(
         reduced_cost,
         max(1.0, reduced_cost) ** 0.5 * residue_sd,
     )
+
+
+def _rows_for_poles(data: WeightedFrfs, size: Real) -> Mask:
+    """Return the outputs that start the search for poles: those measured from every input.
+
+    The zero of a cell that was not measured would be a second shape at each pole, and so a second
+    mode. All outputs count where fewer than the inputs are complete.
+
+    Args:
+        size: root mean square of each output; (n_out,).
+    """
+    complete: Mask = (size > 0) & (data.cells > 0).all(axis=1)
+    return complete if complete.sum() >= data.cells.shape[1] else size > 0
 
 
 def _meets_phase_criteria(fitted: ModalFit, criteria: ModeCriteria) -> Mask:

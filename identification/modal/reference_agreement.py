@@ -209,7 +209,7 @@ def _compare(base: IdentifiedModes, column: IdentifiedModes) -> _Comparison:
         np.hypot(deviations[0] * np.abs(scale), deviations[1]),
     )
     size = np.maximum(np.abs(expected), np.finfo(float).tiny)
-    ratio = (residues[1] * expected.conj()).real / size**2
+    ratio = (residues[1] * (expected / size).conj()).real / size
     ratio_sd = deviation / size
     clear = ratio_sd < _MAX_RATIO_SD
     factors = np.array([_find_factor(*row) for row in zip(ratio, ratio_sd, clear, strict=True)])

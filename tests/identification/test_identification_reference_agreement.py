@@ -1,5 +1,7 @@
 """Runs that contradict each other: the fault is named, and the modes are those of the machine."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -139,6 +141,14 @@ def test_two_modes_of_nearly_one_frequency_stay_two(apart, monkeypatch):
     _, identified, measured = identify(campaign_of(columns, [0, 3]))
     assert identified.inside.sum() == 4
     assert measured.corrections == ()
+
+
+def test_a_channel_that_one_run_lacks_is_not_compared():
+    shapes = draw_shapes(9)
+    campaign = campaign_of([accelerance(shapes, 0), accelerance(shapes, 3)], [0, 3])
+    first, second = campaign.tests
+    first = replace(first, estimate=first.estimate.select_outputs([0, 1, 2, 3, 4]))
+    assert identify_rightly(replace(campaign, tests=(first, second))) == ()
 
 
 def test_a_reference_without_any_response_is_refused_by_name():
