@@ -314,7 +314,7 @@ def name_sites(
             name = f"acc{dof.point}" if dof.point.isdecimal() else dof.point
             raise InputError(
                 f"{file}: node {dof.point} has no site on a moving body of the model or layout: "
-                f"add a site named {name}, or leave the node out of the file"
+                f"add a site named {name} to a body that moves, or leave the node out of the file"
             )
         return Dof(site, dof.direction)
 

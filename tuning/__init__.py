@@ -49,7 +49,13 @@ from tuning.misfit.residual_statistics import (
 )
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
-from tuning.session import Session, change_machine, open_campaign, open_session
+from tuning.session import (
+    Session,
+    change_machine,
+    find_wrong_exports,
+    open_campaign,
+    open_session,
+)
 from tuning.solvers.nlopt_solver import TUNING_ALGORITHM, Minimum
 from tuning.toleranced_model import build_toleranced_model, rebuild_for_machine
 
@@ -90,6 +96,7 @@ __all__ = [
     "channel_gaps",
     "estimate_confidence",
     "estimate_model_error",
+    "find_wrong_exports",
     "fingerprint",
     "fit",
     "fit_at_error_floor",

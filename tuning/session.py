@@ -20,7 +20,7 @@ from identification.words.ports import FLOOR
 from mbmodel import Machine, Model, as_drawn, load_machine
 from tuning.attached_instruments import attach_instruments
 from tuning.campaign_machine import close_loops, refuse_unknown_ports, state_machine
-from tuning.checks.data_against_model import compare_with_model
+from tuning.checks.data_against_model import ExportFinding, compare_with_model
 from tuning.checks.export_faults import StatedExport
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
@@ -122,14 +122,14 @@ def _begin_session(source: Path, machine: Machine, campaign: Campaign) -> Sessio
     return Session(source, model, campaign, parametrisation)
 
 
-def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Campaign:
-    """Return the campaign with remarks on files that differ from the nominal model as a whole.
+def find_wrong_exports(source: Path, model: Model, campaign: Campaign) -> list[ExportFinding]:
+    """Return what is wrong with files that differ from the nominal model as a whole.
 
-    Raises:
-        InputError: a wrong unit, quantity or frequency unit is certain, and campaign.toml does not
-            say ``as_stated``.
+    Args:
+        source: path of campaign.toml.
+        model: nominal model.
+        campaign: tests in the band.
     """
-    entries = read_settings(source)[1].test
     stated = {
         entry.file: StatedExport(
             campaign.tests[0].estimate.frf.quantity,
@@ -140,11 +140,21 @@ def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Cam
             entry.frequency_unit,
             has_labels=is_universal(Path(entry.file)),
         )
-        for entry in entries
+        for entry in read_settings(source)[1].test
     }
     comparable = leave_out_unknown_gains(campaign)
-    findings = [] if comparable is None else compare_with_model(model, comparable, stated)
-    trusted = {entry.file for entry in entries if entry.as_stated}
+    return [] if comparable is None else compare_with_model(model, comparable, stated)
+
+
+def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Campaign:
+    """Return the campaign with remarks on files that differ from the nominal model as a whole.
+
+    Raises:
+        InputError: a wrong unit, quantity or frequency unit is certain, and campaign.toml does not
+            say ``as_stated``.
+    """
+    findings = find_wrong_exports(source, model, campaign)
+    trusted = {entry.file for entry in read_settings(source)[1].test if entry.as_stated}
     for finding in findings:
         if finding.is_certain and finding.file not in trusted:
             raise InputError(

@@ -1,6 +1,7 @@
 """``mbw identify`` in-process."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -48,6 +49,15 @@ def test_a_folder_without_a_campaign_is_refused(tmp_path):
     outcome = RUNNER.invoke(app, ["identify", str(tmp_path)])
     assert outcome.exit_code == 3
     assert "campaign.toml" in outcome.stderr
+
+
+def test_a_wrong_unit_is_said_beside_the_modes(tmp_path):
+    shutil.copytree(asset_path("two_bodies"), tmp_path / "c")
+    toml = tmp_path / "c" / "campaign.toml"
+    toml.write_text(toml.read_text("utf-8").replace("averages", 'unit = "g/N"\naverages'), "utf-8")
+    outcome = RUNNER.invoke(app, ["identify", str(tmp_path / "c"), "--no-pictures"])
+    assert outcome.exit_code == 0, outcome.stderr
+    assert "nominal model's, as if values in m/s^2/N were read as g/N" in outcome.stderr
 
 
 def test_classical_methods_stand_beside_and_agree_where_a_mode_is_alone(result):
