@@ -12,6 +12,7 @@ from scipy.io import loadmat, savemat
 from identification.readers.frf_units import parse_frf_units
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, InputError, Test
 from mbmodel import Evaluator, FrfRequest, Model, body_parts, load_machine, spring_parts
+from mbw.assets import asset_path
 from truth.campaign.draw import draw_drawing
 from truth.campaign.file_formats import model_xml
 from truth.machine.random_tree import draw_tree
@@ -75,7 +76,7 @@ def _hammer_test(model, theta, node, random):
 
 def as_exported(campaign, factor=1.0, order=0, axis=1.0):
     """The campaign as a file with other units, another quantity or another axis would be read."""
-    change = factor * (2j * np.pi * FREQ[:, None, None]) ** order
+    change = factor * (2j * np.pi * campaign.freq_hz[:, None, None]) ** order
 
     def export(test):
         frf = test.estimate.frf
@@ -213,6 +214,16 @@ def test_a_rare_frequency_unit_is_named_only_where_nothing_else_explains_the_fil
     rows = _closest_faults([(unit, agreement), (rare, better)])
     assert [fault for fault, _ in rows] == [unit]
     assert [fault for fault, _ in _closest_faults([(rare, better)])] == [rare]
+
+
+def test_a_factor_that_is_remarked_in_any_case_names_the_unit_that_explains_it():
+    # Values in g read as m/s^2: a shift of the curves takes the loss just below that of a refusal.
+    session = open_session(asset_path("two_bodies"))
+    in_g = as_exported(session.campaign, 1 / 9.80665)
+    stated = StatedExport("accelerance", "m/s^2/N")
+    (finding,) = compare_with_model(session.model, in_g, {"impact_200N.uff": stated})
+    assert not finding.is_certain
+    assert 'set unit = "g/N"' in finding.sentence
 
 
 def test_an_unexplained_factor_is_a_remark(random_case):

@@ -190,8 +190,9 @@ def _compare_file(model: Model, campaign: Campaign, stated: StatedExport) -> Exp
     if has_gross_loss and _holds_decibels(model, campaign, null):
         file = campaign.tests[0].condition.test
         return ExportFinding(file, float(np.exp(null.offset)), (DECIBELS,), is_certain=True)
-    likely = certain or [row for row in rows if _is_likely(row[0], null, row[1])]
-    if not likely and not _has_unknown_factor(null):
+    has_factor = _has_unknown_factor(null)
+    likely = certain or [row for row in rows if _is_likely(*row, null, has_factor=has_factor)]
+    if not likely and not has_factor:
         return None
     closest = _closest_faults(likely)
     level = closest[0][0].log_factor + closest[0][1].offset if closest else null.factor
@@ -269,10 +270,16 @@ def _is_certain(fault: ExportFault, null: _CurveAgreement, agreement: _CurveAgre
     return _axis_evidence(fault, agreement, null) > _EXPORT_LIMITS.min_refused_axis_evidence
 
 
-def _is_likely(fault: ExportFault, null: _CurveAgreement, agreement: _CurveAgreement) -> bool:
-    """Return whether a fault deserves a remark."""
-    gain = null.loss - agreement.loss
-    if null.loss >= _EXPORT_LIMITS.min_refused_loss and gain >= _EXPORT_LIMITS.min_loss_gain:
+def _is_likely(
+    fault: ExportFault, agreement: _CurveAgreement, null: _CurveAgreement, *, has_factor: bool
+) -> bool:
+    """Return whether a fault deserves a remark.
+
+    Args:
+        has_factor: whether a factor between the curves is remarked in any case.
+    """
+    is_gross = has_factor or null.loss >= _EXPORT_LIMITS.min_refused_loss
+    if is_gross and null.loss - agreement.loss >= _EXPORT_LIMITS.min_loss_gain:
         return True
     return _axis_evidence(fault, agreement, null) > _EXPORT_LIMITS.min_remark_axis_evidence
 
