@@ -4,6 +4,7 @@ Arrays with names in a file: .npz for Python, .mat for MATLAB.
 """
 
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import typer
 
 from identification.readers.result_files import write_result_arrays
 from identification.words import InputError
-from identification.words.file_access import write_text
+from identification.words.file_access import write_bytes, write_text
 
 
 def page_path(path: Path, out: Path | None, name: str) -> Path:
@@ -62,15 +63,14 @@ def write_named_arrays(
     Raises:
         InputError: the file cannot be written.
     """
-    try:
-        if target.suffix == ".mat":
-            cells = {
-                key: value if isinstance(value, str) else np.array(list(value), object)
-                for key, value in texts.items()
-            }
-            scipy.io.savemat(target, {**arrays, **cells})
-        else:
-            words = {key: np.array(value) for key, value in texts.items()}
-            write_result_arrays(target, {**arrays, **words})
-    except OSError as error:
-        raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
+    content = BytesIO()
+    if target.suffix == ".mat":
+        cells = {
+            key: value if isinstance(value, str) else np.array(list(value), object)
+            for key, value in texts.items()
+        }
+        scipy.io.savemat(content, {**arrays, **cells})
+    else:
+        words = {key: np.array(value) for key, value in texts.items()}
+        write_result_arrays(content, {**arrays, **words})
+    write_bytes(target, content.getvalue())

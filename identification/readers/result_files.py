@@ -8,7 +8,7 @@ another version. Whatever is wrong becomes one sentence that names the file and 
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -65,10 +65,11 @@ def check_format(stated: object, path: Path) -> None:
     )
 
 
-def write_result_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+def write_result_arrays(path: Path | BinaryIO, arrays: Mapping[str, Any]) -> None:
     """Write arrays and the format to an .npz file.
 
     Args:
+        path: the file, or a stream.
         arrays: by name.
     """
     np.savez_compressed(path, allow_pickle=False, **arrays, format=np.array(FORMAT))
