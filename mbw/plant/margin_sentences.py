@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from mbw.page.html import badge
-from mbw.page.numbers import format_percent
+from mbw.page.numbers import format_digits, format_percent
 from mbw.plant.margin_schema import (
     LoopMarginsRow,
     MarginRow,
@@ -128,7 +128,7 @@ def _loop_texts(loop: LoopMarginsRow) -> list[str]:
 def step_sentence(step: StepRow) -> str:
     """Return overshoot and times of a step of the reference."""
     rise, settling = (
-        "none" if time is None else f"{1e3 * time:.3g} ms"
+        "none" if time is None else f"{format_digits(1e3 * time, 3)} ms"
         for time in (step.rise_time, step.settling_time)
     )
     return (

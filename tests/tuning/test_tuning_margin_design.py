@@ -1,5 +1,7 @@
 """What limits a loop: margins of stable and unstable loops, notches and changes of the machine."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -15,6 +17,8 @@ from budget_case import (
 import mbworkbench as mb
 from identification.words import InputError, UsageError
 from mbmodel import Model, as_drawn, body_parts, joint_parts, load_machine
+from mbw.plant.margin_schema import StepRow
+from mbw.plant.margin_sentences import step_sentence
 from tuning.plant.control_loops.allowed_gains import allowed_gains, crossover_of, notch_response
 from tuning.plant.error_budget.loop_plant import LoopPlant
 from tuning.plant.error_budget.margin_design import design_loops
@@ -95,6 +99,15 @@ def test_the_limiting_mode_is_named_with_its_part_and_a_notch(place):
     assert "10 % more of base_tx.stiffness" in text
     assert len(result.plot().data) == 4
     assert result.table().rows[0][0] == "a"
+
+
+def test_large_changes_and_long_times_are_written_without_an_exponent(place):
+    (loop,) = mb.margins(place / "two.xml", place / f"{UNSTABLE:g}.toml").loops
+    mode = replace(loop.modes[0], changes={"a strut": 1.24, "10 % more of k": -0.0058})
+    lines = replace(loop, modes=(mode,)).limit_sentences()
+    assert lines[-2:] == ["  a strut: +124 % of the gain", "  10 % more of k: -0.58 % of the gain"]
+    step = StepRow(final=1.0, overshoot=0.0, rise_time_s=1.003, settling_time_s=None)
+    assert "rise time 1000 ms, settling time to 2 % none" in step_sentence(step)
 
 
 def test_changes_of_the_machine_are_those_of_differences(place):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Complex, Loop, Real
+from identification.words import Complex, Loop, Real, percent_text
 from mbmodel import (
     Model,
     energy_shares,
@@ -144,7 +144,7 @@ class LoopDesign:
                     f"{mode.notch_crossover_hz:.4g} Hz"
                 )
             lines += [
-                f"  {name}: {100 * change:+.2g} % of the gain"
+                f"  {name}: {'+' * (change >= 0)}{percent_text(change)} of the gain"
                 for name, change in list(mode.changes.items())[:_SHOWN_CHANGES]
             ]
         return lines
