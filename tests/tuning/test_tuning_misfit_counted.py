@@ -1,12 +1,14 @@
 """Which values count in a misfit: dead and missing channels, rest, noise, allowances."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from identification.words import Campaign
 from tuning import Misfit, parametrise, predict
+from tuning.misfit.weights import weight_batch
 
 
 def somewhere(parametrisation, seed=21):
@@ -225,3 +227,23 @@ def test_what_lines_share_is_summed_over_pairs_that_both_count(whole, mixed, par
         Misfit(
             whole, mixed, parametrisation, model_error_floor=0.0, logarithmic=True
         ).serial_covariance(x, (1,), seen)
+
+
+@pytest.mark.parametrize(("ratio", "counts"), [(1e-9, False), (1e-4, True)])
+def test_a_channel_that_moves_by_the_error_of_the_modal_form_has_no_logarithm(
+    whole, mixed, parametrisation, ratio, counts
+):
+    # On a symmetric machine the modal form leaves 1e-10 of the largest channel, or exactly zero.
+    misfit = Misfit(whole, mixed, parametrisation, model_error_floor=0.1, logarithmic=True)
+    batch, real = misfit._terms[0].batch, misfit._terms[0].batch.evaluator
+
+    def at(theta):
+        values = real.at(theta).values.copy()
+        values[:, 0] *= ratio * np.abs(values).max() / np.abs(values[:, 0]).max()
+        return SimpleNamespace(values=values)
+
+    symmetric = SimpleNamespace(request=real.request, model=real.model, at=at)
+    every = np.ones(len(mixed.freq_hz), bool)
+    weight = weight_batch(replace(batch, evaluator=symmetric), 0.1, True, every).weight
+    assert (weight[:, 0] > 0).any() == counts
+    np.testing.assert_array_equal(weight[:, 1:], misfit._terms[0].weight[:, 1:])

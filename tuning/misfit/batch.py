@@ -21,7 +21,7 @@ from mbmodel import Evaluator, FrfRequest, Linearised, Model
 
 # Relative difference that the modal form may have from the direct solution: far below the noise,
 # and within the digits that stiff springs leave of double precision.
-_MODAL_FORM_ERROR = 1e-6
+MODAL_FORM_ERROR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,9 +114,7 @@ def _evaluator(model: Model, tests: Sequence[Test], direct: bool) -> Evaluator:
         window_tau=estimate.window_tau,
     )
     condition = first if first.variant or any(model.acting_fractions(first)) else None
-    return Evaluator(
-        model, request, condition=condition, direct=direct, agreement=_MODAL_FORM_ERROR
-    )
+    return Evaluator(model, request, condition=condition, direct=direct, agreement=MODAL_FORM_ERROR)
 
 
 def _batch(model: Model, campaign: Campaign, numbers: tuple[int, ...], direct: bool) -> Batch:

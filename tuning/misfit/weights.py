@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.words import Complex, Layout, Mask, Output, Real
-from tuning.misfit.batch import Batch
+from tuning.misfit.batch import MODAL_FORM_ERROR, Batch
 from tuning.misfit.reduction import BodyWeight, body_weights
 
-_MIN_MOTION_RATIO = 1e-10  # of the largest channel: below it a channel does not move
 _MIN_POWER_RATIO = 25.0  # of |H|^2 to its variance: the logarithm of noisier values is biased
 # Least relative error of any line: the force sensor's linearity and noise.
 FORCE_ERROR_FLOOR = 3e-4
@@ -92,13 +91,14 @@ def weight_at_bodies(term: WeightedBatch, layout: Layout) -> WeightedBatch:
 def _is_moving(batch: Batch) -> Mask:
     """Return whether each channel moves in the nominal model; (n_out, n_test).
 
-    A channel that does not move has no logarithm. Whether it moves depends on the geometry, not on
-    stiffness or damping. A measured motion along a rigid direction shows in the gap, but no
-    parameter that is tuned here can produce it.
+    A channel that does not move, beyond what the modal form leaves of zero, has no logarithm: on a
+    symmetric machine that would be a large residual or none, by chance. Whether it moves depends on
+    the geometry, not on stiffness or damping. A measured motion along a rigid direction shows in
+    the gap, but no parameter that is tuned here can produce it.
     """
     evaluator = batch.evaluator
     largest = np.abs(batch.select_inputs(evaluator.at(evaluator.model.drawn).values)).max(axis=0)
-    is_moving: Mask = largest > _MIN_MOTION_RATIO * largest.max(initial=0.0)
+    is_moving: Mask = largest > MODAL_FORM_ERROR * largest.max(initial=0.0)
     return is_moving
 
 
