@@ -7,7 +7,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from identification.words import Complex, Dof, Frf, FrfEstimate, Real, Test
+from identification.hits.drive_point import drive_point_rows
+from identification.words import Campaign, Complex, Dof, Frf, FrfEstimate, Real, Test
 from mbworkbench.budgets import ErrorBudgetResult, MarginsResult, SimulatedBudget
 from mbworkbench.campaign import IdentifiedModel, MeasuredCampaign
 from mbworkbench.comparison import ComparisonResult
@@ -52,7 +53,7 @@ def _(result: FrfEstimate) -> go.Figure:
 def _(result: MeasuredCampaign) -> go.Figure:
     content = result.content
     figure = _bode(_axis_title(content.tests[0].estimate.frf), "coherence")
-    for number, (test, row) in enumerate(_drive_points(content.tests)):
+    for number, (test, row) in enumerate(_drive_points(content)):
         colour = PALETTE[number % len(PALETTE)]
         estimate, name = test.estimate, f"{test.condition.reference} ({test.condition.test})"
         values = np.abs(estimate.frf.values[:, row, 0])
@@ -103,7 +104,7 @@ def _(result: TunedModel) -> go.Figure:
     comparison = result.fits.sensors
     tests = comparison.campaign.tests
     figure = _bode(_axis_title(tests[0].estimate.frf))
-    for number, (test, row) in enumerate(_drive_points(tests)):
+    for number, (test, row) in enumerate(_drive_points(comparison.campaign)):
         index = next(k for k, candidate in enumerate(tests) if candidate is test)
         curves = {
             "measured": test.estimate.frf.values,
@@ -309,10 +310,8 @@ def _mode_map(freq_hz: Real, damping: Real, title: str, **errors: dict[str, Real
     return figure
 
 
-def _drive_points(tests: tuple[Test, ...]) -> Iterator[tuple[Test, int]]:
-    """Yield each test that measured where it was hit, with the row of that channel."""
-    for test in tests:
-        reference = test.condition.reference
-        for row, output in enumerate(test.estimate.frf.outputs):
-            if isinstance(reference, Dof) and output.positive == reference.positive:
-                yield test, row
+def _drive_points(campaign: Campaign) -> Iterator[tuple[Test, int]]:
+    """Yield each test that measured where it was hit, with the rows of these channels."""
+    for test in campaign.tests:
+        for row in drive_point_rows(campaign.layout, test):
+            yield test, row

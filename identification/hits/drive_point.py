@@ -103,14 +103,8 @@ def drive_point_signs(campaign: Campaign) -> tuple[DrivePoint, ...]:
         if isinstance(reference, Signal):  # a control signal has neither place nor direction
             continue
         for row, output in enumerate(test.estimate.frf.outputs):
-            if isinstance(output, Signal):
-                continue
-            cosine = axis_cosine(campaign.layout, output, reference)
-            if (
-                cosine is None
-                or abs(cosine) < _MIN_AXIS_COSINE
-                or not test.estimate.measured[row, 0]
-            ):
+            cosine = _drive_point_cosine(campaign.layout, test, row)
+            if cosine is None or isinstance(output, Signal):
                 continue
             share = _power_share(test, row)
             if share is not None:
@@ -123,6 +117,22 @@ def drive_point_signs(campaign: Campaign) -> tuple[DrivePoint, ...]:
                     DrivePoint(test.condition.test, output, reference, share, stand_in, reason)
                 )
     return tuple(points)
+
+
+def drive_point_rows(layout: Layout, test: Test) -> list[int]:
+    """Return the rows of a test that were measured where the hammer hit, along its axis."""
+    rows = range(len(test.estimate.frf.outputs))
+    return [row for row in rows if _drive_point_cosine(layout, test, row) is not None]
+
+
+def _drive_point_cosine(layout: Layout, test: Test, row: int) -> float | None:
+    """Return the cosine of a channel's axis and the hammer's at one node; None elsewhere."""
+    output, reference = test.estimate.frf.outputs[row], test.condition.reference
+    if isinstance(output, Signal) or isinstance(reference, Signal):
+        return None
+    cosine = axis_cosine(layout, output, reference)
+    is_driven = cosine is not None and abs(cosine) >= _MIN_AXIS_COSINE
+    return cosine if is_driven and test.estimate.measured[row, 0] else None
 
 
 def _find_stand_in(campaign: Campaign, test: Test, output: Dof) -> Dof | None:

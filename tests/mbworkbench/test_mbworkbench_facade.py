@@ -4,6 +4,7 @@ import ast
 import inspect
 import os
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -107,6 +108,18 @@ def test_signals_for_drives_come_with_expected_intervals(model):
     assert isinstance(result.plot(), go.Figure)
     with pytest.raises(mb.UsageError, match="motor_constant"):
         mb.excite(model, {"acc5:+tx": {"power": 1.0}}, **plan)
+
+
+def test_drive_points_are_drawn_where_the_hammer_has_a_site_of_its_own(tmp_path):
+    shutil.copytree(CAMPAIGN, tmp_path / "c")
+    path, acc = tmp_path / "c" / "model.xml", '<site name="acc5" pos="0.18 0.18 0.58" />'
+    text = path.read_text("utf-8")
+    assert acc in text
+    path.write_text(text.replace(acc, acc + acc.replace("acc5", "hit5")), "utf-8")
+    figure = mb.read_campaign(tmp_path / "c").plot()
+    assert [trace.name for trace in figure.data[::2]] == [
+        f"hit5:+t{axis} (impact_200N.uff)" for axis in "xyz"
+    ]
 
 
 def test_at_most_40_names_are_exported_and_documented():
