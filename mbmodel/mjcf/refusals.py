@@ -86,7 +86,8 @@ def _check_joint(path: Path, model: mujoco.MjModel, joint: int) -> None:
     friction = model.dof_frictionloss[start:end]
     if (friction > 0).any() and is_enabled(model, _DISABLE.mjDSBL_FRICTIONLOSS):
         raise InputError(
-            f"{path}: {element} has frictionloss, which has no linear model: remove it"
+            f"{path}: {element} has frictionloss, which has no linear model: remove it, or leave "
+            "it out (--without friction)"
         )
 
 
@@ -115,7 +116,8 @@ def _check_tendon(path: Path, model: mujoco.MjModel, tendon: int) -> None:
         _refuse_negative(path, both, "damping", min(damping, 0.0) * square + drawn[1])
     if model.tendon_frictionloss[tendon] > 0 and is_enabled(model, _DISABLE.mjDSBL_FRICTIONLOSS):
         raise InputError(
-            f"{path}: {element} has frictionloss, which has no linear model: remove it"
+            f"{path}: {element} has frictionloss, which has no linear model: remove it, or leave "
+            "it out (--without friction)"
         )
 
 

@@ -43,21 +43,22 @@ def open_subject(path: Path, band: tuple[float, float] | None, key: str | None) 
     """Read a campaign, a model, or a folder of results with the campaign that it was made from.
 
     Args:
-        path: folder or campaign.toml, MJCF, or folder of ``mbw tune``, ``diagnose``, ``identify``.
+        path: folder or campaign.toml, MJCF or URDF, or folder of ``mbw tune``, ``diagnose``,
+            ``identify``.
         band: lowest and highest frequency [Hz]; None for the verb's own choice.
         key: keyframe of a model that was opened; None for its default.
 
     Raises:
         InputError: the path is none of these, or cannot be read.
     """
-    if path.is_file() and path.suffix == ".xml":
+    if path.is_file() and path.suffix != ".toml":
         return _open_model(path, band, key)
     file = next((f for f in _RESULT_FILES.values() if (path / f).is_file()), None)
     if file is None:
         if path.suffix != ".toml" and not (path / "campaign.toml").is_file():
             raise InputError(
                 f"{path} is no campaign, model or folder of results: name a folder with a "
-                "campaign.toml, an MJCF (.xml), or a folder that mbw tune, diagnose or identify "
+                "campaign.toml, an MJCF or URDF, or a folder that mbw tune, diagnose or identify "
                 "wrote"
             )
         return _open_campaign(path, find_campaign_file(path), band)

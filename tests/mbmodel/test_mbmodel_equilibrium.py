@@ -231,6 +231,24 @@ def test_a_body_in_free_fall_has_no_equilibrium(from_text):
         from_text(falling, name="falling.xml")
 
 
+def test_a_free_fall_is_named_although_a_limit_is_met_on_the_way(from_text):
+    # Free directions move by chance in the search; a wider range of the slide is no cure.
+    inertial = '<inertial pos="0 0 0" mass="{}" diaginertia="{} {} {}"/>'
+    body = (
+        '<body name="frame" pos="0 0 0.5"><joint name="float" type="free"/>'
+        + inertial.format(380, 28, 40, 60)
+        + '<body name="base" pos="0 0 0.16"><joint name="base_tx" type="slide" axis="1 0 0" '
+        + 'damping="200"/>'
+        + inertial.format(120, 6, 9, 14)
+        + '<body name="arm" pos="0.05 0 0.1"><joint name="arm_tx" type="slide" axis="1 0 0" '
+        + 'range="-0.1 0.1" damping="60"/>'
+        + inertial.format(22, 0.3, 0.35, 0.6)
+        + "</body></body></body>"
+    )
+    with pytest.raises(ConvergenceError, match="joint 'float' stays unbalanced"):
+        from_text(mjcf(body, gravity=DOWN))
+
+
 def test_a_body_in_free_fall_is_named_even_if_its_joint_is_not(from_text):
     falling = mjcf(mass_on_spring(2, 0, 3), gravity=DOWN).replace('name="a_j"', "")
     with pytest.raises(ConvergenceError, match="a_joint0"):

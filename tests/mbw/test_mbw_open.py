@@ -217,6 +217,12 @@ def test_a_model_alone_is_saved_and_never_over_what_was_opened(tmp_path):
     assert model.read_text("utf-8") == MJCF
 
 
+def test_a_urdf_is_opened_as_other_verbs_read_it():
+    arm = Path(__file__).parents[1] / "field" / "inputs" / "written" / "a_urdf" / "m.urdf"
+    subject = open_subject(arm, None, None)
+    assert subject.model.parameters[0].name == "j.damping"
+
+
 def test_what_has_changed_on_the_disk_is_not_saved_beside_what_was_opened(tmp_path):
     model = tmp_path / "model.xml"
     model.write_text(MJCF, encoding="utf-8")
@@ -234,7 +240,7 @@ def test_what_cannot_be_opened_is_said_in_one_sentence(campaign, results, tmp_pa
     (tmp_path / "empty").mkdir()
     still = MJCF.replace("stiffness", "margin")
     assert CliRunner().invoke(app, ["open", str(tmp_path / "empty")]).exit_code == 3
-    with pytest.raises(InputError, match=r"campaign\.toml, an MJCF \(\.xml\), or a folder"):
+    with pytest.raises(InputError, match=r"campaign\.toml, an MJCF or URDF, or a folder"):
         open_subject(tmp_path / "empty", None, None)
     shutil.copytree(results, tmp_path / "moved")
     with pytest.raises(InputError, match="its campaign is missing"):
