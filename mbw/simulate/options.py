@@ -64,7 +64,8 @@ def simulate(  # noqa: PLR0913  # one for each option
         typer.Option(
             "--rate",
             metavar="HZ",
-            help="Samples per second. Default: 512, or more: all modes lie below rate / 2.56.",
+            help="Samples per second. Default: 512, or more: modes that do not overlap lie below "
+            "rate / 2.56.",
         ),
     ] = None,
     block_s: Annotated[
