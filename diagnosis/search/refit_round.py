@@ -43,7 +43,9 @@ def score_hypotheses(
         if not any(p.name in present_names for part in hypothesis.parts for p in part.parameters)
         if hypothesis.spring is None or hypothesis.spring.spring not in with_law
     ]
-    if inner.model.machine.rest is not None and has_square_matrix(inner.session.campaign):
+    campaign = inner.session.campaign
+    is_after = all(test.condition.state == "after" for test in campaign.tests)
+    if is_after and has_square_matrix(campaign):
         hypotheses = [hypothesis for hypothesis in hypotheses if hypothesis.spring is None]
         return rank_by_stiffness(inner, base, hypotheses, settings.score_stride)
     return scores(inner, base.fit, hypotheses, base.floor, settings.score_stride)

@@ -43,7 +43,7 @@ def rank_by_stiffness(
 
     Args:
         scene: campaign and model of the refit.
-        base: refit about which they are proposed; with a rest of the state before.
+        base: refit about which they are proposed, in the state after a change.
         stride: every ``stride``-th line counts.
     """
     thin = stride * scene.stride_factor

@@ -365,3 +365,51 @@ def test_slopes_by_the_places_of_joints_pass_through_the_rest(tmp_path):
         np.testing.assert_allclose(
             slopes[..., column], difference, atol=1e-5 * max(np.abs(difference).max(), 1e-6)
         )
+
+
+AXIS = """
+<mujoco model="axis">
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="slide">
+      <joint name="drive" type="slide" axis="1 0 0" damping="40"/>
+      <inertial pos="0 0 0" mass="12" diaginertia="1 1 1"/>
+      <body name="load" pos="0 0 0.2">
+        <joint name="flex" type="slide" axis="1 0 0" stiffness="1.07e6" damping="60"/>
+        <inertial pos="0 0 0" mass="8" diaginertia="1 1 1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="motor" joint="drive"/></actuator>
+  <sensor><jointpos name="enc" joint="drive"/></sensor>
+</mujoco>
+"""
+
+
+def test_a_spring_that_lost_much_is_named_by_a_motor_and_an_encoder(tmp_path):
+    # The mode moves by a fifth: by slopes of the FRF a small mass on a spring would lead.
+    (tmp_path / "model.xml").write_text(AXIS)
+    freq, random = np.arange(5.0, 190.0, 0.5), np.random.default_rng(3)
+    s = 2j * np.pi * freq
+    text = 'model = "model.xml"\n'
+    for state, stiffness in (("before", 1.07e6), ("after", 0.6 * 1.07e6)):
+        link = stiffness + 60 * s
+        exact = 1 / (12 * s**2 + 40 * s + link - link**2 / (8 * s**2 + link))
+        noise = 0.005 * np.abs(exact)
+        drawn = random.standard_normal((2, len(freq)))
+        values = exact + noise * (drawn[0] + 1j * drawn[1]) / np.sqrt(2)
+        file, cells = f"{state}.npz", {"frf": values, "variance": noise**2}
+        shaped = {name: array[:, None, None] for name, array in cells.items()}
+        np.savez(tmp_path / file, freq_hz=freq, **shaped)
+        text += (
+            f'[[test]]\nfile = "{file}"\nstate = "{state}"\nchannels = ["enc"]\n'
+            'references = ["motor"]\nquantity = "receptance"\nunit = "m/N"\n'
+        )
+    (tmp_path / "campaign.toml").write_text(text)
+    verdict = build_verdict(
+        diagnose(open_session(tmp_path), settings=replace(SETTINGS, max_causes=1))
+    )
+    cause = verdict.causes[0]
+    assert (cause.effect, cause.location) == ("stiffness", "joint:load")
+    assert cause.probability > 0.5
+    assert cause.parameters["factor"] == pytest.approx(0.6, rel=0.01)
