@@ -3,7 +3,7 @@
 from identification.continuous.estimate import (
     ContinuousEstimate,
     estimate_continuous_frf,
-    remove_hold,
 )
+from identification.continuous.held_command import remove_hold
 
 __all__ = ["ContinuousEstimate", "estimate_continuous_frf", "remove_hold"]

@@ -17,7 +17,7 @@ beyond the noise of the difference, is added to the variance. Forces in closed l
 ``spectra``.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
@@ -43,7 +43,6 @@ from identification.words import (
 )
 
 _MIN_FORCE_EIGENVALUE = 1e-8  # of S_xx: below it one force follows from the others
-_HELD_SHARE = 0.2  # of the rate, above which images of a held command count
 _MIN_DISTORTION = 1.5  # variance between realisations over that between periods, to be said
 _MIN_LEAKAGE = 0.02  # of the motion at its peak, to be said
 _DROPPED = 0.01  # force power over its usual size about a line, to be said: 20 dB
@@ -127,27 +126,6 @@ def estimate_continuous_frf(
         averages=averages,
     )
     return ContinuousEstimate(estimate, blocks, tuple(remarks))
-
-
-def remove_hold(continuous: ContinuousEstimate, rate_hz: float) -> ContinuousEstimate:
-    """Return the FRFs by the force that acts, where its record is the command that is held.
-
-    A command that acts until the next sample acts as (1 - exp(-s T)) / (s T) of it, s = i w and T
-    the time of a sample: half a sample late, and smaller towards half the rate. Its images about
-    the rate move the machine too: at a fifth of the rate an inertia follows the first one by
-    (1/4)^3 of the command, and lines above are left out.
-
-    Args:
-        continuous: FRFs by the command.
-        rate_hz: samples per second.
-    """
-    estimate = continuous.estimate
-    estimate = estimate.select_lines(estimate.frf.freq_hz <= _HELD_SHARE * rate_hz)
-    phase = 2j * np.pi * estimate.frf.freq_hz / rate_hz
-    hold = ((1 - np.exp(-phase)) / phase)[:, None, None]
-    frf = replace(estimate.frf, values=estimate.frf.values / hold)
-    estimate = replace(estimate, frf=frf, variance=estimate.variance / np.abs(hold) ** 2)
-    return replace(continuous, estimate=estimate)
 
 
 def _refuse_settings(records: Records, settings: HitSettings) -> None:
