@@ -411,5 +411,5 @@ def test_a_spring_that_lost_much_is_named_by_a_motor_and_an_encoder(tmp_path):
     )
     cause = verdict.causes[0]
     assert (cause.effect, cause.location) == ("stiffness", "joint:load")
-    assert cause.probability > 0.5
+    assert cause.probability > 0.95
     assert cause.parameters["factor"] == pytest.approx(0.6, rel=0.01)
