@@ -38,7 +38,7 @@ from mbmodel import Machine
 
 # Of the mass of its body. With all of a body on one more spring in series the body hangs on a
 # softer joint, and no test tells both apart.
-_MAX_MASS_SHARE = 0.5
+_MAX_HUNG_SHARE = 0.5
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -191,7 +191,7 @@ def _find_bounds(
     ratios = np.log(np.array([lowest, highest]) / appendage.frequency) / LOG_FREQUENCY_UNIT
     widest = float(np.log(np.sqrt(0.5) / SCAN_DAMPING_RATIO)) / LOG_UNIT
     bounds = {frequency: (float(ratios[0]), float(ratios[1])), damping: (-widest, widest)}
-    bounds |= dict.fromkeys(appendage.mass_names, (0.0, _MAX_MASS_SHARE / MASS_SHARE_UNIT))
+    bounds |= dict.fromkeys(appendage.mass_names, (0.0, _MAX_HUNG_SHARE / MASS_SHARE_UNIT))
     bounds |= dict.fromkeys(appendage.rigid_names, (0.0, 1.0))
     for name, (low, high) in zip(appendage.place_names, place.ends, strict=True):
         bounds[name] = low / ARM_UNIT_M, high / ARM_UNIT_M

@@ -5,5 +5,6 @@ from identification.continuous.estimate import (
     estimate_continuous_frf,
 )
 from identification.continuous.held_command import remove_hold
+from identification.continuous.period_leakage import leakage_noise_factor
 
-__all__ = ["ContinuousEstimate", "estimate_continuous_frf", "remove_hold"]
+__all__ = ["ContinuousEstimate", "estimate_continuous_frf", "leakage_noise_factor", "remove_hold"]

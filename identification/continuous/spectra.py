@@ -19,6 +19,7 @@ import numpy as np
 import scipy.fft
 from scipy.ndimage import median_filter
 
+from identification.continuous.period_leakage import fit_leakage
 from identification.continuous.plan import ContinuousBlocks
 from identification.noise.variance import average_over_lines, several_input_variance
 from identification.words import Complex, InputError, Integers, Mask, Real, Records
@@ -154,27 +155,29 @@ def _residual_power(values: Complex, motion: Real, cross: Complex, force: Comple
 
 
 def _average_periods(records: Records, blocks: ContinuousBlocks) -> ForcedSpectra:
-    """Average the periods of each realisation first, which leaves its noise apart.
+    r"""Average the periods of each realisation, without what leaks into them, and with their noise.
 
-    With M periods of R realisations, X_r and Y_r their means and q forces, the noise of the mean
-    of all is sum |Y - Y_r - H (X - X_r)|^2 / (R (M - 1)) / (R M), and its variance between
-    realisations sum |Y_r - H X_r|^2 / (R - q) / R. Noise changes slowly along frequency and the
-    forces need not, so it is averaged over lines before it is divided by their power.
+    With x and y what noise adds to the lines of forces and motions (``period_leakage``), the mean
+    of R realisations has the variance sum |y - H x|^2 / R^2. Between realisations of mean spectra
+    X_r and Y_r and q forces it is sum |Y_r - H X_r|^2 / (R - q) / R. Noise changes slowly along
+    frequency and the forces need not, so it is averaged over lines before it is divided by their
+    power.
     """
     n_record, n_block = len(records.force), len(blocks.starts)
     n_in, n_out = count_inputs(records), len(records.outputs)
-    forces: list[Complex] = []
-    motions: list[Complex] = []
-    n_freq = blocks.length // 2 + 1
+    n_freq, part = blocks.length // 2 + 1, slice(blocks.starts[0], blocks.starts[-1])
+    part = slice(part.start, part.stop + blocks.length)
+    means: Complex = np.zeros((n_record, n_freq, n_in + n_out), np.complex128)
     scatter: Complex = np.zeros((n_freq, n_in + n_out, n_in + n_out), np.complex128)
     for record in range(n_record):
-        pairs = list(_block_spectra(records, blocks, record))
-        forces.append(np.mean([force for force, _ in pairs], axis=0))
-        motions.append(np.mean([motion for _, motion in pairs], axis=0))
-        for force, motion in pairs:
-            off = np.hstack([force - forces[-1], motion - motions[-1]])
-            scatter += off[:, :, None] * off[:, None, :].conj()
-    x, y = np.stack(forces), np.stack(motions)
+        forces = np.vstack([records.force[record][None], records.further_forces[:, record]])
+        signals = np.vstack([forces, records.motion[record]])[:, part]
+        centred = signals - signals.mean(axis=1, keepdims=True)
+        whole: Complex = np.asarray(scipy.fft.fft(centred, axis=1).T / n_block, np.complex128)
+        leakage, beside = fit_leakage(whole, n_block, n_freq)
+        means[record] = whole[::n_block][:n_freq] - leakage
+        scatter += beside
+    x, y = means[..., :n_in], means[..., n_in:]
     force = np.einsum("rfi,rfj->fij", x, x.conj()).astype(np.complex128)
     cross = np.einsum("rfo,rfi->foi", y, x.conj()).astype(np.complex128)
     noise = _residual_power(
@@ -184,14 +187,13 @@ def _average_periods(records: Records, blocks: ContinuousBlocks) -> ForcedSpectr
         scatter[:, :n_in, :n_in],
     )
     noise = average_over_lines(noise, 2 * n_record * (n_block - 1))
-    degrees = n_record * (n_block - 1) * n_block
     spectra = ForcedSpectra(
         force / n_record,
         cross / n_record,
         (np.abs(y) ** 2).mean(axis=0),
         blocks.count,
-        noise / (degrees * n_record),
-        weak=scatter[:, :n_in, :n_in] / degrees,
+        noise / n_record**2,
+        weak=scatter[:, :n_in, :n_in] / n_record,
     )
     free = n_record - n_in
     if free <= 0:
@@ -200,7 +202,7 @@ def _average_periods(records: Records, blocks: ContinuousBlocks) -> ForcedSpectr
     values = spectra.select(excited).values
     residual = y[:, excited] - np.einsum("foi,rfi->rfo", values, x[:, excited])
     between = (np.abs(residual) ** 2).sum(axis=(0, 1)) / free / n_record
-    return replace(spectra, distortion=between * degrees * n_record / noise[excited].sum(axis=0))
+    return replace(spectra, distortion=between * n_record**2 / noise[excited].sum(axis=0))
 
 
 def _block_spectra(

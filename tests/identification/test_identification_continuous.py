@@ -157,6 +157,15 @@ def test_the_variance_of_periods_follows_a_force_that_differs_from_line_to_line(
     np.testing.assert_array_equal(smooth, result.estimate.variance)
 
 
+@pytest.mark.parametrize("count", [3, 4, 5, 6])
+def test_few_periods_have_their_noise_too(count):
+    records = shake(multisine(1, 1, count), noise=0.05)
+    result = estimate_continuous_frf(records)
+    squares = ratio(records, result)
+    assert len(result.blocks.starts) == max(count - 2, 2)  # the machine begins with one more
+    assert 0.7 < squares.mean() < 1.4
+
+
 def test_distortion_is_told_from_noise_by_realisations():
     plain = estimate_continuous_frf(shake(multisine(1, 5, 4), noise=0.01))
     bent = estimate_continuous_frf(shake(multisine(1, 5, 4), noise=0.01, cubic=0.03))

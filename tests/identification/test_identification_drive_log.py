@@ -109,6 +109,20 @@ def test_periods_of_a_reference_are_instruments_by_themselves():
     assert bias < 0.1
 
 
+def test_a_position_that_drifts_does_not_leak_into_the_lines_of_a_period():
+    """Nothing holds this axis: by its disturbance it moves on within each period."""
+    period = 20.0 * np.random.default_rng(21).standard_normal(4096)
+    force, rng = np.tile(period, 12), np.random.default_rng(22)
+    state, position = np.zeros(4), np.zeros(len(force))
+    for k, push in enumerate(force + 2.0 * rng.standard_normal(len(force))):
+        position[k] = state[0]
+        state = STEP @ state + PUSH[:, 0] * push
+    squares, bias, result = squares_and_bias(records_of(None, force, position))
+    assert result.blocks.kind == "periodic"
+    assert 0.7 < squares.mean() < 1.3  # the scatter of periods alone says a tenth of the error
+    assert bias < 0.01
+
+
 def test_a_command_that_is_held_acts_half_a_sample_late(record):
     held = estimate_continuous_frf(records_of(*record))
     free = remove_hold(held, RATE_HZ).estimate

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.continuous import leakage_noise_factor
 from identification.words import (
     Campaign,
     Complex,
@@ -315,7 +316,10 @@ def predict_tests(
         density = output_noise(excitation.model, excitation.theta, request, freq_hz)
         plan = excitation.plan
         energy = plan.counted_s * np.maximum(excitation.power, np.finfo(float).tiny)
-        variance, averages = density[:, :, None] ** 2 / energy[:, None, :], plan.averages
+        # The lines between those of the force tell what leaks, and leave some of their noise.
+        factor = leakage_noise_factor(plan.periods - 1)
+        variance = factor * density[:, :, None] ** 2 / energy[:, None, :]
+        averages = plan.averages
     tests = []
     for column, drive in enumerate(request.drives):
         frf = Frf(freq_hz, values[:, :, [column]], request.outputs, (drive,), request.quantity)
