@@ -255,6 +255,7 @@ def hit_settings(entry: TestSettings) -> HitSettings:
         window_tau=entry.window_tau,
         estimator=entry.estimator or "H1",
         reject=entry.reject is not False,
+        period_s=None if entry.log is None else entry.log.period,
     )
 
 

@@ -29,6 +29,7 @@ from identification.continuous.spectra import (
     choose_lines,
     count_inputs,
 )
+from identification.continuous.whole_periods import align_periods
 from identification.hits.estimators import AveragedSpectra, estimate_frf
 from identification.hits.settings import HitSettings
 from identification.noise.variance import implied_coherence
@@ -78,14 +79,15 @@ def estimate_continuous_frf(
     the first above 0 Hz to 0.8 of half the sampling rate; of periods, those that the force excites.
 
     Args:
-        settings: ``block_s`` and ``estimator`` apply; the usual ones if None.
+        settings: ``block_s``, ``period_s`` and ``estimator`` apply; the usual ones if None.
 
     Raises:
         InputError: too few blocks, forces that follow from one another, or a setting of hits.
     """
     settings = settings or HitSettings()
     _refuse_settings(records, settings)
-    blocks = plan_continuous_blocks(records, settings.block_s)
+    records, period, period_remarks = align_periods(records, settings)
+    blocks = plan_continuous_blocks(records, settings.block_s, period)
     inputs = count_inputs(records)
     if int(blocks.count) <= inputs:
         raise InputError(
@@ -105,6 +107,7 @@ def estimate_continuous_frf(
         )
         values = estimate_frf(single, settings.estimator)
     remarks = [
+        *period_remarks,
         _describe(records, blocks),
         *_drop_sentence(records, freq, spectra.force[:, 0, 0].real, inputs),
     ]

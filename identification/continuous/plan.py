@@ -70,19 +70,20 @@ class ContinuousBlocks:
         return ContinuousBlocks(self.kind, _hann(length), starts, 2 * self.count)
 
 
-def plan_continuous_blocks(records: Records, block_s: float | None = None) -> ContinuousBlocks:
+def plan_continuous_blocks(
+    records: Records, block_s: float | None = None, period: int | None = None
+) -> ContinuousBlocks:
     """Choose the blocks of records with a continuous force.
 
     Args:
         records: of one reference; forces that act with it repeat with it.
         block_s: length of a block [s] of a random force; chosen if None.
+        period: samples after which the force repeats; None if it does not.
 
     Raises:
         InputError: blocks are longer than a record, or shorter than 64 samples.
     """
     n_record, n_sample = records.force.shape
-    repeated = records.set_points[0] if len(records.set_points) else records.force
-    period = None if block_s is not None else find_period(repeated)
     if period is not None:
         starts = tuple(range(0, n_sample - period + 1, period))
         starts = starts[1:] if len(starts) > _MIN_REPETITIONS else starts

@@ -180,8 +180,11 @@ def _average_periods(records: Records, blocks: ContinuousBlocks) -> ForcedSpectr
     x, y = means[..., :n_in], means[..., n_in:]
     force = np.einsum("rfi,rfj->fij", x, x.conj()).astype(np.complex128)
     cross = np.einsum("rfo,rfi->foi", y, x.conj()).astype(np.complex128)
+    power = np.einsum("fii->fi", force).real
+    is_driven = (power > _MIN_LINE_POWER * power.max(axis=0)).all(axis=1)
+    values = cross @ np.linalg.pinv(force, hermitian=True) * is_driven[:, None, None]
     noise = _residual_power(
-        cross @ np.linalg.pinv(force, hermitian=True),
+        values,
         np.einsum("fii->fi", scatter[:, n_in:, n_in:]).real,
         scatter[:, n_in:, :n_in],
         scatter[:, :n_in, :n_in],

@@ -19,6 +19,7 @@ class HitSettings:
         estimator: H1 (noise on the responses), H2 (noise on the force) or Hv (noise on both).
         reject: whether to leave out double, clipped, weak, copied and outlying hits. Hits whose
             block does not fit into the record are always left out.
+        period_s: time after which a force that never rests repeats [s].
         left_out: numbers of further hits to leave out, from 1.
     """
 
@@ -29,4 +30,5 @@ class HitSettings:
     window_tau: float = 0.0
     estimator: Estimator = "H1"
     reject: bool = True
+    period_s: float | None = None
     left_out: frozenset[int] = frozenset()

@@ -27,9 +27,10 @@ class LogSettings(TomlTable):
     number, or to variables of a .mat or .npz file. ``references`` are columns that are independent
     of the noise: references of controllers, or injected disturbances. Where none was recorded,
     ``controllers`` state the feedback of each motor's command instead. ``time_unit`` is that of the
-    times, where no heading says it. ``hold`` says that motors are commands, which act until the
-    next sample. ``realisations`` says that so many signals of equal
-    length follow one another, as several motors at once need.
+    times, where no heading says it. ``period`` is the time after which the signal repeats [s],
+    which is found if it is not stated. ``hold`` says that motors are commands, which act until the
+    next sample. ``realisations`` says that so many signals of equal length follow one another, as
+    several motors at once need.
     """
 
     file: FileName
@@ -41,6 +42,7 @@ class LogSettings(TomlTable):
     unit: str | None = None
     level: float | None = Field(default=None, gt=0)
     block_s: float | None = Field(default=None, gt=0)
+    period: float | None = Field(default=None, gt=0)
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     hold: bool = False
     realisations: int = Field(default=1, ge=1)
@@ -48,6 +50,8 @@ class LogSettings(TomlTable):
     @model_validator(mode="after")
     def check_controllers(self) -> "LogSettings":
         """Refuse controllers of unknown motors or encoders, and beside recorded references."""
+        if self.period is not None and self.block_s is not None:
+            raise ValueError("block_s is for a signal that does not repeat: remove it or period")
         for motor, table in self.controllers.items():
             for name, kind in ((motor, "motors"), (table.encoder, "encoders")):
                 if name not in getattr(self, kind):

@@ -12,7 +12,7 @@ from identification.continuous import estimate_continuous_frf
 from identification.continuous.plan import _hann, _independent_blocks, find_period
 from identification.continuous.spectra import average_blocks, choose_lines
 from identification.hits import HitSettings
-from identification.words import Dof, InputError
+from identification.words import Dof, InputError, Records
 from tests.helpers.shaken_machine import (
     OUTPUTS,
     RATE_HZ,
@@ -164,6 +164,60 @@ def test_few_periods_have_their_noise_too(count):
     squares = ratio(records, result)
     assert len(result.blocks.starts) == max(count - 2, 2)  # the machine begins with one more
     assert 0.7 < squares.mean() < 1.4
+
+
+def shake_by_another_clock(period, noise=0.01):
+    """Records of a multisine whose period is no whole number of samples, settled, by its lines."""
+    lines = np.arange(round(3 * period / RATE_HZ), round(65 * period / RATE_HZ))
+    phases = np.random.default_rng(2).uniform(0, 2 * np.pi, len(lines))
+    turns = np.exp(2j * np.pi * np.outer(lines / period, np.arange(9 * period)))
+    turns *= np.exp(1j * phases)[:, None]
+    frfs = exact(lines * RATE_HZ / period)[:, :, 0]
+    motion = (frfs.T @ turns).real
+    motion += noise * motion.std() * np.random.default_rng(5).standard_normal(motion.shape)
+    first = OUTPUTS[0]
+    force = turns.real.sum(axis=0)[None]
+    return Records(RATE_HZ, force, motion[None], OUTPUTS, first, "accelerance", test="clock.npz")
+
+
+@pytest.mark.parametrize("period", [2048.1, 2047.69, 2048.5])
+def test_a_period_may_be_no_whole_number_of_samples(period):
+    records = shake_by_another_clock(period)
+    result = estimate_continuous_frf(records)
+    assert 0.7 < ratio(records, result).mean() < 1.4
+    if period == 2048.5:  # two of them are a whole number
+        assert result.blocks.length == 4097
+        return
+    (said,) = [remark for remark in result.remarks if "no whole number" in remark]
+    length = float(said.partition("repeats each ")[2].partition(" samples")[0])
+    whole = result.blocks.length
+    assert length * round(whole / length) / period == pytest.approx(round(whole / period), abs=1e-6)
+    stated = estimate_continuous_frf(records, HitSettings(period_s=period / RATE_HZ))
+    assert stated.blocks.length == round(period)
+    assert 0.7 < ratio(records, stated).mean() < 1.4
+    records = shake_by_another_clock(period, noise=1e-5)
+    errors = []
+    for assumed in (period, round(period)):
+        settings = HitSettings(period_s=assumed / RATE_HZ)
+        frf = estimate_continuous_frf(records, settings).estimate.frf
+        mode = (frf.freq_hz > 25) & (frf.freq_hz < 45)
+        errors.append(np.abs(frf.values[mode, 0, 0] / exact(frf.freq_hz[mode])[:, 0, 0] - 1).max())
+    assert errors[0] < 1e-3 < errors[1]
+
+
+def test_a_stated_period_has_to_fit_twice():
+    with pytest.raises(InputError, match="does not fit twice into records of"):
+        estimate_continuous_frf(shake(random_force(1, 1, 8_000)), HitSettings(period_s=20.0))
+
+
+def test_lines_that_a_force_leaves_out_do_not_widen_the_others():
+    spectrum = np.fft.rfft(multisine(1, 1, 1)[0, 0])
+    spectrum[1::2] = 0.0
+    force = np.tile(np.fft.irfft(spectrum, 2048), 8)
+    records = shake(force[None, None], noise=0.05)
+    records = replace(records, force=records.force + 1e-9 * random_force(*records.force.shape))
+    settings = HitSettings(period_s=2048 / RATE_HZ)
+    assert 0.7 < ratio(records, estimate_continuous_frf(records, settings)).mean() < 1.4
 
 
 def test_distortion_is_told_from_noise_by_realisations():
