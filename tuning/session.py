@@ -123,7 +123,7 @@ def _begin_session(source: Path, machine: Machine, campaign: Campaign) -> Sessio
 
 
 def find_wrong_exports(source: Path, model: Model, campaign: Campaign) -> list[ExportFinding]:
-    """Return what is wrong with files that differ from the nominal model as a whole.
+    """Return what tells of a wrong unit, quantity or frequency unit of a file or column.
 
     Args:
         source: path of campaign.toml.
@@ -139,6 +139,7 @@ def find_wrong_exports(source: Path, model: Model, campaign: Campaign) -> list[E
             ).scalar,
             entry.frequency_unit,
             has_labels=is_universal(Path(entry.file)),
+            columns={} if entry.log is None else {**entry.log.motors, **entry.log.encoders},
         )
         for entry in read_settings(source)[1].test
     }

@@ -176,7 +176,9 @@ class CampaignSettings(TomlTable):
         test: dict[str, Any] = {
             key: list(value) for key, value in names.items() if isinstance(value, dict)
         }
-        test |= {key: log[key] for key in ("file", "unit", "level", "block_s") if key in log}
+        test |= {
+            key: log[key] for key in ("file", "unit", "level", "block_s", "as_stated") if key in log
+        }
         test |= {"quantity": log.get("quantity", "receptance"), "log": log}
         return {**content, "test": [*content.get("test", []), test]}
 

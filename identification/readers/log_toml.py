@@ -29,8 +29,9 @@ class LogSettings(TomlTable):
     ``controllers`` state the feedback of each motor's command instead. ``time_unit`` is that of the
     times, where no heading says it. ``period`` is the time after which the signal repeats [s],
     which is found if it is not stated. ``hold`` says that motors are commands, which act until the
-    next sample. ``realisations`` says that so many signals of equal length follow one another, as
-    several motors at once need.
+    next sample. ``as_stated`` says that units are right, however much the model differs.
+    ``realisations`` says that so many signals of equal length follow one another, as several motors
+    at once need.
     """
 
     file: FileName
@@ -45,6 +46,7 @@ class LogSettings(TomlTable):
     period: float | None = Field(default=None, gt=0)
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     hold: bool = False
+    as_stated: bool = False
     realisations: int = Field(default=1, ge=1)
 
     @model_validator(mode="after")

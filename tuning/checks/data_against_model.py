@@ -11,6 +11,7 @@ fault. For frequency axes the correlation of the curves without their trends mus
 """
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -20,16 +21,17 @@ from identification.words import (
     Campaign,
     Quantity,
     Real,
+    Signal,
     Test,
 )
-from mbmodel import Model
+from mbmodel import Model, output_unit
 from tuning.checks.export_faults import DECIBELS, ExportFault, StatedExport, list_faults
 from tuning.checks.level_curves import (
     LevelCurve,
     level_curve,
     predict_on_lines,
+    split_by_scale,
     strong_cells,
-    tests_by_file,
 )
 
 
@@ -87,26 +89,36 @@ class ExportFinding:
         factor: measured over nominal FRFs, in the median, with the shift that suits the best fault.
         faults: most likely faults, best first; empty where none explains the difference.
         is_certain: whether the file cannot be right as it was read.
+        columns: clause on the columns of a log; empty without.
     """
 
     file: str
     factor: float
     faults: tuple[ExportFault, ...]
     is_certain: bool
+    columns: str = ""
 
     @property
     def sentence(self) -> str:
         """What is wrong, why, and the key that corrects it."""
+        where = f"{self.file}{self.columns}"
+        table = "under [log]" if self.columns else "in its [[test]]"
         named = self.faults[: _EXPORT_LIMITS.max_reasons]
+        if not named and self.columns:
+            return (
+                f"{where}: measured FRFs are {_times(self.factor)} the nominal model's in the "
+                'median over the band: state their unit under [log], or gain = "unknown" of the '
+                "motor or encoder that is in counts or volts"
+            )
         if not named:
             return (
-                f"{self.file}: measured FRFs are {_times(self.factor)} the nominal model's in the "
+                f"{where}: measured FRFs are {_times(self.factor)} the nominal model's in the "
                 "median over the band: check unit and quantity in [[test]], the gain of the force "
                 "channel, and the masses of the model"
             )
         reasons = ", or ".join(fault.reason for fault in named)
         keys = ", or ".join(dict.fromkeys(f.remedy for f in named if not f.is_elsewhere))
-        actions = [f"set {keys} in its [[test]]"] if keys else []
+        actions = [f"set {keys} {table}"] if keys else []
         actions += dict.fromkeys(fault.remedy for fault in named if fault.is_elsewhere)
         is_level = all(
             fault.axis == 1.0 and fault.order == 0 and not fault.is_elsewhere for fault in named
@@ -115,7 +127,7 @@ class ExportFinding:
         level = f"are {_times(self.factor)} the nominal model's" if is_level else "fit the model"
         likely = "" if self.is_certain else " rather"
         return (
-            f"{self.file}: measured FRFs {level}{likely}, as if {reasons}: "
+            f"{where}: measured FRFs {level}{likely}, as if {reasons}: "
             f"{', or '.join(actions)}{masses}"
         )
 
@@ -136,14 +148,34 @@ def compare_with_model(
         stated: how each file was read, by its name.
 
     Returns:
-        One finding for each file that differs by more than wrong stiffness explains.
+        One finding for each file, and each encoder, that differs by more than wrong stiffness
+        explains.
     """
-    findings = (
-        _compare_file(model, tests, stated[file])
-        for file, tests in tests_by_file(campaign).items()
-        if file in stated
-    )
-    return [finding for finding in findings if finding is not None]
+    findings = []
+    for (file, encoder, drive), tests in split_by_scale(campaign).items():
+        if file in stated:
+            finding = _compare_file(model, tests, stated[file])
+            clause = _name_columns(stated[file], encoder, drive)
+            findings += [replace(finding, columns=clause)] if finding is not None else []
+    return findings
+
+
+def _name_columns(stated: StatedExport, encoder: str, drive: str) -> str:
+    """Return a clause on the encoder and the motor of FRFs, with their columns in a log."""
+    names = [
+        f"{name} (column {stated.columns[name]!r})" if name in stated.columns else name
+        for name in (encoder, drive)
+        if name
+    ]
+    return f", {' over '.join(names)}" if names else ""
+
+
+def _encoder_kind(model: Model, campaign: Campaign) -> Literal["", "m", "rad"]:
+    """Return the unit of what an encoder reads; empty where the channels are no encoder."""
+    output = campaign.tests[0].estimate.frf.outputs[0]
+    if not isinstance(output, Signal):
+        return ""
+    return "rad" if output_unit(model.machine, output, "receptance").startswith("rad") else "m"
 
 
 @dataclass(frozen=True)
@@ -169,7 +201,7 @@ class _CurveAgreement:
 
 def _compare_file(model: Model, campaign: Campaign, stated: StatedExport) -> ExportFinding | None:
     """Compare one file with the nominal model; None if it may be right."""
-    faults = list_faults(stated)
+    faults = list_faults(stated, _encoder_kind(model, campaign))
     axes = dict.fromkeys([1.0, *(fault.axis for fault in faults)])
     curves = {axis: _curves(model, campaign, axis) for axis in axes}
     if curves[1.0] is None:

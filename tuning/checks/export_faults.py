@@ -19,9 +19,10 @@ sensor, its readings in every order and with every sign are compared with a tune
 The order that leaves the least is named, if it explains the sensor's readings.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import permutations, product
+from typing import Literal
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from identification.words import DERIVATIVE_ORDER, Campaign, Complex, Dof, Quant
 
 _MIN_LOG_FACTOR = np.log(2)  # ln of the smallest common factor that is a fault
 _MILLIMETRE = 1e-3  # m
+_ANGLES = {"deg": float(np.pi / 180), "mrad": 1e-3}  # rad
 _RARE_FREQUENCY_UNITS = ("rpm",)  # of order analyses, hardly ever of FRFs
 
 
@@ -43,6 +45,7 @@ class StatedExport:
         factor: factor of this unit to SI; 1 for None.
         frequency_unit: unit of the frequencies that campaign.toml states, or None.
         has_labels: whether the file may have labelled its units, and these were converted.
+        columns: column of each motor and encoder of a log, by its name.
     """
 
     quantity: Quantity
@@ -50,6 +53,7 @@ class StatedExport:
     factor: float = 1.0
     frequency_unit: str | None = None
     has_labels: bool = False
+    columns: Mapping[str, int | str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -91,10 +95,16 @@ class ExportFault:
         return change
 
 
-def list_faults(stated: StatedExport) -> list[ExportFault]:
-    """Return the faults that a file may have, given how it was read."""
+def list_faults(stated: StatedExport, encoder: Literal["", "m", "rad"] = "") -> list[ExportFault]:
+    """Return the faults that a file may have, given how it was read.
+
+    Args:
+        stated: how it was read.
+        encoder: unit of what an encoder reads; empty for accelerometers.
+    """
     return [
-        *_unit_faults(stated),
+        *(_encoder_faults(stated, encoder) if encoder else ()),
+        *(_unit_faults(stated) if encoder != "rad" else ()),
         *_quantity_faults(stated),
         *_axis_faults(stated),
         *_model_faults(),
@@ -149,6 +159,23 @@ def _unit_faults(stated: StatedExport) -> list[ExportFault]:
             if unit.endswith("/N") or unit.startswith(si_unit.removesuffix("/N"))
         ]
     return [fault for fault in faults if abs(fault.log_factor) >= _MIN_LOG_FACTOR]
+
+
+def _encoder_faults(stated: StatedExport, unit: Literal["m", "rad"]) -> list[ExportFault]:
+    """Return the faults of the unit of an encoder that no accelerometer has."""
+    time = SI_UNITS[stated.quantity].removeprefix("m").removesuffix("/N")
+    labels = [f"um{time}/N"] if unit == "m" else [f"{a}{time}/(N m)" for a in _ANGLES]
+    read_as = stated.unit or (SI_UNITS[stated.quantity] if unit == "m" else f"rad{time}/(N m)")
+    factors = [1e-6] if unit == "m" else list(_ANGLES.values())
+    return [
+        ExportFault(
+            f"values in {label} were read as {read_as}",
+            f'unit = "{label}"',
+            float(np.log(stated.factor / factor)),
+        )
+        for label, factor in zip(labels, factors, strict=True)
+        if label != stated.unit
+    ]
 
 
 def _quantity_faults(stated: StatedExport) -> list[ExportFault]:

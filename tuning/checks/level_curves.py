@@ -10,7 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import DERIVATIVE_ORDER, Campaign, Complex, Dof, Mask, Real, Test
+from identification.words import (
+    DERIVATIVE_ORDER,
+    Campaign,
+    Complex,
+    Dof,
+    Mask,
+    Real,
+    Signal,
+    Test,
+)
 from mbmodel import Model
 from tuning.misfit.batch import predict
 
@@ -39,14 +48,28 @@ class LevelCurve:
         return np.interp(log_freq, self.log_freq, self.level, left=np.nan, right=np.nan)
 
 
-def tests_by_file(campaign: Campaign) -> dict[str, Campaign]:
-    """Return the tests whose reference is a force, as one campaign for each file with such."""
-    by_file: dict[str, list[Test]] = {}
+def split_by_scale(campaign: Campaign) -> dict[tuple[str, str, str], Campaign]:
+    """Return the tests of each file whose FRFs share a unit, as one campaign each.
+
+    Accelerometers of a file are read alike, and forces at points too. Each encoder and each motor
+    has a column with a unit of its own.
+
+    Returns:
+        Campaigns by file, encoder and motor; the names are empty for points.
+    """
+    by_scale: dict[tuple[str, str, str], list[Test]] = {}
     for test in campaign.tests:
-        reference = test.condition.reference
-        if isinstance(reference, Dof) and not reference.is_rotation:
-            by_file.setdefault(test.condition.test, []).append(test)
-    return {file: replace(campaign, tests=tuple(tests)) for file, tests in by_file.items()}
+        reference, outputs = test.condition.reference, test.estimate.frf.outputs
+        if isinstance(reference, Dof) and reference.is_rotation:
+            continue
+        drive = reference.point if isinstance(reference, Signal) else ""
+        rows: dict[str, list[int]] = {}
+        for row, output in enumerate(outputs):
+            rows.setdefault(output.point if isinstance(output, Signal) else "", []).append(row)
+        for encoder, chosen in rows.items():
+            part = replace(test, hits=None, estimate=test.estimate.select_outputs(chosen))
+            by_scale.setdefault((test.condition.test, encoder, drive), []).append(part)
+    return {key: replace(campaign, tests=tuple(tests)) for key, tests in by_scale.items()}
 
 
 def predict_on_lines(
