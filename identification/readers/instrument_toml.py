@@ -15,6 +15,7 @@ class SensorSettings(TomlTable):
     A channel that is no site, such as an encoder, goes by its name. ``gain_tolerance`` (relative)
     and ``delay_tolerance`` [s] replace those of ``[tolerance]`` for its channels. ``mass`` [kg] is
     that of the accelerometer, on the machine in the tests of the files that it reads.
+    ``resolution`` [m, rad] is the step of an encoder, with which signals are played.
     """
 
     flip: list[Literal["x", "y", "z"]] = Field(default_factory=list)
@@ -25,6 +26,7 @@ class SensorSettings(TomlTable):
     gain_tolerance: float | None = Field(default=None, gt=0)
     delay_tolerance: float | None = Field(default=None, gt=0)
     mass: float | None = Field(default=None, gt=0)
+    resolution: float | None = Field(default=None, gt=0)
 
 
 class StingerTable(TomlTable):

@@ -37,6 +37,7 @@ from mbw.simulate.campaign_folder import (
     write_campaign,
     write_hits,
 )
+from mbw.simulate.encoder_readings import read_resolutions, round_readings
 from mbw.simulate.hammer_plan import load_nominal, plan_test, refuse_missing_points
 from mbw.simulate.joint_laws import SimulatedMachine, open_machine
 from mbw.simulate.option_values import TestOptions, refuse_conflicts
@@ -99,7 +100,14 @@ def run(  # noqa: PLR0913  # one for each option
         if played.is_asked:
             definition = find_definition(simulated.machine, loops_source, played)
             summary = play_signal(
-                simulated, played, definition, outputs, rates, file_format or "csv", seed=seed
+                simulated,
+                played,
+                definition,
+                outputs,
+                rates,
+                file_format or "csv",
+                steps=read_resolutions(loops_source),
+                seed=seed,
             )
         else:
             summary = make_test(
@@ -207,6 +215,7 @@ def play_signal(
     rates: Mapping[str, float],
     file_format: str,
     *,
+    steps: Mapping[str, float],
     seed: int,
 ) -> SimulationSummary:
     """Play a signal, with the loops and sources of a definition, and write the response.
@@ -218,6 +227,7 @@ def play_signal(
         outputs: where the response is written.
         rates: of spinning hinges [rad/s].
         file_format: of the response.
+        steps: of encoders, by label.
         seed: of noise.
     """
     _check_format(file_format, _RESPONSE_FORMATS)
@@ -257,6 +267,8 @@ def play_signal(
         with SCREEN.status(f"{duration:.3g} s in time"):
             result = respond(readings, quantity)
         response = result.response
+        of_readings = [steps.get(str(reading), 0.0) for reading in readings]
+        read = round_readings(response.outputs, of_readings, seed)
         inputs = [
             (str(drive), input_unit(machine, drive, definition.loops), signal.values[:, k])
             for k, drive in enumerate(drives)
@@ -267,11 +279,12 @@ def play_signal(
             if response.watched is not None
         ]
         motion = [
-            (str(reading), output_unit(machine, reading, quantity), response.outputs[:, k])
+            (str(reading), output_unit(machine, reading, quantity), read[:, k])
             for k, reading in enumerate(readings)
         ]
         sentences = [
             *error_sentences(result, duration),
+            *(f"{label} reads steps of {steps[label]:g}" for label in labels if label in steps),
             *(text for loop in response.loops for text in loop_sentences(loop, options.window)),
         ]
         with output.write() as place:

@@ -227,7 +227,12 @@ def test_a_campaign_is_excited_in_its_loops_before_it_is_recorded(model, tmp_pat
     said = run("simulate", out / "model.xml", *played, "--overwrite", code=3)
     assert "closes [loop.*], but this signal is played with x/y open" in said
     assert (out / "response.csv").read_bytes() == before
-    run("simulate", out, "--closed", "*", *played, "--overwrite", "--no-pictures")
+    said = run("simulate", out, "--closed", "*", *played, "--overwrite", "--no-pictures")
+    step = read_settings(out)[1].sensor["encoder"].resolution  # the default: none was stated
+    assert f"encoder reads steps of {step:g}" in said
+    header, record = read_columns(out / "response.csv")
+    counts = record[:, header.index("encoder [m]")] / step
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-4)
     _, machine, campaign = open_campaign(out)
     for test in campaign.tests:  # the record of MuJoCo with the loop closed is that of the model
         exact = frf(machine, test.estimate.frf)
@@ -285,7 +290,8 @@ def test_the_instruments_of_a_campaign_are_those_of_its_next_test(model, tmp_pat
     stated, written = (read_settings(path)[1] for path in (tmp_path, out))
     assert written.test[0].channels == ["encoder", "acc1:+tx", "acc2:+tx", "acc2:+tz"]
     assert written.sensor["acc2"] == stated.sensor["acc2"].model_copy(update={"ignore": []})
-    assert written.sensor["encoder"] == stated.sensor["encoder"]
+    update = {"resolution": 1e-6}  # the default
+    assert written.sensor["encoder"] == stated.sensor["encoder"].model_copy(update=update)
     assert written.hammer == {"default": stated.hammer["default"]}
     assert written.tuning.prior == stated.tuning.prior
     session = open_session(out)

@@ -9,6 +9,7 @@ from budget_case import BUDGET, LOOP_DELAY, write_machine
 from simulate_command import run
 
 import mbworkbench as mb
+from mbw.simulate.encoder_readings import round_readings
 
 SAMPLED = BUDGET.format(gain=3e4, delay=LOOP_DELAY, lines="").replace(
     "zeros = [-60.0, -8.0], poles = [-0.5, -700.0], gain = 30000.0",
@@ -29,6 +30,16 @@ def read_columns(file):
     with file.open(newline="", encoding="utf-8") as opened:
         header, *rows = csv.reader(opened)
     return dict(zip(header, np.array(rows, float).T, strict=True))
+
+
+def test_readings_of_an_encoder_are_steps_whose_mean_is_the_position():
+    motion = np.column_stack([np.full(40_000, 3.3e-6), np.full(40_000, 0.7)])
+    read = round_readings(motion, (1e-6, 0.0), seed=1)
+    np.testing.assert_array_equal(read[:, 1], motion[:, 1])
+    np.testing.assert_allclose(np.unique(read[:, 0]), [3e-6, 4e-6])
+    error = read[:, 0] - motion[:, 0]
+    assert abs(error.mean()) < 1e-8
+    assert error.std() == pytest.approx(1e-6 * np.sqrt(0.3 * 0.7), rel=0.02)
 
 
 def test_a_budget_in_time_stands_beside_that_of_the_linear_machine(place):
