@@ -4,6 +4,7 @@ Messages of an MCAP file come when they come. All signals are brought to one tim
 fast as the slowest of their topics in the median.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -20,14 +21,15 @@ from identification.readers.text_arrays import (
     choose_columns,
     find_motion_unit,
     find_rate,
-    read_rate,
+    rate_of_times,
 )
 from identification.readers.text_tables import read_text_table
 from identification.readers.units import TIME_UNITS_S
 from identification.words import Controller, InputError, Real, shorten_names
 from identification.words.file_access import check_file
 
-_TIME_NAMES = ("time", "t")
+_TIME_NAMES = ("time", "t", "tout")  # the last one is Simulink's
+_HAS_HEADING = re.compile(r"[\s\[(]")  # of a name with a unit
 _LOG_RATES = ("rate_hz", "fs")
 _CHILDREN = {
     ".h5": "matlab73_child.py",
@@ -72,7 +74,10 @@ def read_drive_log(
         driven = table.names[: len(log.motors) + len(log.encoders)]
         unit = find_motion_unit(driven, range(len(log.motors)))
     else:
-        signals, rate = _read_variables(path, columns, TIME_UNITS_S[log.time_unit or "s"])
+        signals, rate, names = _read_variables(path, columns, log.time_unit)
+        headings = [name if _HAS_HEADING.search(name) else "" for name in names]
+        driven = tuple(headings[: len(log.motors) + len(log.encoders)])
+        unit = find_motion_unit(driven, range(len(log.motors)))
     n_in, n_out = len(log.motors), len(log.encoders)
     if (count := log.realisations) > 1:
         length = signals.shape[1] // count
@@ -156,41 +161,70 @@ def _find_set_points(
 
 
 def _read_variables(
-    path: Path, columns: Sequence[int | str], time_unit_s: float
-) -> tuple[Real, float]:
-    """Return signals (n_signal, n_sample) of an array file, and samples per second."""
-    arrays = _load(path)
-    for column in columns:
-        if column not in arrays:
-            raise InputError(
-                f"{path} has no variable {column!r} (there are {shorten_names(sorted(arrays))}): "
-                "correct its name under [log]"
-            )
-    signals = [_vector(path, arrays, str(column)) for column in columns]
+    path: Path, columns: Sequence[int | str], time_unit: str | None
+) -> tuple[Real, float, list[str]]:
+    """Return signals (n_signal, n_sample) of an array file, samples per second, and their names."""
+    arrays = _split_columns(_load(path))
+    names = [_find_name(path, arrays, column) for column in columns]
+    signals = [_vector(path, arrays, name) for name in names]
     if path.suffix.lower() == ".mcap":
-        topics = [_find_times(arrays, str(column)) for column in columns]
-        return _bring_together(path, [str(column) for column in columns], topics, signals)
-    # In a group of HDF5 the clock may lie beside the signals.
-    groups = {str(column).rpartition("/")[0] for column in columns}
-    prefixes = ["", *(f"{group}/" for group in sorted(groups) if group)]
-    clocks = {
-        name: f"{prefix}{name}"
-        for prefix in prefixes
-        for name in (*_TIME_NAMES, *_LOG_RATES)
-        if f"{prefix}{name}" in arrays
+        topics = [_find_times(arrays, name) for name in names]
+        return *_bring_together(path, names, topics, signals), names
+    # In a group of HDF5 or a structure the clock may lie beside the signals, or above them.
+    prefixes = {"": None}
+    for name in sorted(names):
+        parts = name.split("/")[:-1]
+        prefixes |= {"".join(f"{part}/" for part in parts[:k]): None for k in range(len(parts) + 1)}
+    beside = {
+        name: name.removeprefix(prefix).lower()
+        for prefix in sorted(prefixes, key=lambda text: -text.count("/"))
+        for name in arrays
+        if name.startswith(prefix) and "/" not in name.removeprefix(prefix)
     }
-    time = next((clocks[name] for name in _TIME_NAMES if name in clocks), None)
-    rate = next((clocks[name] for name in _LOG_RATES if name in clocks), None)
+    time = next((n for n, bare in beside.items() if n not in names and _is_clock(bare)), None)
+    rate = next((n for n, bare in beside.items() if bare in _LOG_RATES), None)
     times = signals[0] if time is None else _vector(path, arrays, time)
     if len({*map(len, signals), len(times)}) > 1:
         raise InputError(f"{path}: its signals and times have different lengths: export one record")
     if rate is not None:
-        return np.array(signals), float(_vector(path, arrays, rate)[0])
+        return np.array(signals), float(_vector(path, arrays, rate)[0]), names
     if time is None:
         raise InputError(
             f"{path} has no sampling rate: save time, or rate_hz, samples per second, beside them"
         )
-    return np.array(signals), read_rate(path, times, time_unit_s)
+    heading = time.rpartition("/")[2]
+    return np.array(signals), rate_of_times(path, heading, times, time_unit), names
+
+
+def _split_columns(arrays: Arrays) -> Arrays:
+    """Return the variables, and each column of a matrix under its number, as ``yout(2)``."""
+    columns = {
+        f"{name}({number})": values[:, number - 1]
+        for name, values in arrays.items()
+        if values.ndim == 2 and 1 < values.shape[1] < values.shape[0]
+        for number in range(1, values.shape[1] + 1)
+    }
+    return {**columns, **arrays}
+
+
+def _find_name(path: Path, arrays: Arrays, column: int | str) -> str:
+    """Return the variable that a campaign means: by its name, with dots, or without its unit."""
+    text = str(column)
+    plain = text.replace("(:,", "(").replace(".", "/")
+    names = [name for name in (text, plain) if name in arrays]
+    names = names or [name for name in arrays if name.split(" [")[0] == text]
+    if not names or not isinstance(column, str):
+        raise InputError(
+            f"{path} has no variable {column!r} (there are {shorten_names(sorted(arrays))}): "
+            "correct its name under [log]"
+        )
+    return names[0]
+
+
+def _is_clock(name: str) -> bool:
+    """Return whether a name is that of times, perhaps with a unit: ``time``, ``Time [ms]``."""
+    first, *further = re.findall(r"[^\W\d_]+", name.lower()) or [""]
+    return first in _TIME_NAMES and all(word in TIME_UNITS_S for word in further)
 
 
 def _load(path: Path) -> Arrays:

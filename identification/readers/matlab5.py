@@ -24,6 +24,7 @@ _TYPE_OF_KIND = {
     **{1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"},
 }
 _NUMERIC_CLASSES = range(6, 16)  # double, single and integers
+_STRUCT_CLASS, _MAX_STRUCT_DEPTH = 2, 16
 _OPAQUE_CLASS = 17  # objects, which have no dimensions
 _COMPLEX_FLAG = 0x800
 _MAX_SHAPE_KINDS = 32
@@ -35,7 +36,8 @@ _NO_NUMBERS = np.empty(0, object)  # stands for text, cells, structures and spar
 def read_matlab5(path: Path) -> dict[str, np.ndarray]:
     """Read the numeric variables by name, in the number types in which they are stored.
 
-    Other variables are there without their content, as arrays of objects.
+    What lies in a structure has its names before, as in ``log/signals/values``. Other variables are
+    there without their content, as arrays of objects.
 
     Raises:
         ValueError: the file is damaged, or another format.
@@ -114,7 +116,7 @@ def _read_version_5(content: bytes, order: str) -> Iterator[tuple[str, np.ndarra
             inflated += len(element.data)
         if element.kind != _MATRIX:
             raise ValueError("it holds an element that is no variable")
-        yield _read_matrix(_Elements(element.data, order))
+        yield from _read_matrix(_Elements(element.data, order))
 
 
 def _inflate(data: memoryview, order: str, file_bytes: int, inflated: int) -> _Element:
@@ -140,22 +142,55 @@ def _inflate(data: memoryview, order: str, file_bytes: int, inflated: int) -> _E
     return _Element(kind, memoryview(content))
 
 
-def _read_matrix(parts: _Elements) -> tuple[str, np.ndarray]:
-    """Return name and values of one variable."""
+def _read_matrix(
+    parts: _Elements, known: str = "", depth: int = 0
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield name and values of one variable, and of what lies in it.
+
+    Args:
+        parts: elements of the variable.
+        known: its name as a field of a structure.
+        depth: number of structures about it.
+    """
     flags, _ = struct.unpack(parts.order + "II", parts.next_of(_FLAGS)[:8])
     array_class = flags & 0xFF
     if array_class == _OPAQUE_CLASS:
-        return _name(parts.next_of(_NAME)), _NO_NUMBERS
+        yield known or _name(parts.next_of(_NAME)), _NO_NUMBERS
+        return
     shape = tuple(map(int, np.frombuffer(parts.next_of(_SHAPE_KINDS), parts.order + "i4")))
-    name = _name(parts.next_of(_NAME))
+    stated = _name(parts.next_of(_NAME))
+    name = known or stated
     if array_class not in _NUMERIC_CLASSES:
-        return name, _NO_NUMBERS
+        yield name, _NO_NUMBERS
+        if array_class == _STRUCT_CLASS and depth < _MAX_STRUCT_DEPTH:
+            yield from _read_structure(name, parts, shape, depth)
+        return
     if not 2 <= len(shape) <= _MAX_SHAPE_KINDS or min(shape) < 0:
         raise ValueError(f"{name} has the dimensions {shape}")
     values = _read_numbers(name, parts, shape)
     if flags & _COMPLEX_FLAG:
         values = _as_complex(values, _read_numbers(name, parts, shape))
-    return name, values
+    yield name, values
+
+
+def _read_structure(
+    name: str, parts: _Elements, shape: tuple[int, ...], depth: int
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the fields of a structure; those of an array of structures have a number, from 1."""
+    length = int(np.frombuffer(parts.next_of(_SHAPE_KINDS), parts.order + "i4")[0])
+    names = bytes(parts.next_of(_NAME))
+    if not 0 < length <= max(len(names), 1):
+        raise ValueError(f"{name} has field names of {length} bytes")
+    fields = [_name(memoryview(names[k : k + length])) for k in range(0, len(names), length)]
+    place = 0
+    while fields and parts.has_next():
+        number, field = divmod(place, len(fields))
+        group = name if math.prod(shape) == 1 else f"{name}({number + 1})"
+        element = parts.next_of((_MATRIX,))
+        if len(element):  # an empty field may have no parts
+            inner = _Elements(element, parts.order)
+            yield from _read_matrix(inner, f"{group}/{fields[field].split(chr(0))[0]}", depth + 1)
+        place += 1
 
 
 def _read_numbers(name: str, parts: _Elements, shape: tuple[int, ...]) -> np.ndarray:

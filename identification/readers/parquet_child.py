@@ -35,6 +35,6 @@ def read(path: Path, max_array_bytes: int) -> dict[str, np.ndarray]:
     return {
         name: (values - values[0]) / np.timedelta64(1, "s")
         if name in stamps
-        else (values - values[0] if name in _CLOCKS else values).astype(float)
+        else (values - values[0] if name.lower().split(" ")[0] in _CLOCKS else values).astype(float)
         for name, values in arrays.items()
     }

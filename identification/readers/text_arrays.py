@@ -132,14 +132,29 @@ def find_rate(table: TextTable, unit: str | None = None) -> float:
         InputError: times that are not evenly spaced, are whole numbers of no unit, or give a rate
             that no record has.
     """
-    *_, last = ["", *re.findall(r"[^\W\d_]+", table.axis_name.lower())]
+    return rate_of_times(table.path, table.axis_name, table.axis, unit)
+
+
+def rate_of_times(path: Path, heading: str, times: Real, unit: str | None = None) -> float:
+    """Return the samples per second of a record, by the heading and the times of its clock.
+
+    Args:
+        path: file.
+        heading: of the times.
+        times: of the samples; (n_sample,).
+        unit: as for ``find_rate``.
+
+    Raises:
+        InputError: as for ``find_rate``.
+    """
+    *_, last = ["", *re.findall(r"[^\W\d_]+", heading.lower())]
     is_known = (unit or last) in TIME_UNITS_S
-    if not is_known and len(table.axis) > 1 and (table.axis == np.round(table.axis)).all():
+    if not is_known and len(times) > 1 and (times == np.round(times)).all():
         raise InputError(
-            f"{table.path}: its times are whole numbers without a unit: head them with it, as in "
+            f"{path}: its times are whole numbers without a unit: head them with it, as in "
             'Time [ms], or state time_unit = "ms" or "s" under [log]'
         )
-    return read_rate(table.path, table.axis, TIME_UNITS_S.get(unit or last, 1.0))
+    return read_rate(path, times, TIME_UNITS_S.get(unit or last, 1.0))
 
 
 def read_rate(path: Path, times: Real, unit_s: float) -> float:

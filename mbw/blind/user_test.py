@@ -9,7 +9,14 @@ from identification import read_settings
 from identification.readers.campaign_toml import model_file
 from identification.readers.controller import CampaignLoopTable, find_controller
 from identification.readers.toml_files import toml_key, toml_value
-from identification.words import DERIVATIVE_ORDER, Campaign, Complex, InputError, Test
+from identification.words import (
+    DERIVATIVE_ORDER,
+    Campaign,
+    Complex,
+    InputError,
+    Signal,
+    Test,
+)
 from mbmodel.mjcf.read import current_reading
 from truth import (
     ClosedLoop,
@@ -103,6 +110,13 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
         )
     if settings.key not in (None, "home"):
         raise InputError(f"{source}: key names a keyframe; a blind test knows 'home' alone")
+    encoders = [str(output) for output in campaign.outputs if isinstance(output, Signal)]
+    if encoders:
+        raise InputError(
+            f"{source}: its tests read {', '.join(encoders)}, and a blind test repeats "
+            "accelerometers alone, at sites acc<node>: change the model by hand, play it by mbw "
+            "simulate --closed '*' and diagnose the record, or name a campaign of accelerometers"
+        )
     freq_hz = campaign.freq_hz
     moving = freq_hz > 0
     stated = tuple(_state(source, test, moving) for test in campaign.tests)

@@ -51,12 +51,27 @@ def test_numbers_are_read_as_scipy_reads_them(tmp_path, compressed):
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, variables() | OTHER_VARIABLES, do_compression=compressed)
     expected, arrays = scipy.io.loadmat(path), load_arrays(path)
-    assert arrays.keys() == variables().keys() | OTHER_VARIABLES.keys()
+    assert arrays.keys() == variables().keys() | OTHER_VARIABLES.keys() | {"structure/a"}
     for name in variables():
         assert arrays[name].dtype == expected[name].dtype
         np.testing.assert_array_equal(arrays[name], expected[name], strict=True)
     for name in OTHER_VARIABLES:
         assert arrays[name].dtype == object
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_fields_of_structures_have_the_names_before_theirs(tmp_path, compressed):
+    path = tmp_path / "a.mat"
+    table = np.arange(12.0).reshape(4, 3)
+    inner = {"values": table, "label": "x", "dimensions": 3.0}
+    several = np.array([(1.0, "a"), (2.0, "b")], dtype=[("value", object), ("unit", object)])
+    content = {"log": {"time": np.arange(4.0), "signals": inner}, "rows": several, "none": {}}
+    scipy.io.savemat(path, content, do_compression=compressed)
+    arrays = load_arrays(path)
+    np.testing.assert_array_equal(arrays["log/signals/values"], table)
+    np.testing.assert_array_equal(arrays["log/time"].ravel(), np.arange(4.0))
+    assert arrays["rows(2)/value"] == 2.0
+    assert arrays["log/signals/label"].dtype == object
 
 
 def test_matrices_of_version_4_are_read_as_scipy_reads_them(tmp_path):

@@ -465,7 +465,7 @@ def test_the_unit_of_times_may_be_stated_and_must_make_sense(tmp_path, record):
     content = {"time": time, "u": record[1][:count], "y": record[2][:count]}
     pyarrow.parquet.write_table(pyarrow.table(content), tmp_path / "trace.parquet")
     text = LOG.format(file="trace.parquet", motor="u", encoder="y")
-    with pytest.raises(InputError, match='state time_unit = "ms" under'):
+    with pytest.raises(InputError, match='or state time_unit = "ms" or "s" under'):
         read(tmp_path, text)
     (test,) = read(tmp_path, text + 'time_unit = "ns"\n').tests
     assert test.estimate.frf.freq_hz[-1] == pytest.approx(400, rel=0.01)
@@ -473,6 +473,42 @@ def test_the_unit_of_times_may_be_stated_and_must_make_sense(tmp_path, record):
     pyarrow.parquet.write_table(pyarrow.table(content), tmp_path / "trace.parquet")
     (stamped,) = read(tmp_path, text).tests
     np.testing.assert_array_equal(stamped.estimate.frf.values, test.estimate.frf.values)
+
+
+def test_structures_of_matlab_and_simulink_are_read_with_their_clock(tmp_path, record):
+    count = 8192
+    time, both = np.arange(count) / RATE_HZ, np.column_stack([each[:count] for each in record[1:]])
+    structure = {"time": time, "signals": {"values": both, "label": "u, y"}}
+    contents = {
+        "plain": ({"time": time, "u": both[:, 0], "y": both[:, 1]}, "u", "y"),
+        "structure": ({"log": structure}, "log.signals.values(:,1)", "log.signals.values(2)"),
+        "simulink": ({"tout": time, "yout": both}, "yout(1)", "yout(2)"),
+    }
+    values = []
+    for name, (content, motor, encoder) in contents.items():
+        scipy.io.savemat(tmp_path / f"{name}.mat", content, do_compression=True)
+        campaign = read(tmp_path, LOG.format(file=f"{name}.mat", motor=motor, encoder=encoder))
+        values.append(campaign.tests[0].estimate.frf.values)
+    np.testing.assert_array_equal(values[1], values[0])
+    np.testing.assert_array_equal(values[2], values[0])
+    with pytest.raises(InputError, match=r"no variable 'yout\(3\)'"):
+        read(tmp_path, LOG.format(file="simulink.mat", motor="yout(1)", encoder="yout(3)"))
+
+
+def test_units_in_the_names_of_variables_count_and_are_said(tmp_path, record):
+    count = 8192
+    time, command, position = (np.arange(count), *(each[:count] for each in record[1:]))
+    content = {"Time [ms]": time, "Cmd [N]": command, "Pos [mm]": 1e3 * position}
+    pyarrow.parquet.write_table(pyarrow.table(content), tmp_path / "trace.parquet")
+    text = LOG.format(file="trace.parquet", motor="Cmd", encoder="Pos [mm]")
+    campaign = read(tmp_path, text.replace('unit = "m/N"\n', ""))
+    assert any("name the unit mm/N" in remark for remark in campaign.remarks)
+    plain = {"time": time / RATE_HZ, "u": command, "y": position}
+    pyarrow.parquet.write_table(pyarrow.table(plain), tmp_path / "plain.parquet")
+    expected = read(tmp_path, LOG.format(file="plain.parquet", motor="u", encoder="y"))
+    first, second = (each.tests[0].estimate.frf for each in (campaign, expected))
+    np.testing.assert_allclose(first.freq_hz, second.freq_hz)
+    np.testing.assert_allclose(first.values, second.values, rtol=1e-9)
 
 
 def test_the_clock_of_a_group_counts_and_must_fit(tmp_path, record):

@@ -152,12 +152,19 @@ def test_a_place_or_effect_that_cannot_be_is_said_before_cases_are_drawn(
     assert not (out / "cases").exists()
 
 
-def test_a_channel_that_the_virtual_test_lacks_is_refused(campaign, tmp_path):
+@pytest.mark.parametrize(
+    ("channel", "said"),
+    [
+        ("acc5:+rz", r"acc5:\+rz"),
+        ("joint:drive", "joint:drive, and a blind test repeats accelerometers alone"),
+    ],
+)
+def test_a_channel_that_the_virtual_test_lacks_is_refused(campaign, tmp_path, channel, said):
     for path in campaign.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     text = (tmp_path / "campaign.toml").read_text()
-    (tmp_path / "campaign.toml").write_text(text.replace("acc5:+tz", "acc5:+rz"))
-    with pytest.raises(InputError, match="acc5:\\+rz"):
+    (tmp_path / "campaign.toml").write_text(text.replace("acc5:+tz", channel))
+    with pytest.raises(InputError, match=said):
         read_user_test(tmp_path, None)
 
 
