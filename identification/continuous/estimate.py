@@ -47,6 +47,7 @@ _MIN_FORCE_EIGENVALUE = 1e-8  # of S_xx: below it one force follows from the oth
 _MIN_DISTORTION = 1.5  # variance between realisations over that between periods, to be said
 _MIN_LEAKAGE = 0.02  # of the motion at its peak, to be said
 _DROPPED = 0.01  # force power over its usual size about a line, to be said: 20 dB
+_NOT_EXCITED = 1e-8  # of its usual size: 80 dB, by which no shaker falls at a mode
 _DROP_LINES = 41  # about a line, that say what is usual: far more than a mode is wide
 _KIND_WORDS = {
     "periodic": "a force that repeats",
@@ -98,7 +99,7 @@ def estimate_continuous_frf(
     spectra = average_blocks(records, blocks)
     lines = choose_lines(spectra, blocks, records)
     spectra = spectra.select(lines)
-    _refuse_dependent(records, spectra)
+    _refuse_dependent(records, blocks, spectra)
     freq = np.arange(blocks.length // 2 + 1)[lines] * records.rate_hz / blocks.length
     values, variance = spectra.values[:, :, 0], spectra.variance()[:, :, 0]
     if inputs == 1 and settings.estimator != "H1":
@@ -147,7 +148,7 @@ def _refuse_settings(records: Records, settings: HitSettings) -> None:
         )
 
 
-def _refuse_dependent(records: Records, spectra: ForcedSpectra) -> None:
+def _refuse_dependent(records: Records, blocks: ContinuousBlocks, spectra: ForcedSpectra) -> None:
     """Refuse forces of which one follows from the others at most lines."""
     size = np.sqrt(np.einsum("fii->fi", spectra.force).real)
     relative = spectra.force / (size[:, :, None] * size[:, None, :])
@@ -160,6 +161,12 @@ def _refuse_dependent(records: Records, spectra: ForcedSpectra) -> None:
             "half the sampling rate: check which channel is the force, and that its reference moves"
         )
     names = ", ".join(map(str, (records.reference, *records.further_references)))
+    count, inputs = len(records.force), count_inputs(records)
+    if blocks.kind == "periodic" and 1 < count < inputs:
+        raise InputError(
+            f"{records.test}: {count} realisations cannot tell the {inputs} forces along {names} "
+            "apart: record as many realisations as there are forces, each with other phases"
+        )
     raise InputError(
         f"{records.test}: the forces along {names} are one signal, which cannot be told apart: "
         "record as many realisations as there are forces, each with other phases"
@@ -184,9 +191,12 @@ def _leakage_sentence(
     line, row = np.unravel_index(int(share.argmax()), share.shape)
     if share[line, row] < _MIN_LEAKAGE:
         return []
+    peak = int(np.abs(values[:, row]).argmax())
+    is_mode = 0 < peak < len(values) - 1  # else the FRF is steep, as that of a free axis
+    where, top = ("at sharp modes", "peak") if is_mode else ("of a steep FRF", "largest value")
     return [
-        f"{records.test}, force along {records.reference}: leakage at sharp modes is up to "
-        f"{100 * share[line, row]:.2g} % of the peak ({freq_hz[line]:.4g} Hz, "
+        f"{records.test}, force along {records.reference}: leakage {where} is up to "
+        f"{100 * share[line, row]:.2g} % of the {top} ({freq_hz[line]:.4g} Hz, "
         f"{records.outputs[row]}) and counts as noise; longer blocks (block_s) have less"
     ]
 
@@ -196,6 +206,7 @@ def _drop_sentence(records: Records, freq_hz: Real, power: Real, inputs: int) ->
     lines = max(_DROP_LINES, len(power) // 10)
     usual = median_filter(power, lines, mode="nearest")
     level = uniform_filter1d(power, 3, mode="nearest") / np.maximum(usual, 1e-300)
+    level[level < _NOT_EXCITED] = 1.0  # as between the lines of a stepped sine
     line = int(level.argmin())
     if level[line] > _DROPPED:
         return []

@@ -54,6 +54,12 @@ class LogSettings(TomlTable):
         """Refuse controllers of unknown motors or encoders, and beside recorded references."""
         if self.period is not None and self.block_s is not None:
             raise ValueError("block_s is for a signal that does not repeat: remove it or period")
+        for name, column in self.encoders.items():
+            if column in self.references:
+                raise ValueError(
+                    f"references name the column {column!r} of encoder {name}, which holds the "
+                    "noise that references must not: name a reference or an injected disturbance"
+                )
         for motor, table in self.controllers.items():
             for name, kind in ((motor, "motors"), (table.encoder, "encoders")):
                 if name not in getattr(self, kind):

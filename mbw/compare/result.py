@@ -11,6 +11,7 @@ from diagnosis.between_visits import VISIT_PRIORS
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.sentences import change_sentence
 from identification.comparison import (
+    CellDifference,
     ComparedMode,
     FleetScatter,
     Shift,
@@ -22,7 +23,7 @@ from identification.comparison import (
     describe_fleet,
     describe_shifts,
 )
-from identification.words import Real
+from identification.words import Real, percent_text
 from identification.words.csv_cells import write_csv
 from identification.words.file_access import read_bytes
 from mbw.compare.schema import (
@@ -37,6 +38,8 @@ from mbw.diagnose.sentences import cause_parameters
 
 COMPARED_JSON, PAGE, MODES_CSV, FRFS_CSV = "compared.json", "page.html", "modes.csv", "frfs.csv"
 NAMES = COMPARED_JSON, PAGE, MODES_CSV, FRFS_CSV
+# Noise alone gives 1, and what is mounted anew differs by a per cent.
+_MIN_OVER_NOISE, _MIN_RELATIVE = 1.3, 0.05
 _NUMBERS = ("frequency", "frequency_sd", "damping", "damping_sd", "mac", "probability")
 
 
@@ -63,6 +66,7 @@ def collect_result(
     """
     modes, names = comparison.modes, comparison.names
     rows = [_mode_row(mode) for mode in modes]
+    frfs = [] if kind == "fleet" else list(compare_frfs(comparison))
     if kind == "fleet":
         sentence = _add_scatter(rows, comparison)
     else:
@@ -71,6 +75,8 @@ def collect_result(
         for row, shift in zip(rows, shifts, strict=True):
             if shift is not None:
                 row.frequency_shift, row.damping_shift = map(_shift_row, shift)
+        if not any(each.is_change for shift in shifts if shift is not None for each in shift):
+            sentence = " ".join([sentence, *_tell_frfs(frfs)])
     return ComparedFile(
         kind=kind,
         campaigns=[
@@ -82,8 +88,22 @@ def collect_result(
         band=comparison.band,
         channels=[str(dof) for dof in comparison.outputs],
         modes=rows,
-        frfs=[] if kind == "fleet" else list(compare_frfs(comparison)),
+        frfs=frfs,
     )
+
+
+def _tell_frfs(rows: Sequence[CellDifference]) -> list[str]:
+    """Return a sentence on FRFs that differ although no mode does; ``rows`` as compared."""
+    differing = [
+        row for row in rows if row.over_noise > _MIN_OVER_NOISE and row.relative > _MIN_RELATIVE
+    ]
+    if not differing:
+        return []
+    most = max(differing, key=lambda row: row.relative)
+    return [
+        f"{len(differing)} of {len(rows)} FRFs differ all the same, most {most.output} / "
+        f"{most.input} by {percent_text(most.relative)}, {most.over_noise:.3g} times the noise."
+    ]
 
 
 def add_verdict(result: ComparedFile, verdict: Verdict) -> ComparedFile:

@@ -180,7 +180,9 @@ def _diagnose(
         first, second = folders
         write_states_campaign(first, second, place, both, two_machines=kind == "machines")
     SCREEN.say(f"both tests as one campaign in {both}")
-    result = ResultOptions(output.path / DIAGNOSED, overwrite=outputs.overwrite)
+    result = ResultOptions(
+        output.path / DIAGNOSED, overwrite=outputs.overwrite, pictures=outputs.pictures
+    )
     folder = diagnose.run(both, result, band=band, jobs=jobs, resume=resume)
     return read_result_json(folder / VERDICT, Verdict, DIAGNOSE_VERB)
 

@@ -12,6 +12,7 @@ from mbw.options import (
     Jobs,
     Json,
     Overwrite,
+    Pictures,
     Quiet,
     Resume,
     Seed,
@@ -35,6 +36,7 @@ def diagnose(  # noqa: PLR0913  # one for each option
     seed: Seed = 0,
     without: Without = None,
     soft_equalities: SoftEqualities = False,
+    pictures: Pictures = True,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
 ) -> None:

@@ -68,7 +68,8 @@ def run(
                 diagnosis, augmented.written, augmented.not_held_error, augmented.plant
             )
             write_files(result, place)
-            (place / PAGE).write_text(render(result), encoding="utf-8")
+            if outputs.pictures:
+                (place / PAGE).write_text(render(result), encoding="utf-8")
         checkpoint.close()
     write_json(result.verdict.model_dump_json(indent=1), outputs.json)
     if explain and not SCREEN.quiet:
@@ -88,7 +89,8 @@ def run(
     shown = result.shown
     if missing := describe_not_in_mjcf(shown.not_held_by_mjcf, shown.not_held_error, SHOWN):
         SCREEN.say(f"  {missing}")
-    SCREEN.say(f"report in {(output.path / PAGE).absolute().as_uri()}")
+    if outputs.pictures:
+        SCREEN.say(f"report in {(output.path / PAGE).absolute().as_uri()}")
     refuse_difference(AUGMENTED, shown.mjcf_difference)
     return output.path
 

@@ -238,6 +238,17 @@ def test_leakage_at_sharp_modes_widens_the_variance_and_is_said():
     assert not any("leakage" in remark for remark in longer.remarks)
 
 
+def test_leakage_of_a_steep_frf_is_not_that_of_a_mode():
+    force = random_force(1, 80_000)
+    low_pass = scipy.signal.butter(1, 0.1, fs=RATE_HZ)  # speed of a free mass with a damper
+    motion = scipy.signal.lfilter(*low_pass, force)[:, None]
+    places = {"outputs": OUTPUTS[:1], "reference": OUTPUTS[0]}
+    records = Records(RATE_HZ, force, motion, quantity="mobility", **places)
+    result = estimate_continuous_frf(records, HitSettings(block_s=2.0))
+    (said,) = [remark for remark in result.remarks if "leakage" in remark]
+    assert "leakage of a steep FRF" in said
+
+
 def test_a_force_that_falls_at_a_mode_is_said():
     force = random_force(1, 1, 40_000)
     assert not said(force, "falls")
@@ -247,6 +258,15 @@ def test_a_force_that_falls_at_a_mode_is_said():
     (sentence,) = said(dropped, "falls")
     assert " dB at 30" in sentence or " dB at 29.9" in sentence or " dB at 30." in sentence
     assert "H2" in sentence
+
+
+def test_lines_that_a_force_leaves_out_are_no_fall():
+    spectrum = np.fft.rfft(multisine(1, 1, 1)[0, 0])
+    spectrum[300:310] = 0.0
+    force = np.tile(np.fft.irfft(spectrum, 2048), 8)[None, None]
+    settings = HitSettings(block_s=8.0)  # one period: between its lines there is nothing
+    remarks = estimate_continuous_frf(shake(force), settings).remarks
+    assert not any("falls" in text for text in remarks)
 
 
 def said(force, word):
@@ -269,6 +289,7 @@ def test_estimators_of_one_force_bracket_the_frf():
     [
         (np.repeat(random_force(1, 1, 6048), 2, axis=0), (0, 2), {}, "are one signal"),
         (multisine(2, 1, 6), (0, 2), {}, "as many realisations as there are forces"),
+        (multisine(3, 2, 6), (0, 1, 2), {}, "2 realisations cannot tell the 3 forces along"),
         (random_force(1, 1, 6048), (0,), {"block_s": 30.0}, "do not fit into records of 4000"),
         (random_force(1, 1, 6048), (0,), {"block_s": 15.0}, "too few for 1 forces"),
         (random_force(1, 1, 6048), (0,), {"exponential_tau": 0.1}, "exponential_tau is for hits"),

@@ -475,6 +475,12 @@ def test_the_unit_of_times_may_be_stated_and_must_make_sense(tmp_path, record):
     np.testing.assert_array_equal(stamped.estimate.frf.values, test.estimate.frf.values)
 
 
+def test_an_encoder_is_no_reference(tmp_path):
+    text = LOG.format(file="trace.csv", motor="Cmd", encoder="Pos") + 'references = ["Pos"]\n'
+    with pytest.raises(InputError, match=r"'Pos' of encoder acc1:\+x, which holds the noise"):
+        read(tmp_path, text)
+
+
 def test_structures_of_matlab_and_simulink_are_read_with_their_clock(tmp_path, record):
     count = 8192
     time, both = np.arange(count) / RATE_HZ, np.column_stack([each[:count] for each in record[1:]])

@@ -67,6 +67,16 @@ def test_the_campaign_of_both_can_be_diagnosed_again_by_itself(compared):
     assert "tests after the change are left out here" in " ".join(done.output.split())
 
 
+def test_a_diagnosis_without_pictures_has_no_page(compared):
+    folder, _ = compared
+    both, out = folder / "march-june-compared" / "both", folder / "again"
+    done = mbw("diagnose", both, "--out", out, "--no-pictures")
+    assert done.exit_code == 0, done.output
+    assert (out / "verdict.json").exists()
+    assert not (out / "report.html").exists()
+    assert "report in" not in done.output
+
+
 def test_the_page_overlays_the_frfs_that_differ_most_first(compared):
     folder, _ = compared
     out = folder / "march-june-compared"
@@ -109,6 +119,20 @@ def test_without_a_diagnosis_two_machines_differ_beyond_noise_alone(tmp_path):
     assert visits.exit_code == 0
     assert not any(row["frequency_shift"]["changed"] for row in read(out)["modes"])
     assert not (out / "page.html").exists()
+
+
+def test_frfs_that_differ_are_said_where_no_mode_changed(tmp_path):
+    visits = write_visits(tmp_path, after=BEFORE)
+    unchanged = mbw("compare", *visits, "--no-diagnosis", "--quiet", "--json", "-")
+    assert "differ all the same" not in json.loads(unchanged.stdout)["sentence"]
+    (file,) = visits[1].glob("*.npz")
+    arrays = dict(np.load(file))
+    np.savez(file, **(arrays | {"frf": 3 * arrays["frf"], "variance": 9 * arrays["variance"]}))
+    options = ("--no-diagnosis", "--quiet", "--overwrite", "--json", "-")
+    said = json.loads(mbw("compare", *visits, *options).stdout)["sentence"]
+    assert "None of 3 modes changed" in said
+    assert "4 of 4 FRFs differ all the same" in said
+    assert "by 200 %" in said
 
 
 def test_a_layout_gives_modes_and_says_that_a_change_needs_a_model(tmp_path):
