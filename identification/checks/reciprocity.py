@@ -27,7 +27,9 @@ in dynamic stiffness, and a change of a passive machine is symmetric. With Z = H
 k is then that of the change alone. It counts if it leaves a smaller e.
 
 Two exchanged channels make H reciprocal when they are put back. So do two exchanged hits: which of
-the two happened, only a model or the labels can tell. The same holds for a sign.
+the two happened, only a model or the labels can tell. The same holds for a sign. A passive machine
+takes up power at every drive point, so that Re H_ii > 0 of mobilities; an exchange or signs that
+leave drive points from which power comes, summed over all lines, are no repair.
 """
 
 from dataclasses import dataclass, replace
@@ -37,7 +39,16 @@ import numpy as np
 
 from identification.checks.reciprocity_findings import BLOCKS, ChannelRatio, Reciprocity
 from identification.hits.drive_point import MIN_POWER_TO_VARIANCE, axis_cosine
-from identification.words import Campaign, Complex, Dof, Integers, Layout, Real, Test
+from identification.words import (
+    DERIVATIVE_ORDER,
+    Campaign,
+    Complex,
+    Dof,
+    Integers,
+    Layout,
+    Real,
+    Test,
+)
 
 _MIN_CHANNEL_COSINE = 0.99  # of a channel that stands for the motion along a reference
 # Of rows in translations and rotations over the arm: below, channels do not determine a motion.
@@ -77,17 +88,26 @@ class _Square:
         laplace: i w; (n_freq,).
         values: H; (n_freq, n, n).
         variance: of H; (n_freq, n, n).
+        order: derivatives of the displacement that H reads.
     """
 
     laplace: Complex
     values: Complex
     variance: Real
+    order: int
 
     def exchange(self, first: int, second: int) -> "_Square":
         """Return it with the channels of two references exchanged."""
         order = np.arange(self.values.shape[1])
         order[[first, second]] = second, first
         return replace(self, values=self.values[:, order], variance=self.variance[:, order])
+
+    def takes_up_power(self, signs: Real) -> bool:
+        """Return whether all drive points do, with signs of channels of which most are right."""
+        moving = self.laplace[self.laplace != 0]
+        drive = np.einsum("fii->fi", self.values)[self.laplace != 0]
+        power = (drive * moving[:, None] ** (1 - self.order)).real.sum(axis=0) * signs
+        return bool((power > 0).all() or (power < 0).all())
 
     def compare(self, before: "_Square") -> "_Square | None":
         """Return it without what broke reciprocity before; None if a matrix is singular."""
@@ -143,12 +163,17 @@ def check_reciprocity(
     exchanged: tuple[int, ...] = ()
     earlier = None if before is None else _find_comparable(campaign, readings, before)
     fit = _fit_best(square, earlier)
-    is_suspect = len(readings) > 2 and (fit is None or fit.excess > _NOISY_EXCESS)
+    if fit is None:
+        return None
+    is_suspect = len(readings) > 2 and fit.excess > _NOISY_EXCESS
     for pair in combinations(range(len(readings)), 2) if is_suspect else ():
-        repaired = _fit_best(square.exchange(*pair), earlier)
-        if repaired and (fit is None or _MIN_EXCHANGE_GAIN * repaired.error < fit.error):
+        trial = square.exchange(*pair)
+        repaired = _fit_best(trial, earlier)
+        if repaired is None or not trial.takes_up_power(repaired.signs):
+            continue
+        if _MIN_EXCHANGE_GAIN * repaired.error < fit.error:
             fit, exchanged = repaired, pair
-    if fit is None or fit.error > _MAX_UNRECIPROCAL:
+    if fit.error > _MAX_UNRECIPROCAL:
         return None
     gains = fit.signs * np.exp(fit.logarithms[0])
     numbers = gains, np.abs(gains) * fit.deviations[0], fit.logarithms[1], fit.deviations[1]
@@ -198,6 +223,7 @@ def _read_square(campaign: Campaign) -> tuple[list[_Reading], _Square] | None:
         np.asarray(2j * np.pi * campaign.freq_hz[lines], np.complex128),
         np.einsum("io,ojf->fij", weights, values[:, :, lines]),
         np.einsum("io,ojf->fij", weights**2, noise[:, :, lines]),
+        DERIVATIVE_ORDER[campaign.tests[0].estimate.frf.quantity],
     )
     return readings, square
 
