@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identification import check_reciprocity
+from identification.checks.reciprocity import _Square
 from identification.words import (
     Campaign,
     Condition,
@@ -131,6 +132,23 @@ def test_an_exchange_is_of_channels_or_of_hits(side):
     assert "acc2:+tx and acc3:+tx are exchanged, or the hits there" in sentence
     (fault,) = found.faults(campaign)
     assert (fault.effect, fault.location) == ("sensor_swap", "sensor:acc2+acc3")
+
+
+def test_alike_bodies_that_do_not_move_each_other_are_not_called_exchanged():
+    rng = np.random.default_rng(8)
+    values = chain(rng)
+    values[:, 2], values[:, :, 2] = values[:, 0], values[:, :, 0]
+    values[:, 2, 2] = values[:, 0, 0]
+    values[:, 0, 2] = values[:, 2, 0] = 0.0
+    assert check_reciprocity(campaign_of(values, rng)) is None  # noise alone between the two
+
+
+def test_drive_points_take_up_power_unless_the_sign_of_some_is_wrong():
+    values = chain(np.random.default_rng(8))
+    square = _Square(2j * np.pi * FREQ_HZ, values, np.zeros(values.shape), 2)
+    assert square.takes_up_power(np.ones(3))
+    assert square.takes_up_power(-np.ones(3))  # of all channels no sign is known
+    assert not square.takes_up_power(np.array([1.0, -1.0, 1.0]))
 
 
 def test_an_exchange_of_some_channels_of_two_sensors_is_a_remark_alone():
