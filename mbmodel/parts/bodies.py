@@ -1,6 +1,5 @@
 """Parts for the mass, inertia and centre of mass of stages."""
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -59,7 +58,6 @@ class BodyPart:
                     "kg m^2",
                     positive=i == j,
                     known="inertia",
-                    usual=0.0 if i == j else math.sqrt(inertia[i, i] * inertia[j, j]),
                 )
                 for i, j in _INERTIA_ENTRIES
             ),

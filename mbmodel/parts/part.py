@@ -74,8 +74,7 @@ class Parameter:
         known: kind of its prior: ``free`` for none, ``exactly`` for a fixed value,
             ``unknown_gain`` for a wide one, ``undrawn_damping`` for a half-normal one, else the
             name of the campaign's tolerance that is its standard deviation.
-        usual: size of undrawn damping that is usual, the scale of its half-normal prior; the size
-            to which the tolerance of a product of inertia is relative.
+        usual: size of undrawn damping that is usual: the scale of its half-normal prior.
     """
 
     name: str

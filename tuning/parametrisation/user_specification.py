@@ -130,7 +130,7 @@ def _prior_sd(parameter: Parameter, tolerance: Tolerance) -> float:
     if parameter.known in _FACTORS:
         return float(np.log(spread))
     relative = parameter.known in _RELATIVE_TOLERANCES and not parameter.positive
-    return spread * (parameter.usual or abs(parameter.drawn)) if relative else spread
+    return spread * abs(parameter.drawn) if relative else spread
 
 
 def _has_default_width(parameter: Parameter, tolerance: Tolerance) -> bool:
