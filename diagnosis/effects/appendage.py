@@ -180,7 +180,8 @@ def _find_bounds(
     """Return the bounds of the parameters.
 
     The appendage weighs at most half as much as the body. Its damping ratio is at most sqrt(1/2),
-    beyond which a resonator has no peak, and as many times less than in the scan.
+    beyond which a resonator has no peak, and as many times less than in the scan. A body that hangs
+    keeps its mass, and with it the weight at which wires have their tension.
 
     Args:
         lowest: lowest frequency [Hz].
@@ -200,6 +201,7 @@ def _find_bounds(
             *select_names(appendage.mass_names, ~place.moved),
             *select_names(appendage.place_names, ~place.shown),
             *(appendage.rigid_names[:1] if place.is_on_line else ()),
+            *(appendage.rigid_names[1:] if appendage.machine.statics is not None else ()),
         ]
     )
 

@@ -58,6 +58,12 @@ def test_a_box_that_is_rigid_across_its_axis_bears_no_weight(hung, tmp_path):
     assert write_model(model, theta, tmp_path / "box.xml") == WrittenModel("box.xml")
 
 
+def test_a_body_that_hangs_keeps_the_mass_of_which_wires_carry_the_weight(hung):
+    for one in EFFECTS["appendage"](hung):
+        counted = [name for name in one.bounds if name.endswith(".counted")]
+        assert [one.bounds[name] for name in counted] == [(0.0, 0.0)]
+
+
 @pytest.fixture(scope="module")
 def linked(hung):
     """The model with a link between its bodies, and theta."""
