@@ -136,14 +136,16 @@ class GalleryMachine:
         words = ["simulate", str(GALLERY / played["truth"]), "--nominal", str(self.model)]
         words += [word for point in played["hammer"] for word in ("--hammer", point)]
         words += ["--hits", str(played["hits"]), "--seed", str(played["seed"])]
+        words += ["--level", str(played["level"])] if "level" in played else []
         words += ["--block", str(played["block"]), "--no-pictures"]
         run_verb(*words, "--out", str(folder), "--overwrite")
         campaign = open_session(folder).campaign  # on the lines with coherence
         frfs = [test.estimate for test in campaign.tests]
-        kept = slice(None, None, PLAYED_EVERY)
+        freq_hz = campaign.freq_hz
+        kept = np.flatnonzero(freq_hz <= played.get("highest", freq_hz[-1]))[::PLAYED_EVERY]
         np.savez(
             self.campaign / "impact.npz",
-            freq_hz=campaign.freq_hz[kept],
+            freq_hz=freq_hz[kept],
             frf=np.concatenate([f.frf.values[kept] for f in frfs], axis=2).astype(np.complex64),
             coherence=np.concatenate([f.coherence[kept] for f in frfs], axis=2).astype(np.float32),
         )
