@@ -36,10 +36,6 @@ from diagnosis.stated_values import Vague, Value, state_shown
 from identification.words import Mask, Real
 from mbmodel import Machine
 
-# Of the mass of its body. With all of a body on one more spring in series the body hangs on a
-# softer joint, and no test tells both apart.
-_MAX_HUNG_SHARE = 0.5
-
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each body, shape and frequency of the scan."""
@@ -179,9 +175,10 @@ def _find_bounds(
 ) -> dict[str, tuple[float, float]]:
     """Return the bounds of the parameters.
 
-    The appendage weighs at most half as much as the body. Its damping ratio is at most sqrt(1/2),
-    beyond which a resonator has no peak, and as many times less than in the scan. A body that hangs
-    keeps its mass, and with it the weight at which wires have their tension.
+    The appendage weighs at most half as much as the body: with all of a body on one more spring in
+    series it hangs on a softer joint, and no test tells both apart. Its damping ratio is at most
+    sqrt(1/2), beyond which a resonator has no peak, and as many times less than in the scan. A body
+    that hangs keeps its mass, and with it the weight at which wires have their tension.
 
     Args:
         lowest: lowest frequency [Hz].
@@ -192,7 +189,7 @@ def _find_bounds(
     ratios = np.log(np.array([lowest, highest]) / appendage.frequency) / LOG_FREQUENCY_UNIT
     widest = float(np.log(np.sqrt(0.5) / SCAN_DAMPING_RATIO)) / LOG_UNIT
     bounds = {frequency: (float(ratios[0]), float(ratios[1])), damping: (-widest, widest)}
-    bounds |= dict.fromkeys(appendage.mass_names, (0.0, _MAX_HUNG_SHARE / MASS_SHARE_UNIT))
+    bounds |= dict.fromkeys(appendage.mass_names, (0.0, 0.5 / MASS_SHARE_UNIT))
     bounds |= dict.fromkeys(appendage.rigid_names, (0.0, 1.0))
     for name, (low, high) in zip(appendage.place_names, place.ends, strict=True):
         bounds[name] = low / ARM_UNIT_M, high / ARM_UNIT_M

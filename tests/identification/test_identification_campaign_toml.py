@@ -88,6 +88,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         gain_tolerance = 0.2
         delay_tolerance = 1e-3
         mass = 0.01
+        resolution = 1e-8
         [hammer.small]
         gain = "unknown"
         mass = 0.02
@@ -159,6 +160,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "gain": "unknown",
         "gain_tolerance": 0.2,
         "delay_tolerance": 1e-3,
+        "resolution": 1e-8,
         "mass": 0.01,
     }
     hammer = settings.hammer["small"]

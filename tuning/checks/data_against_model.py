@@ -99,6 +99,12 @@ class ExportFinding:
     columns: str = ""
 
     @property
+    def is_level(self) -> bool:
+        """Whether the faults that are named are factors of the FRFs alone."""
+        named = self.faults[: _EXPORT_LIMITS.max_reasons]
+        return all(f.axis == 1.0 and f.order == 0 and not f.is_elsewhere for f in named)
+
+    @property
     def sentence(self) -> str:
         """What is wrong, why, and the key that corrects it."""
         where = f"{self.file}{self.columns}"
@@ -120,9 +126,7 @@ class ExportFinding:
         keys = ", or ".join(dict.fromkeys(f.remedy for f in named if not f.is_elsewhere))
         actions = [f"set {keys} {table}"] if keys else []
         actions += dict.fromkeys(fault.remedy for fault in named if fault.is_elsewhere)
-        is_level = all(
-            fault.axis == 1.0 and fault.order == 0 and not fault.is_elsewhere for fault in named
-        )
+        is_level = self.is_level
         masses = ", or correct the masses of the model" if is_level else ""
         level = f"are {_times(self.factor)} the nominal model's" if is_level else "fit the model"
         likely = "" if self.is_certain else " rather"
@@ -148,15 +152,18 @@ def compare_with_model(
         stated: how each file was read, by its name.
 
     Returns:
-        One finding for each file, and each encoder, that differs by more than wrong stiffness
-        explains.
+        One finding for each file, and each encoder and motor, that differs by more than wrong
+        stiffness explains. Of these two a unit alone is certain: a motor in counts may look like
+        another quantity.
     """
     findings = []
     for (file, encoder, drive), tests in split_by_scale(campaign).items():
         if file in stated:
             finding = _compare_file(model, tests, stated[file])
             clause = _name_columns(stated[file], encoder, drive)
-            findings += [replace(finding, columns=clause)] if finding is not None else []
+            if finding is not None:
+                is_certain = finding.is_certain and (not clause or finding.is_level)
+                findings.append(replace(finding, columns=clause, is_certain=is_certain))
     return findings
 
 
