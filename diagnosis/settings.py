@@ -21,7 +21,8 @@ class DiagnosisSettings:
     Args:
         schedule: fits in turn with their floor, of the null model and of each refit.
         score_stride: frequency lines of score tests and free forces: every ``score_stride``-th.
-        max_refits: hypotheses of each round that are refitted, one for each effect and place.
+        max_refits: hypotheses of each round that are refitted, one for each effect and place;
+            causes of the place where the gap lies, variants and laws come on top.
         max_variants: refits of the best hypothesis of a round from distant starts, where a strong
             effect may be found that the null model hides in stiff springs; and as many of its
             further directions and shapes. Also the causes that replace an earlier one at most, and
@@ -32,19 +33,19 @@ class DiagnosisSettings:
         max_bending_bodies: bodies that are candidates for bending: each takes several refits. If
             more of them bend, the data checks prove no small faults of sensors.
         max_causes: number of causes of the largest set.
-        min_closed: part of the gap that an established cause closes (FORMATS).
-        min_probability: probability of an established cause (FORMATS).
+        min_closed: part of the gap that an established cause closes.
+        min_probability: probability of an established cause.
         force_floor_ratio: part of the model-error floor that counts for free forces: with a force
             that explains the gap the floor falls.
         min_local_share: part of the rest that a force of any spectrum at one place explains where
             the rest is local: a single effect mostly acts in several directions of its place.
         outlier_sigma: standard deviations up to which a tolerance is no effect: among 300
             tolerances four lie beyond 2.5, none beyond 4.5 (probability 0.002).
-        min_twin_cosine: cosine of two signatures from which causes are confounded (FORMATS).
-        twin_nats: difference in log probability below which causes are confounded (FORMATS).
+        min_twin_cosine: cosine of two signatures from which causes are confounded.
+        twin_nats: difference in log probability below which causes are confounded.
         min_place_cosine: cosine of what two refits take off the gap, from which one effect at
-            either place is one cause (FORMATS).
-        min_row_probability: probability of a cause or place that the verdict lists (FORMATS).
+            either place is one cause.
+        min_row_probability: probability of a cause or place that the verdict lists.
         appendage_ends: ends of the frequencies of appendages that are scanned, relative to the
             highest line. Below, an appendage acts as a free mass; above, as a part of the body.
         serial_lags: distances of neighbouring lines that show a gap by their product [lines]: a

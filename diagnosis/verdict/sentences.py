@@ -19,7 +19,7 @@ def verdict_sentence(verdict: Verdict) -> str:
     """Return what the model lacks, and how far the gap shrinks with it, in one sentence."""
     if verdict.verdict == "none":
         return "Nothing is missing beyond tolerances and noise."
-    likely = [row for row in verdict.causes if row.probability >= SETTINGS.min_probability]
+    likely = _list_likely(verdict)
     if verdict.verdict == "unexplained" or not likely:
         return f"{capitalise(UNEXPLAINED)}."
     sentence = capitalise(" and ".join(map(cause_words, likely)))
@@ -33,7 +33,7 @@ def change_sentence(verdict: Verdict) -> str:
     """Return what changed between the states of a campaign, in one sentence."""
     if verdict.verdict == "none":
         return "Nothing changed beyond noise and what differs between the tests of itself."
-    if not any(row.probability >= SETTINGS.min_probability for row in verdict.causes):
+    if not _list_likely(verdict):
         excess = verdict.gap.retuned.excess
         size = "" if excess is None else f" by {excess:.3g} times the noise"
         return (
@@ -41,6 +41,13 @@ def change_sentence(verdict: Verdict) -> str:
             "the catalogue is established as the cause."
         )
     return verdict_sentence(verdict)
+
+
+def _list_likely(verdict: Verdict) -> list[CauseRow]:
+    """Return the likely causes; the first of those that another threshold established."""
+    likely = [row for row in verdict.causes if row.probability >= SETTINGS.min_probability]
+    is_established = verdict.verdict in ("explained", "partly")
+    return likely or list(verdict.causes[:1] if is_established else ())
 
 
 def effect_noun(effect: str) -> str:

@@ -1,4 +1,4 @@
-"""What a machine may have that its drawing lacks: one file per effect, listed here by name."""
+"""What a machine may have that its drawing lacks: its effects, listed here by name."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
