@@ -5,8 +5,14 @@ from types import SimpleNamespace
 import pytest
 
 from diagnosis.labels import name_direction
-from diagnosis.verdict.schema import CauseRow
-from diagnosis.verdict.sentences import cause_words, place_name, place_phrase
+from diagnosis.verdict.schema import CauseRow, Verdict
+from diagnosis.verdict.sentences import (
+    UNEXPLAINED,
+    cause_words,
+    place_name,
+    place_phrase,
+    verdict_sentence,
+)
 from mbw.diagnose.effect_parameters import number, parameter_lines, parameter_words
 from mbw.diagnose.gap_sentences import closed_words, held_out_sentence, unestablished_words
 from mbw.diagnose.sentences import (
@@ -20,6 +26,17 @@ from mbw.diagnose.sentences import (
 )
 from mbw.diagnose.tables import _cause
 from mbw.page.numbers import format_closed
+from tests.gallery.machines import GALLERY
+
+
+def test_a_cause_that_a_lower_threshold_established_is_named():
+    text = (GALLERY / "gantry-diagnosed" / "verdict.json").read_text(encoding="utf-8")
+    verdict = Verdict.model_validate_json(text)
+    row = verdict.causes[0].model_copy(update={"probability": 0.3})
+    doubted = verdict.model_copy(update={"causes": [row]})
+    assert verdict_sentence(doubted) == verdict_sentence(verdict)
+    rivals = doubted.model_copy(update={"verdict": "unexplained"})
+    assert UNEXPLAINED[1:] in verdict_sentence(rivals)
 
 
 @pytest.mark.parametrize(
