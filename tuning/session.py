@@ -20,8 +20,9 @@ from identification.words.ports import FLOOR
 from mbmodel import Machine, Model, as_drawn, load_machine
 from tuning.attached_instruments import attach_instruments
 from tuning.campaign_machine import close_loops, refuse_unknown_ports, state_machine
-from tuning.checks.data_against_model import ExportFinding, compare_with_model
+from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
+from tuning.checks.export_finding import ExportFinding
 from tuning.control_loops.stability import growing_pole_of_model
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise

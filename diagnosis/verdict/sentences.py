@@ -44,7 +44,7 @@ def change_sentence(verdict: Verdict) -> str:
 
 
 def _list_likely(verdict: Verdict) -> list[CauseRow]:
-    """Return the likely causes; the first of those that another threshold established."""
+    """Return the probable causes, or the first where a lower threshold established it."""
     likely = [row for row in verdict.causes if row.probability >= SETTINGS.min_probability]
     is_established = verdict.verdict in ("explained", "partly")
     return likely or list(verdict.causes[:1] if is_established else ())

@@ -103,7 +103,7 @@ class _Square:
         return replace(self, values=self.values[:, order], variance=self.variance[:, order])
 
     def takes_up_power(self, signs: Real) -> bool:
-        """Return whether all drive points do, with signs of channels of which most are right."""
+        """Return whether all drive points take up power, up to one sign common to all channels."""
         moving = self.laplace[self.laplace != 0]
         drive = np.einsum("fii->fi", self.values)[self.laplace != 0]
         power = (drive * moving[:, None] ** (1 - self.order)).real.sum(axis=0) * signs

@@ -129,7 +129,7 @@ def fit_errors(
     Where that leaves less than the noise, the least p^2 is sought that leaves as much as the noise
     (the discrepancy principle; Morozov 1966): the data then count less. Stated noise may be more
     than redundant channels show, since hits beside their place scatter all channels together, as a
-    motion of the solid. Errors would be turned to where most of it is stated.
+    motion of the solid. Fitted below the true noise, errors would follow what is stated too high.
 
     Args:
         model: sensors, priors and free shapes.

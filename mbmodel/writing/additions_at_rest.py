@@ -1,4 +1,4 @@
-"""What is added to a machine, written for the rest that other parameters give it.
+"""Elements added to an MJCF, placed where the machine rests with other parameters.
 
 An addition acts at the nominal rest, in axes that turn along with its body (``Pose``). So its ends
 in that body's frame stay. An end x elsewhere goes along with the body, from its centre of mass c,

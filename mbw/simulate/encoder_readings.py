@@ -1,4 +1,4 @@
-"""What encoders read of a motion that is played: multiples of the steps that a campaign states."""
+"""Readings of encoders in a played motion: multiples of the resolution that a campaign states."""
 
 from collections.abc import Sequence
 from pathlib import Path

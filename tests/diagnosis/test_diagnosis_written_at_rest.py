@@ -27,9 +27,9 @@ def hung(tmp_path_factory):
     return Scene(session, session.model.drawn)
 
 
-def moved(scene, one):
+def moved(scene, hypothesis):
     """The model with a hypothesis, at a size that shows, and wires of which one is much softer."""
-    model, theta = sized(scene, one)
+    model, theta = sized(scene, hypothesis)
     names = [parameter.name for parameter in model.parameters]
     theta[names.index("right.stiffness")] *= 0.3
     pose = model.at_rest(theta).machine.pose
@@ -40,16 +40,16 @@ def moved(scene, one):
 @pytest.mark.parametrize("effect", ["appendage", "joint_coupling", "parallel_path"])
 def test_effects_are_written_at_the_rest_of_the_fit(hung, tmp_path, effect):
     hypotheses = tuple(EFFECTS[effect](hung))
-    for number, one in enumerate(hypotheses):
-        model, theta = moved(hung, one)
+    for number, hypothesis in enumerate(hypotheses):
+        model, theta = moved(hung, hypothesis)
         target = tmp_path / f"{number}.xml"
-        assert write_model(model, theta, target) == WrittenModel(target.name), one.location
+        assert write_model(model, theta, target) == WrittenModel(target.name), hypothesis.location
     assert hypotheses
 
 
 def test_a_box_that_is_rigid_across_its_axis_bears_no_weight(hung, tmp_path):
-    one = next(iter(EFFECTS["appendage"](hung)))
-    model, theta = moved(hung, one)
+    hypothesis = next(iter(EFFECTS["appendage"](hung)))
+    model, theta = moved(hung, hypothesis)
     for number, parameter in enumerate(model.parameters):
         if parameter.name.endswith((".mass_y", ".mass_z")):
             theta[number] = 0.0
@@ -59,9 +59,9 @@ def test_a_box_that_is_rigid_across_its_axis_bears_no_weight(hung, tmp_path):
 
 
 def test_a_body_that_hangs_keeps_the_mass_of_which_wires_carry_the_weight(hung):
-    for one in EFFECTS["appendage"](hung):
-        counted = [name for name in one.bounds if name.endswith(".counted")]
-        assert [one.bounds[name] for name in counted] == [(0.0, 0.0)]
+    for hypothesis in EFFECTS["appendage"](hung):
+        counted = [name for name in hypothesis.bounds if name.endswith(".counted")]
+        assert [hypothesis.bounds[name] for name in counted] == [(0.0, 0.0)]
 
 
 @pytest.fixture(scope="module")

@@ -126,10 +126,10 @@ def draw(case: Case) -> Campaign:
     noise = level * (rng.normal(size=(2, *values.shape)) / np.sqrt(2) * [[[[1]]], [[[1j]]]]).sum(0)
     degrees = 2 * (case.averages - 1)
     common = case.scatter**2 * (np.abs(values) ** 2).sum(axis=2, keepdims=True)
-    known = (np.broadcast_to(level, values.shape) ** 2 + common) * rng.chisquare(
+    sampled = (np.broadcast_to(level, values.shape) ** 2 + common) * rng.chisquare(
         degrees, values.shape
     )
-    variance = known / degrees / case.noise_misstated**2
+    variance = sampled / degrees / case.noise_misstated**2
     return campaign(layout, freq, values + noise, variance, outputs=outputs, case=case)
 
 

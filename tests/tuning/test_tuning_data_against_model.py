@@ -78,8 +78,8 @@ HINGE = {"joint": "hinge", "axis": "0 1 0", "stiffness": "2e4", "damping": "0.5"
 def test_a_column_of_a_log_in_another_unit_is_named(tmp_path, spring, factors, said):
     write_log(tmp_path, spring, factors)
     source, machine, campaign = open_campaign(tmp_path)
-    found = find_wrong_exports(source, as_drawn(machine), campaign)
-    remarks = " ".join(finding.sentence for finding in found)
+    findings = find_wrong_exports(source, as_drawn(machine), campaign)
+    remarks = " ".join(finding.sentence for finding in findings)
     if said is None:
         assert "nominal model" not in remarks
         assert len(open_session(tmp_path).campaign.tests) == 1

@@ -1,4 +1,4 @@
-"""What a machine may have that its drawing lacks: its effects, listed here by name."""
+"""Effects that a machine has and its drawing lacks, listed here by name."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -26,6 +26,7 @@ from identification.words import (
 )
 from mbmodel import Model, output_unit
 from tuning.checks.export_faults import DECIBELS, ExportFault, StatedExport, list_faults
+from tuning.checks.export_finding import ExportFinding
 from tuning.checks.level_curves import (
     LevelCurve,
     level_curve,
@@ -74,71 +75,9 @@ class _ExportLimits:
     min_median_decibels: float = 5.0
     decibel: float = float(np.log(10) / 20)  # ln of a magnitude per decibel
     min_bins: int = 12
-    max_reasons: int = 2  # that a sentence names
 
 
 _EXPORT_LIMITS = _ExportLimits()
-
-
-@dataclass(frozen=True)
-class ExportFinding:
-    """What the comparison of one file with the nominal model shows.
-
-    Args:
-        file: name of the file, as campaign.toml gives it.
-        factor: measured over nominal FRFs, in the median, with the shift that suits the best fault.
-        faults: most likely faults, best first; empty where none explains the difference.
-        is_certain: whether the file cannot be right as it was read.
-        columns: clause on the columns of a log; empty without.
-    """
-
-    file: str
-    factor: float
-    faults: tuple[ExportFault, ...]
-    is_certain: bool
-    columns: str = ""
-
-    @property
-    def is_level(self) -> bool:
-        """Whether the faults that are named are factors of the FRFs alone."""
-        named = self.faults[: _EXPORT_LIMITS.max_reasons]
-        return all(f.axis == 1.0 and f.order == 0 and not f.is_elsewhere for f in named)
-
-    @property
-    def sentence(self) -> str:
-        """What is wrong, why, and the key that corrects it."""
-        where = f"{self.file}{self.columns}"
-        table = "under [log]" if self.columns else "in its [[test]]"
-        named = self.faults[: _EXPORT_LIMITS.max_reasons]
-        if not named and self.columns:
-            return (
-                f"{where}: measured FRFs are {_times(self.factor)} the nominal model's in the "
-                'median over the band: state their unit under [log], or gain = "unknown" of the '
-                "motor or encoder that is in counts or volts"
-            )
-        if not named:
-            return (
-                f"{where}: measured FRFs are {_times(self.factor)} the nominal model's in the "
-                "median over the band: check unit and quantity in [[test]], the gain of the force "
-                "channel, and the masses of the model"
-            )
-        reasons = ", or ".join(fault.reason for fault in named)
-        keys = ", or ".join(dict.fromkeys(f.remedy for f in named if not f.is_elsewhere))
-        actions = [f"set {keys} {table}"] if keys else []
-        actions += dict.fromkeys(fault.remedy for fault in named if fault.is_elsewhere)
-        is_level = self.is_level
-        masses = ", or correct the masses of the model" if is_level else ""
-        level = f"are {_times(self.factor)} the nominal model's" if is_level else "fit the model"
-        likely = "" if self.is_certain else " rather"
-        return (
-            f"{where}: measured FRFs {level}{likely}, as if {reasons}: "
-            f"{', or '.join(actions)}{masses}"
-        )
-
-
-def _times(factor: float) -> str:
-    """Return a factor as text."""
-    return f"{factor:.2g} times" if factor >= 1 else f"1/{1 / factor:.2g} of"
 
 
 def compare_with_model(

@@ -1,4 +1,4 @@
-"""What a tuning or diagnosis found of drives and encoders, which its MJCF does not hold."""
+"""Gains and lags of drives and encoders by a tuning or diagnosis, which no MJCF holds."""
 
 import math
 from collections.abc import Collection
@@ -22,7 +22,7 @@ class _FoundParameter(BaseModel):
 
 
 class PlantFindings(BaseModel):
-    """What tuned.json or verdict.json says of instruments and band, and the MJCF does not hold.
+    """Instruments and band by tuned.json or verdict.json, which the MJCF does not hold.
 
     Args:
         file: name of the JSON file; empty for the MJCF of a user, of which nothing is said.
