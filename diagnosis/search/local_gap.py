@@ -9,15 +9,15 @@ from diagnosis.settings import DiagnosisSettings
 from mbmodel import WORLD
 
 
-def find_local_place(forces: Sequence[ForceGain], settings: DiagnosisSettings) -> str | None:
-    """Return the place where a force of any spectrum explains much of the gap; None if everywhere.
+def find_local_force(forces: Sequence[ForceGain], settings: DiagnosisSettings) -> ForceGain | None:
+    """Return the force of any spectrum that explains much of the gap; None if it is everywhere.
 
     Args:
         forces: free force of each place.
         settings: part of the gap that it explains.
     """
     first = max(forces, key=lambda force: force.share, default=None)
-    return first.location if first and first.share >= settings.min_local_share else None
+    return first if first and first.share >= settings.min_local_share else None
 
 
 def acts_at(hypothesis: Hypothesis, place: str | None) -> bool:
@@ -28,6 +28,13 @@ def acts_at(hypothesis: Hypothesis, place: str | None) -> bool:
     kind, _, name = (place or "").partition(":")
     on_ground = f"pair:{WORLD}-{name}" if kind == "body" else place
     return hypothesis.location in (place, on_ground)
+
+
+def acts_along(hypothesis: Hypothesis, force: ForceGain | None) -> bool:
+    """Return whether a linear effect acts at the place of a force alone, in its direction."""
+    if force is None or hypothesis.dof != force.dof or hypothesis.spring is not None:
+        return False
+    return acts_at(hypothesis, force.location)
 
 
 def list_further_peaks(ranked: Sequence[Score], place: str | None, count: int) -> list[Hypothesis]:

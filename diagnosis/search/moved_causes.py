@@ -1,9 +1,10 @@
 """Causes of a set moved to neighbouring bodies, with their fitted values.
 
 An effect at a body resembles the same effect at a body that a stiff joint joins to it, as a link to
-either of two granites. Each moved cause starts at the same place in space with the same values, so
-that the fit stays in the basin of the set it comes from. A fit from no effect at all may end in a
-worse one, and a score test ranks a strong effect at its neighbour below weak ones elsewhere.
+either of two granites, or that a constraint of a closed chain ties to it. Each moved cause starts
+at the same place in space with the same values, so that the fit stays in the basin of the set it
+comes from. A fit from no effect at all may end in a worse one, and a score test ranks a strong
+effect at its neighbour below weak ones elsewhere.
 """
 
 from collections.abc import Container, Iterator, Sequence
@@ -117,9 +118,11 @@ def _list_moved(scene: Scene, fitted: Refit, cause: Hypothesis) -> Iterator[Hypo
 
 
 def _are_neighbours(machine: Machine, bodies: tuple[str, ...], moved: tuple[str, ...]) -> bool:
-    """Return whether bodies differ in one, and a joint joins the two that differ."""
+    """Return whether bodies differ in one, and a joint or constraint joins the two that differ."""
     gone, new = {*bodies} - {*moved}, {*moved} - {*bodies}
-    return len(gone) == len(new) == 1 and are_joined(machine, gone.pop(), new.pop())
+    if not len(gone) == len(new) == 1:
+        return False
+    return are_joined(machine, *gone, *new) or gone | new in machine.drawing.ties
 
 
 def _limit(hypothesis: Hypothesis, values: dict[str, float]) -> dict[str, float]:

@@ -15,6 +15,7 @@ from diagnosis.refits.refit import Refit
 from diagnosis.search.drawn_starts import refit_from_drawing
 from diagnosis.search.free_force import fit_free_forces
 from diagnosis.search.local_gap import acts_at, list_further_peaks
+from diagnosis.search.local_starts import begin_along
 from diagnosis.search.one_level import CauseSearch, Trial
 from diagnosis.search.score_test import Score, scores, select_best_of_sites
 from diagnosis.search.stiffness_starts import has_square_matrix, rank_by_stiffness
@@ -72,7 +73,7 @@ def refit_round(
     current: Refit,
     ranked: Sequence[Score],
     settings: DiagnosisSettings,
-    place: str | None = None,
+    force: ForceGain | None = None,
 ) -> list[Refit]:
     """Refit the promising hypotheses; where a rest remains, others from distant starts.
 
@@ -81,14 +82,15 @@ def refit_round(
     Args:
         current: set beside which they are refitted.
         ranked: their scores, the most promising first.
-        place: where a force of any spectrum explains much of the gap: the best hypothesis of each
-            effect there is promising, whatever its score. So are the other peaks of the scans, if
-            a rest remains.
+        force: force of any spectrum that explains much of the gap: the best hypothesis of each
+            effect there, and that in its direction, are promising, whatever their scores. So are
+            the other peaks of the scans, if a rest remains.
     """
     scene, search = base.scene, CauseSearch.beside(base.scene, current, settings)
-    promising = _select_promising(ranked, place, settings)
+    promising = _select_promising(ranked, force, settings)
     linear = [hypothesis for hypothesis in promising if hypothesis.spring is None]
     laws = _add_directions([law for law in promising if law not in linear], ranked, settings)
+    linear += begin_along(scene, search.seen, ranked, force, settings)
     trials: list[Trial] = [(hypothesis, ()) for hypothesis in linear]
     trials += [
         (hypothesis, _first_stages(hypothesis, settings))
@@ -109,7 +111,7 @@ def refit_round(
         shapes = {hypothesis for hypothesis, _ in further}
         # About the null model further peaks mostly belong to what a stronger cause explains.
         count = settings.max_refits if current.causes else settings.max_variants
-        peaks = list_further_peaks(ranked, place, count)
+        peaks = list_further_peaks(ranked, None if force is None else force.location, count)
         refits += search.refit([*further, *((peak, ()) for peak in peaks if peak not in shapes)])
     if search.is_on_one_level:
         hypotheses = len({score.hypothesis.site for score in ranked})
@@ -135,11 +137,12 @@ def _list_variants(
 
 
 def _select_promising(
-    ranked: Sequence[Score], place: str | None, settings: DiagnosisSettings
+    ranked: Sequence[Score], force: ForceGain | None, settings: DiagnosisSettings
 ) -> list[Hypothesis]:
-    """Return the most promising hypotheses, one for each effect and place, and those at a place.
+    """Return the most promising hypotheses, one for each effect and place, and those of a force.
 
-    The laws of one joint count as one, since they have one score.
+    The laws of one joint count as one, since they have one score. Tuned stiffness may have made up
+    for a strong effect, so that it scores below the same effect in another direction.
     """
     chosen: list[Hypothesis] = []
     slots: set[tuple[str, str]] = set()
@@ -151,6 +154,7 @@ def _select_promising(
             break
         chosen.append(hypothesis)
     best = [score.hypothesis for score in select_best_of_sites(ranked)]
+    place = None if force is None else force.location
     at_place = [hypothesis for hypothesis in best if acts_at(hypothesis, place)]
     return list(dict.fromkeys((*chosen, *at_place)))
 

@@ -22,7 +22,7 @@ from dataclasses import replace
 
 from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.inference.calibration import load_calibration
-from diagnosis.inference.evidence import Key
+from diagnosis.inference.evidence import ForceGain, Key
 from diagnosis.null_model import Baseline, refit_from
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import admit_outliers
@@ -35,7 +35,7 @@ from diagnosis.search.fitted_sets import (
     is_last_material,
     is_more_probable,
 )
-from diagnosis.search.local_gap import acts_at, find_local_place
+from diagnosis.search.local_gap import acts_at, find_local_force
 from diagnosis.search.moved_causes import move_causes
 from diagnosis.search.refit_round import (
     list_excluded,
@@ -61,16 +61,16 @@ def select_causes(
     moved: dict[frozenset[Key], set[Key]] = {}  # causes of sets that were moved to neighbours
     stalled_before = is_stalled = has_ended = False
     while len(path.causes) < settings.max_causes and frozenset(path.keys) not in visited:
-        search, place = _locate_gap(base, search, path, settings)
-        if has_ended and place is None:
+        search, force = _locate_gap(base, search, path, settings)
+        if has_ended and force is None:
             break
         visited.add(frozenset(path.keys))
         say(f"score tests of all hypotheses for cause {len(path.causes) + 1}")
         ranked = score_hypotheses(base.scene, path, list_excluded(base), settings)
-        if has_ended:
-            ranked = [score for score in ranked if acts_at(score.hypothesis, place)]
+        if has_ended and force is not None:
+            ranked = [score for score in ranked if acts_at(score.hypothesis, force.location)]
         say("refits of the most promising hypotheses")
-        refits = refit_round(base, path, ranked, settings, place)
+        refits = refit_round(base, path, ranked, settings, force)
         search = replace(
             search, scores=search.scores or tuple(ranked), refits=(*search.refits, *refits)
         )
@@ -98,8 +98,8 @@ def select_causes(
 
 def _locate_gap(
     base: Baseline, search: Search, refit: Refit, settings: DiagnosisSettings
-) -> tuple[Search, str | None]:
-    """Return the place of what a set leaves, and the search with the free forces that show it.
+) -> tuple[Search, ForceGain | None]:
+    """Return the force that explains what a set leaves, and the search with all free forces.
 
     There is none if next to nothing remains, or if it is everywhere.
     """
@@ -107,7 +107,7 @@ def _locate_gap(
         return search, None
     forces = search.forces.get(refit) or push_about(base.scene, refit, settings)
     search = replace(search, forces={**search.forces, refit: forces})
-    return search, find_local_place(forces, settings)
+    return search, find_local_force(forces, settings)
 
 
 def _settle(

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from identification.words import Real
-from mbmodel.mjcf.names import joint_name
-from mbmodel.mjcf.stages import stage_members
+from mbmodel.mjcf.names import body_name, joint_name
+from mbmodel.mjcf.stages import stage_members, tied_stages
 from mbmodel.spatial import spatial_inertia
 
 _ONE_COORDINATE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)  # one coordinate each
@@ -67,11 +67,13 @@ class Drawing:
         joints: by the name of the joint.
         sites: by the name of the site.
         bodies: by the name of the stage.
+        ties: pairs of stages, or of a stage and the ground, that a constraint ties.
     """
 
     joints: dict[str, DrawnElement]
     sites: dict[str, DrawnElement]
     bodies: dict[str, DrawnBody]
+    ties: frozenset[frozenset[str]]
 
 
 def read_drawing(
@@ -117,7 +119,10 @@ def read_drawing(
         name: _drawn_body(model, data, body, centre)
         for (name, body), centre in zip(stages.items(), centres, strict=True)
     }
-    return Drawing(joints, sites, bodies)
+    ties = (
+        frozenset(body_name(model, stage) for stage in tied) for tied in tied_stages(model).values()
+    )
+    return Drawing(joints, sites, bodies, frozenset(ties))
 
 
 def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Real:

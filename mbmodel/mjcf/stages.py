@@ -6,6 +6,7 @@ import numpy as np
 from identification.words import Integers
 
 GROUND = 0  # MuJoCo's number of the world
+_TIES_OF_BODIES = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 
 
 def stage_numbers(model: mujoco.MjModel) -> Integers:
@@ -36,3 +37,20 @@ def stage_members(model: mujoco.MjModel, stage: int) -> Integers:
         stage: number of the body that leads it.
     """
     return np.flatnonzero(stage_numbers(model) == stage)
+
+
+def tied_stages(model: mujoco.MjModel) -> dict[int, tuple[int, int]]:
+    """Return the stages that connect and weld constraints tie, by the number of the constraint.
+
+    A stage is given by the number of the body that leads it, ``GROUND`` if it is ground.
+    """
+    leads, ties = stage_numbers(model), {}
+    for number in np.flatnonzero(model.eq_active0).tolist():
+        if mujoco.mjtEq(model.eq_type[number]) not in _TIES_OF_BODIES:
+            continue
+        ends = np.array([model.eq_obj1id[number], model.eq_obj2id[number]])
+        if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
+            ends = model.site_bodyid[ends]
+        first, second = leads[ends].tolist()
+        ties[number] = first, second
+    return ties

@@ -16,7 +16,7 @@ from mbmodel.machine import Machine
 from mbmodel.machine_loading import load_machine, read_gravity
 from mbmodel.mjcf.names import equality_name
 from mbmodel.mjcf.read import compile_mjcf
-from mbmodel.mjcf.stages import GROUND, stage_of
+from mbmodel.mjcf.stages import GROUND, tied_stages
 from mbmodel.mjcf.written_file import MAX_RELATIVE_DIFFERENCE, Difference, compare_compiled
 from mbmodel.mounting.combined_file import CombinedFile
 from mbmodel.mounting.place import Offset, PointMass, find_pose
@@ -139,14 +139,8 @@ def _combine(
 
 def _refuse_ties_to_world(path: Path, model: mujoco.MjModel) -> None:
     """Refuse a stage that an equality constraint ties to its world, which stays behind."""
-    for equality in np.flatnonzero(model.eq_active0).tolist():
-        if mujoco.mjtEq(model.eq_type[equality]) not in _TIES_OF_BODIES:
-            continue
-        at_sites = model.eq_objtype[equality] == mujoco.mjtObj.mjOBJ_SITE
-        ends = [model.eq_obj1id[equality], model.eq_obj2id[equality]]
-        if any(
-            stage_of(model, model.site_bodyid[end] if at_sites else end) == GROUND for end in ends
-        ):
+    for equality, stages in tied_stages(model).items():
+        if GROUND in stages:
             raise InputError(
                 f"{path}: {equality_name(model, equality)} ties it to its world, which is left out "
                 "when it is mounted: tie it to a body of its own"
@@ -213,7 +207,6 @@ def _turn(machine: Machine, stage: MountedStage) -> float:
     return float(Rotation.from_matrix(axes).magnitude())
 
 
-_TIES_OF_BODIES = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 _COUNTED = {
     "joints": "njnt",
     "tendons": "ntendon",

@@ -1,5 +1,6 @@
 """Causes moved to neighbouring bodies: the same place in space, the same values."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,12 +11,13 @@ from diagnosis.hypothesis import Scene
 from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.scene_points import are_joined
 from diagnosis.search.fitted_sets import Search, compute_cosine, find_interchangeable
-from diagnosis.search.moved_causes import move_causes
+from diagnosis.search.moved_causes import _are_neighbours, move_causes
 from diagnosis.settings import SETTINGS
-from mbmodel import transport
+from mbmodel import load_machine, transport
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import early_scene, propose_at, refit_null, refit_with
 
+ASSETS = Path(__file__).parents[2] / "assets"
 MOVABLE = ("parallel_path", "appendage", "mass_error", "gyroscopic")
 OMEGA = 2 * np.pi * np.array([20.0, 90.0])
 
@@ -167,3 +169,13 @@ def test_causes_of_sensors_are_not_moved(scene):
     best = refit_with(scene, null, fault)
     search = Search(null, best, refits=(best,))
     assert move_causes(scene, search, best, best.causes, SETTINGS) == (search, best)
+
+
+def test_bodies_that_a_constraint_of_a_closed_chain_ties_are_neighbours():
+    machine = load_machine(ASSETS / "hexapod.xml")
+    assert _are_neighbours(machine, ("strut6",), ("platform",))
+    assert not _are_neighbours(machine, ("leg6",), ("platform",))
+    ties = {frozenset((f"strut{k}", "platform")) for k in range(1, 7)}
+    assert machine.drawing.ties == ties
+    file = ASSETS / "two_bodies.xml"
+    assert not load_machine(file).drawing.ties

@@ -20,7 +20,7 @@ from diagnosis.decision.held_out_check import (
 from diagnosis.inference.evidence import ForceGain
 from diagnosis.search.elimination import reconsider_causes
 from diagnosis.search.fitted_sets import Search
-from diagnosis.search.local_gap import acts_at, find_local_place, list_further_peaks
+from diagnosis.search.local_gap import acts_along, acts_at, find_local_force, list_further_peaks
 from diagnosis.search.refit_round import _select_promising
 from diagnosis.search.score_test import Score, list_peaks
 from diagnosis.settings import SETTINGS
@@ -138,10 +138,11 @@ def test_where_a_free_force_explains_much_each_effect_is_refitted_whatever_its_s
         ]
 
     least = SETTINGS.min_local_share
-    assert find_local_place(push(least, 0.1), SETTINGS) == "body:a"
-    assert find_local_place(push(0.1, least + 0.1), SETTINGS) == "body:b"
-    assert find_local_place(push(0.9 * least, 0.1), SETTINGS) is None  # everywhere
-    assert find_local_place([], SETTINGS) is None
+    assert find_local_force(push(least, 0.1), SETTINGS) == push(least, 0.1)[0]
+    force = find_local_force(push(0.1, least + 0.1), SETTINGS)
+    assert force.location == "body:b"
+    assert find_local_force(push(0.9 * least, 0.1), SETTINGS) is None  # everywhere
+    assert find_local_force([], SETTINGS) is None
     elsewhere = [scored("mass_error", f"body:{k}", 100.0 - k) for k in range(12)]
     there = [
         scored("appendage", "body:b", 3.0, 1),
@@ -158,12 +159,16 @@ def test_where_a_free_force_explains_much_each_effect_is_refitted_whatever_its_s
     most = [score.hypothesis for score in elsewhere[: SETTINGS.max_refits]]
     assert _select_promising(ranked, None, SETTINGS) == most
     at_place = [there[k].hypothesis for k in (0, 5, 6)]
-    assert _select_promising(ranked, "body:b", SETTINGS) == [*most, *at_place]
+    assert _select_promising(ranked, force, SETTINGS) == [*most, *at_place]
     further = [there[2].hypothesis]
     assert list_further_peaks(ranked, "body:b", 2) == further
     assert list_further_peaks(ranked, "body:b", 0) == list_further_peaks(ranked, None, 2) == []
     assert acts_at(Hypothesis("joint_coupling", "joint:b"), "joint:b")
     assert not acts_at(Hypothesis("joint_coupling", "joint:b"), None)
+    along = Hypothesis("mass_error", "body:b", "tx")
+    assert acts_along(along, force)
+    assert not any(acts_along(along, other) for other in (None, *push(0.9, 0.1)[:1]))
+    assert not acts_along(Hypothesis("mass_error", "body:b", "ty"), force)
 
 
 def test_peaks_of_a_scan_are_those_that_no_neighbour_exceeds():
