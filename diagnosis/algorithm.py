@@ -110,7 +110,8 @@ def diagnose(
     6. Each earlier cause is left out in turn, and dropped if the others explain as much, or
        replaced if another cause explains more; all are moved to neighbouring bodies.
     7. A free force is fitted at every place: that with the largest gain locates the gap, or the
-       rest. Each round of the search refits the effects there, if it is at one place.
+       rest. Each round of the search refits the effects there, if it is at one place: those in
+       its direction from their fits in dynamic stiffness.
     8. The posterior weighs all sets of causes, by the number of independent values of the residual.
     9. The gap is estimated on held-out lines, without and with the causes; a set that does not
        predict them is rejected.

@@ -160,8 +160,8 @@ class _GapAlong:
             return self._add_up(parts, map_values(varies, varies.theta(x)))
 
         def weigh(values: Complex) -> Complex:
-            own, h = self.lacking, self.receptance
-            return self.weight / ((1 + h * own) * (1 + h * values))
+            z, h = self.lacking, self.receptance
+            return self.weight / ((1 + h * z) * (1 + h * values))
 
         x = np.clip(start, varies.lower, varies.upper)
         denominator = weigh(self.lacking)

@@ -87,7 +87,7 @@ def test_none_begins_without_a_force_in_its_direction_alone(scene, far):
     everywhere = select(scene, "viscoelastic", None)
     assert begin_along(scene, far, rate(along), None, SETTINGS) == []
     assert begin_along(scene, far, rate(across, everywhere), FORCE, SETTINGS) == []
-    at_body = replace(FORCE, location="body:stage2")
+    at_body = FORCE.model_copy(update={"location": "body:stage2"})
     assert begin_along(scene, far, rate(along), at_body, SETTINGS) == []
     (begun,) = begin_along(scene, far, rate(across, along, everywhere), FORCE, SETTINGS)
     assert begun.key == along.key
