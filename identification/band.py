@@ -211,5 +211,4 @@ def _smooth_lines(tests: list[Test]) -> Mask:
             variance[start::_SCATTER_STEP] = difference_variance(values[start::_SCATTER_STEP])
         power = np.abs(values) ** 2
         ratios.append(np.divide(variance, power, np.full(power.shape, np.inf), where=power > 0))
-    smooth: Mask = np.median(np.hstack(ratios), axis=1) < _MAX_SMOOTH_SCATTER**2
-    return smooth
+    return np.median(np.hstack(ratios), axis=1) < _MAX_SMOOTH_SCATTER**2

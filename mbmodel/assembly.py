@@ -113,8 +113,7 @@ class Assembly:
     @property
     def weight_bearing_mass(self) -> Real:
         """Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body)."""
-        weight_bearing_mass: Real = self.machine.weight_fraction[:, None] * self.body[2]
-        return weight_bearing_mass
+        return self.machine.weight_fraction[:, None] * self.body[2]
 
     @property
     def has_weight(self) -> bool:

@@ -119,8 +119,7 @@ def dynamics_error(machine: Machine) -> float | None:
         probe.act[:] = rest.act
         mujoco.mj_integratePos(model, probe.qpos, change, 1.0)
         mujoco.mj_forward(model, probe)
-        accelerated: Real = probe.qacc.copy()
-        return accelerated
+        return probe.qacc.copy()
 
     none = np.zeros(model.nv)
     fine = choose_difference_step(model, rest)

@@ -58,8 +58,7 @@ class Axle:
             count: number of the machine's coordinates.
         """
         if self.chain_row is None:
-            motion: Real = np.eye(1, count, self.coordinate)[0]
-            return motion
+            return np.eye(1, count, self.coordinate)[0]
         return np.pad(self.chain_row, (0, count - len(self.chain_row)))
 
     @property
@@ -197,8 +196,7 @@ class Machine:
     @property
     def mass(self) -> Real:
         """Mass matrix of the joint coordinates, T' Mb T + armature [kg, kg m^2]; (nv, nv)."""
-        mass: Real = self.jacobian.T @ self.body_mass @ self.jacobian + self.armature
-        return mass
+        return self.jacobian.T @ self.body_mass @ self.jacobian + self.armature
 
     def written_name(self, coordinate: str) -> str:
         """Return the name that a coordinate has in a written MJCF.

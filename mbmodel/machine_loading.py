@@ -140,8 +140,7 @@ def load_machine(
 def read_gravity(model: mujoco.MjModel) -> Real:
     """Return the acceleration of gravity, zero if it is switched off [m/s^2]; (3,)."""
     off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    gravity: Real = np.zeros(3) if off else model.opt.gravity.copy()
-    return gravity
+    return np.zeros(3) if off else model.opt.gravity.copy()
 
 
 def _precedence(model: mujoco.MjModel) -> Real:

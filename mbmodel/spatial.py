@@ -33,8 +33,7 @@ def rotation_matrix(vector: Real) -> Real:
         vector: rotation vector v [rad]; (3,).
     """
     angle, k = math.hypot(*vector), cross_matrix(vector)
-    matrix: Real = np.eye(3) + _sine_ratio(angle) * k + _versine(angle) * (k @ k)
-    return matrix
+    return np.eye(3) + _sine_ratio(angle) * k + _versine(angle) * (k @ k)
 
 
 def _sine_ratio(angle: float) -> float:
@@ -156,5 +155,4 @@ def nearest_inertia(inertia: Real) -> Real:
     if second[0] >= least:
         return inertia
     clipped: Real = (axes * np.maximum(second, least)) @ axes.T
-    nearest: Real = np.trace(clipped) * np.eye(3) - clipped
-    return nearest
+    return np.trace(clipped) * np.eye(3) - clipped

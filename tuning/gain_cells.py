@@ -174,8 +174,7 @@ def _delays(group: Sequence[GainCell], largest: float) -> Real:
     fastest = max(float(cell.omega.max()) for cell in group)
     count = int(np.ceil(end * fastest / _CELL_SETTINGS.max_delay_step_rad))
     count = min(count, _CELL_SETTINGS.max_delays)
-    delays: Real = np.linspace(-end, end, 2 * count + 1)
-    return delays
+    return np.linspace(-end, end, 2 * count + 1)
 
 
 def _orders_of(machine: Machine, frf: Frf) -> Integers:

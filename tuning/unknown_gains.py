@@ -149,8 +149,7 @@ def _fit_levels(cells: Sequence[GainCell], nodes: Sequence[GainNode], fixed: set
         levels = np.linalg.lstsq(root_weight[:, None] * design, root_weight * target)[0]
         residual = np.maximum(np.abs(target - design @ levels), _SETTINGS.smallest_residual)
         root_weight = 1 / np.sqrt(residual)
-    fitted: Real = levels
-    return fitted
+    return levels
 
 
 def _fit_signs(

@@ -126,8 +126,7 @@ def _start_values(appendage: AppendagePart, values: Mapping[str, Real]) -> dict[
 
 def _find_centre(appendage: AppendagePart) -> Real:
     """Return the drawn centre of mass of the body [m]; (3,)."""
-    centre: Real = appendage.machine.layout.centres[appendage.number]
-    return centre
+    return appendage.machine.layout.centres[appendage.number]
 
 
 def _group_names(appendage: AppendagePart) -> tuple[tuple[str, ...], ...]:

@@ -13,8 +13,7 @@ from identification.words import Mask, Real
 def find_rigid_masses(theta: Real) -> Real:
     """Return r_a = across (M - m_a) - counted M, in units of mass; (3,)."""
     largest, (across, counted) = theta[:3].max(), theta[8:]
-    rigid: Real = across * (largest - theta[:3]) - counted * largest
-    return rigid
+    return across * (largest - theta[:3]) - counted * largest
 
 
 def find_rigid_slopes(theta: Real) -> Real:

@@ -98,8 +98,7 @@ class AppendagePart:
     def inertia(self) -> Real:
         """Spatial inertia of the body; (6, 6)."""
         span = slice(6 * self.number, 6 * self.number + 6)
-        inertia: Real = self.machine.body_mass[span, span]
-        return inertia
+        return self.machine.body_mass[span, span]
 
     @property
     def mass_unit(self) -> float:
@@ -150,8 +149,7 @@ class AppendagePart:
     def _sum_inertia(self, theta: Real, masses: Real) -> Real:
         """Return G' diag(masses) G; (6, 6)."""
         moved = self._move(theta)
-        inertia: Real = self.mass_unit * moved.T @ (masses[:, None] * moved)
-        return inertia
+        return self.mass_unit * moved.T @ (masses[:, None] * moved)
 
     def find_across(self, value: float) -> float:
         """Return how rigid it is across its axes, from 0 to 1, from its parameter."""

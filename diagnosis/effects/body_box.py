@@ -28,8 +28,7 @@ def find_box(machine: Machine, numbers: Sequence[int]) -> Real:
     corners = np.vstack([_list_corners(machine, number) for number in numbers])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 0.5 * float((high - low).max())
-    box: Real = np.array([low - margin, high + margin])
-    return box
+    return np.array([low - margin, high + margin])
 
 
 def _list_corners(machine: Machine, number: int) -> Real:
@@ -91,8 +90,7 @@ def find_moved(jacobian: Real, rows: Real) -> Mask:
         rows: these motions per motion of the bodies, each one row or several; (n, ..., 6 n_body).
     """
     sizes = np.abs(rows @ jacobian).reshape(len(rows), -1).max(axis=1, initial=0.0)
-    is_moved: Mask = sizes > HALF_PRECISION * np.abs(jacobian).max(initial=0.0)
-    return is_moved
+    return sizes > HALF_PRECISION * np.abs(jacobian).max(initial=0.0)
 
 
 def find_moved_axes(jacobian: Real, body: int) -> Mask:

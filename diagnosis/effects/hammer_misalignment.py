@@ -45,8 +45,7 @@ def _find_rotation(start: Real, end: Real) -> Real:
     """Return the shortest rotation vector from one unit vector to another; (3,)."""
     axis = np.cross(start, end)
     sine, cosine = float(np.linalg.norm(axis)), float(start @ end)
-    angle: Real = axis * (np.arctan2(sine, cosine) / sine if sine > 0 else 1.0)
-    return angle
+    return axis * (np.arctan2(sine, cosine) / sine if sine > 0 else 1.0)
 
 
 EFFECT = Effect(

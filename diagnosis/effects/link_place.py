@@ -42,8 +42,7 @@ class LinkPlace:
 
     @cached_property
     def _centres(self) -> Real:
-        centres: Real = self.machine.layout.centres[[self.moving[0], self.moving[-1]]]
-        return centres
+        return self.machine.layout.centres[[self.moving[0], self.moving[-1]]]
 
     def bound_offset(self) -> Real:
         """Return the lowest and highest offset from the start, by axis [units]; (3, 2)."""
@@ -55,8 +54,7 @@ class LinkPlace:
         Args:
             offset: in units; (3,).
         """
-        point: Real = self.start + ARM_UNIT_M * offset
-        return point
+        return self.start + ARM_UNIT_M * offset
 
     @cached_property
     def frame(self) -> Real:
@@ -105,8 +103,7 @@ class LinkPlace:
         motion = (self._moved_rows @ self.jacobian).reshape(3, -1)
         directions, sizes, _ = np.linalg.svd(motion, full_matrices=False)
         kept = directions[:, sizes > HALF_PRECISION * np.abs(self.jacobian).max(initial=0.0)]
-        projection: Real = kept @ kept.T
-        return projection
+        return kept @ kept.T
 
 
 def list_places(

@@ -21,8 +21,7 @@ def build_passive(sizes: Real, off_diagonal: Real) -> Real:
         off_diagonal: n_xy, n_xz and n_yz; (3,).
     """
     columns = build_columns(off_diagonal)
-    matrix: Real = (columns * sizes) @ columns
-    return matrix
+    return (columns * sizes) @ columns
 
 
 def slope_passive(sizes: Real, off_diagonal: Real) -> Real:

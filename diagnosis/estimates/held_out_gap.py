@@ -64,8 +64,7 @@ class HeldOutGap:
     def theta(self) -> Real:
         """Mean parameters of the fits without a fold, each to most of the lines; (n_parameter,)."""
         held = self.held_out
-        mean: Real = self.refit.fit.theta if held is None else held.thetas.mean(axis=0)
-        return mean
+        return self.refit.fit.theta if held is None else held.thetas.mean(axis=0)
 
     @property
     def unfinished(self) -> int:

@@ -150,15 +150,13 @@ def _project_on_rows(slopes: Real) -> Real:
     sizes = np.linalg.norm(slopes, axis=1)
     _, values, directions = np.linalg.svd(slopes[sizes > 0] / sizes[sizes > 0, None])
     effective = directions[: len(values)][values > NEGLIGIBLE_SHARE]
-    projector: Real = effective.T @ effective
-    return projector
+    return effective.T @ effective
 
 
 def _find_root(matrix: Real) -> Real:
     """Return the symmetric root of a positive semidefinite matrix."""
     values, vectors = np.linalg.eigh(matrix)
-    root: Real = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
-    return root
+    return vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
 
 
 def _draw_directions(points: int, count: int) -> Real:

@@ -93,8 +93,7 @@ class MachinesInBlocks:
     def _powers(self) -> Complex:
         """D^k of the steps of a block, from k = 0 on; (n_case, n_step + 1, n_mode)."""
         steps = np.arange(LEVEL_SETTINGS.block_steps + 1)[:, None]
-        powers: Complex = self.decay[:, None] ** steps
-        return powers
+        return self.decay[:, None] ** steps
 
     @cached_property
     def _readout(self) -> Real:
@@ -105,14 +104,12 @@ class MachinesInBlocks:
     @cached_property
     def _states_by_forces(self) -> Complex:
         """State at the end of a block by its forces; (n_case, n_mode, n_step)."""
-        states: Complex = (self._powers[:, -2::-1] * self.joint[:, None]).transpose(0, 2, 1)
-        return states
+        return (self._powers[:, -2::-1] * self.joint[:, None]).transpose(0, 2, 1)
 
     @cached_property
     def kernel(self) -> Real:
         """Stretch by a force one step before and more; (n_step, n_case)."""
-        kernel: Real = np.einsum("ckm,cm->kc", self._powers[:, :-1], self.joint).real
-        return kernel
+        return np.einsum("ckm,cm->kc", self._powers[:, :-1], self.joint).real
 
     def look_ahead(self, first: int) -> Real:
         """Return the stretch in a block without its forces; (n_step, n_case, n_hit).

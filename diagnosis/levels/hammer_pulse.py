@@ -28,16 +28,14 @@ from identification.words import Campaign, Complex, HitEstimate, Input, Real
 def compute_pulse_force(time_s: Real, duration_s: Real | float) -> Real:
     """Return the force of half sines of unit peak, in the shape of both arguments together."""
     inside = (time_s >= 0) & (time_s <= duration_s)
-    force: Real = np.where(inside, np.sin(np.pi * time_s / duration_s), 0.0)
-    return force
+    return np.where(inside, np.sin(np.pi * time_s / duration_s), 0.0)
 
 
 def compute_pulse_spectrum(freq_hz: Real, duration_s: float) -> Complex:
     """Return the Fourier transform of a half sine of unit peak [N s / N]; (n_freq,)."""
     cycles = freq_hz * duration_s
     size = duration_s / 2 * (np.sinc(cycles - 0.5) + np.sinc(cycles + 0.5))
-    spectrum: Complex = size * np.exp(-1j * np.pi * cycles)
-    return spectrum
+    return size * np.exp(-1j * np.pi * cycles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +68,13 @@ class Pulses:
         if momenta is None:
             return np.exp(LEVEL_SETTINGS.hit_scatter * _scale_to_deviation(ndtri(shares), 1.0))
         quantiles = np.quantile(momenta, shares, method="hazen")
-        sizes: Real = momenta.mean() + _scale_to_deviation(quantiles, float(momenta.std()))
-        return sizes
+        return momenta.mean() + _scale_to_deviation(quantiles, float(momenta.std()))
 
 
 def _scale_to_deviation(values: Real, deviation: float) -> Real:
     """Return values less their mean, with a given standard deviation."""
     off = values - values.mean()
-    scaled: Real = off * (deviation / off.std()) if off.std() > 0 else off
-    return scaled
+    return off * (deviation / off.std()) if off.std() > 0 else off
 
 
 @lru_cache(4)  # each refit of a law asks for the pulses of the same campaign

@@ -120,8 +120,7 @@ class JointTransient:
         laplace = 2j * np.pi * freq_hz[:, None]
         residues = self.readout[:, None] * np.column_stack([self.joint_entry, self.input_entry])
         upper, lower = 1 / (laplace - self.poles), 1 / (laplace - self.poles.conj())
-        stretch: Complex = (upper @ residues + lower @ residues.conj()) / 2
-        return stretch
+        return (upper @ residues + lower @ residues.conj()) / 2
 
     def find_moving_modes(self, least: int = 0) -> Integers:
         """Return the modes that move the joint, those that move it most first.
@@ -138,8 +137,7 @@ class JointTransient:
         )
         share = (peaks / np.maximum(peaks.max(axis=0), np.finfo(float).tiny)).max(axis=1)
         count = max(int((share > LEVEL_SETTINGS.negligible_mode_share).sum()), least)
-        order: Integers = np.argsort(-share, kind="stable")[:count]
-        return order
+        return np.argsort(-share, kind="stable")[:count]
 
     @cached_property
     def hold_weights(self) -> tuple[Complex, Complex]:

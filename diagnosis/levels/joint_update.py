@@ -112,8 +112,7 @@ class JointUpdate:
 
     def weights(self, error: ModelError) -> Real:
         """Return 1 / (var + a^2 |H_point|^2) of all values; (n_value,)."""
-        weights: Real = 1 / (self.variance + error.floor**2 * self.power)
-        return weights
+        return 1 / (self.variance + error.floor**2 * self.power)
 
     def estimate_error(self, residuals: Complex) -> ModelError:
         """Return the model error that residuals show; ``residuals`` (n_value,)."""

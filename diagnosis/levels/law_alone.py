@@ -128,8 +128,7 @@ class LawAlone:
         spring = share * self.tested.stiffness, self.stiffest / share
         damper = share * self.tested.damping, self.tested.damping / share
         lower, upper = np.array([*bounds, spring, damper]).T
-        limited: Real = np.clip(values, lower, upper)
-        return limited
+        return np.clip(values, lower, upper)
 
     def build_start(self, point: TriedLaw) -> LawStart:
         """Return where the refit of a law begins."""

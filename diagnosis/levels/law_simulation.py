@@ -130,8 +130,7 @@ def _transform_forces(forces: Real, freq_hz: Real, rate_hz: float) -> Complex:
         times, steps = np.arange(count) / rate_hz, np.diff(forces, axis=0)
         sums = np.array([np.exp(-s * times) @ steps for s in laplace])
     spread = -np.expm1(-laplace / rate_hz) * rate_hz / laplace**2
-    transform: Complex = (sums * spread[:, None]).T
-    return transform
+    return (sums * spread[:, None]).T
 
 
 @dataclass(frozen=True, eq=False)

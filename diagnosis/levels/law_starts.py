@@ -110,8 +110,7 @@ def _move(point: TriedLaw, step: Real) -> Real:
     """Return the values of a law after a step of its coordinates: logarithms of sizes."""
     is_size = _list_sizes(point)
     limited = np.clip(step, -LEVEL_SETTINGS.largest_start_step, LEVEL_SETTINGS.largest_start_step)
-    moved: Real = np.where(is_size, point.values * np.exp(limited), point.values + limited)
-    return moved
+    return np.where(is_size, point.values * np.exp(limited), point.values + limited)
 
 
 def _list_sizes(point: TriedLaw) -> Real:
@@ -123,8 +122,7 @@ def _find_slope(point: TriedLaw, moved: TriedLaw | None) -> Complex:
     """Return the derivative of the residuals by a coordinate; zero where the motion diverges."""
     if moved is None:
         return np.zeros_like(point.residuals)
-    slope: Complex = (moved.residuals - point.residuals) / LEVEL_SETTINGS.difference_step
-    return slope
+    return (moved.residuals - point.residuals) / LEVEL_SETTINGS.difference_step
 
 
 def _solve_step(slopes: Complex, point: TriedLaw, weights: Real, damping: float) -> Real:
@@ -133,5 +131,4 @@ def _solve_step(slopes: Complex, point: TriedLaw, weights: Real, damping: float)
     gradient = ((slopes.conj() * weights) @ point.residuals).real
     scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
     unit = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
-    step: Real = -np.linalg.solve(unit, gradient / scale) / scale
-    return step
+    return -np.linalg.solve(unit, gradient / scale) / scale

@@ -162,8 +162,7 @@ class LawTable:
 
 def _to_coordinates(theta: Real, is_size: Mask) -> Real:
     """Return logarithms of sizes, other parameters as they are; (n_parameter,)."""
-    coordinates: Real = np.where(is_size, np.log(np.where(is_size, theta, 1.0)), theta)
-    return coordinates
+    return np.where(is_size, np.log(np.where(is_size, theta, 1.0)), theta)
 
 
 def _read_spring(joint: TestedJoint, names: tuple[str, ...], theta: Real) -> Real:
@@ -176,8 +175,7 @@ def _read_spring(joint: TestedJoint, names: tuple[str, ...], theta: Real) -> Rea
 def _add_spring(joint: TestedJoint, spring: Real) -> Complex:
     """Return what a linear spring and damper add to those of the machine; (n_freq,)."""
     stiffness, damping = spring - (joint.stiffness, joint.damping)
-    added: Complex = stiffness + 2j * np.pi * joint.freq_hz * damping
-    return added
+    return stiffness + 2j * np.pi * joint.freq_hz * damping
 
 
 def show(stiffness: Complex, receptance: Complex) -> Complex:
@@ -192,5 +190,4 @@ def average_hits(shown: Complex, weights: Real) -> Complex:
         shown: c under each hit; (n_case, n_hit, n_test, n_freq).
         weights: of each hit, its number times the power of its force; (n_hit, n_test).
     """
-    average: Complex = np.einsum("ht,chtf->ctf", weights / weights.sum(axis=0), shown)
-    return average
+    return np.einsum("ht,chtf->ctf", weights / weights.sum(axis=0), shown)

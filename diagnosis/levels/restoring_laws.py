@@ -116,8 +116,7 @@ class GapLaw:
     @cached_property
     def _at_rest(self) -> Real:
         """clip(c, -b, b) [m or rad]."""
-        rest: Real = np.maximum(np.minimum(self.centre, self.gap), -np.asarray(self.gap))
-        return rest
+        return np.maximum(np.minimum(self.centre, self.gap), -np.asarray(self.gap))
 
 
 def stack_laws(laws: Sequence[RestoringLaw], count: int) -> RestoringLaw:

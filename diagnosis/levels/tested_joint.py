@@ -150,8 +150,7 @@ class TestedJoint:
             cases.append(LawUnderHits(transient, family.law(theta), different))
             added.append(stiffness + 2j * np.pi * freq_hz * damping)
         kappa = compute_equivalent_stiffness(cases, freq_hz)
-        total: Complex = np.array(added)[:, None] + kappa[:, place]
-        return total
+        return np.array(added)[:, None] + kappa[:, place]
 
     def list_hit_sizes(self, count: int) -> Real:
         """Return equally probable sizes of each group of equal hits; (count, n_group)."""

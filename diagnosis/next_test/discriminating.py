@@ -217,5 +217,4 @@ def _compute_measured_normal(rival: Refit, stride: int) -> Real:
     problem = Misfit(session.model, thin, session.parametrisation, model_error_floor=rival.floor)
     x = session.parametrisation.coordinates(rival.fit.theta)
     ratio = len(session.campaign.freq_hz) / len(thin.freq_hz)
-    normal: Real = problem.quadratic_model(x)[2].dense() * ratio
-    return normal
+    return problem.quadratic_model(x)[2].dense() * ratio

@@ -117,8 +117,7 @@ class LinearSearch:
     @cached_property
     def followed(self) -> Real:
         """W, what the null model follows of each coordinate; (n_x, n)."""
-        product: Real = self.covariance @ self.normal[: self.varies.size]
-        return product
+        return self.covariance @ self.normal[: self.varies.size]
 
     @cached_property
     def projected(self) -> Real:

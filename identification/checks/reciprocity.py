@@ -250,8 +250,7 @@ def _fit_best(square: _Square, before: _Square | None) -> _Fit | None:
 def _along_positive(test: Test, row: int) -> Complex:
     """Return an FRF along the positive directions of channel and reference."""
     frf = test.estimate.frf
-    values: Complex = frf.outputs[row].sign * frf.inputs[0].sign * frf.values[:, row, 0]
-    return values
+    return frf.outputs[row].sign * frf.inputs[0].sign * frf.values[:, row, 0]
 
 
 def _find_reading(layout: Layout, reference: Dof, channels: list[Dof]) -> _Reading | None:
@@ -330,8 +329,7 @@ def _signs(ratio: Complex, rows: Integers, columns: Integers, count: int) -> Rea
 def _model(fitted: Real, omega: Real, incidence: Real) -> Complex:
     """Return ln(H_ij / H_ji) of the fit; (n_freq, n_pair)."""
     gains, delays = fitted @ incidence.T
-    modelled: Complex = gains - 1j * omega * delays
-    return modelled
+    return gains - 1j * omega * delays
 
 
 def _blocks(weight: Real, logarithm: Complex, omega: Real, incidence: Real) -> tuple[Real, Real]:
@@ -355,8 +353,7 @@ def _solve(sums: tuple[Real, Real], kept: Real) -> Real:
         [np.linalg.pinv(m, hermitian=True) @ r for m, r in zip(matrices, right, strict=True)]
     )
     usual = np.median(solved, axis=1) if solved.shape[1] > 2 else solved[:, 0]
-    centred: Real = solved - usual[:, None]
-    return centred
+    return solved - usual[:, None]
 
 
 def _doubt(campaign: Campaign) -> str:

@@ -146,5 +146,4 @@ def _impulse_energy(test: Test) -> Real:
     window = np.hanning(len(values) + 2)[1:-1, None]
     response = np.fft.ifft(values * window, axis=0)
     energy = np.abs(response) ** 2
-    total: Real = (energy / np.maximum(energy.sum(axis=0), _TINY_IMPULSE_ENERGY)).sum(axis=1)
-    return total
+    return (energy / np.maximum(energy.sum(axis=0), _TINY_IMPULSE_ENERGY)).sum(axis=1)

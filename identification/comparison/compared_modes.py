@@ -59,8 +59,7 @@ class TestedModes:
         rows = np.array([rotate_to_real(shape) for shape in self.complex_shapes.T])
         rows = rows.reshape(len(self.freq_hz), len(self.complex_shapes))
         size = np.linalg.norm(rows, axis=1)[:, None]
-        unit: Real = rows / np.where(size > 0, size, 1.0)
-        return unit
+        return rows / np.where(size > 0, size, 1.0)
 
 
 @dataclass(frozen=True)

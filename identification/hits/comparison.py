@@ -189,8 +189,7 @@ class ChannelComparison:
     @property
     def _correlations(self) -> Real:
         scale = np.maximum(np.outer(self._sizes, self._wanted), np.finfo(float).tiny)
-        correlations: Real = self._cross / scale
-        return correlations
+        return self._cross / scale
 
     def find_faults(self) -> set[Fault]:
         """Return turned, exchanged and dead channels."""

@@ -54,8 +54,7 @@ class AveragedSpectra:
         """Ordinary coherence g2, 0 .. 1; (n_freq, n_out)."""
         product = self.force[:, None] * self.motion
         ratio = np.abs(self.cross) ** 2 / np.where(product > 0, product, 1.0)
-        coherence: Real = np.clip(np.where(product > 0, ratio, 0.0), 0.0, 1.0)
-        return coherence
+        return np.clip(np.where(product > 0, ratio, 0.0), 0.0, 1.0)
 
 
 def average_spectra(force: Complex, motion: Complex) -> AveragedSpectra:

@@ -59,8 +59,7 @@ class DrivePointMobility:
     def as_if(self, quantity: Quantity) -> Complex:
         """Return the mobility if the file held another quantity; (n_line,)."""
         order = DERIVATIVE_ORDER[self.quantity] - DERIVATIVE_ORDER[quantity]
-        mobility: Complex = self.values * self.laplace**order
-        return mobility
+        return self.values * self.laplace**order
 
 
 def power_share(mobility: Complex) -> float:

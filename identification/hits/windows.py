@@ -77,8 +77,7 @@ def exponential_windows(blocks: Blocks, tau: float) -> Real:
         return np.ones_like(blocks.force)
     hit = np.array([b.onset - s for b, s in zip(blocks.blows, blocks.starts, strict=True)])
     time = (np.arange(blocks.force.shape[1]) - hit[:, None]) / blocks.records.rate_hz
-    windows: Real = np.exp(-time / tau)
-    return windows
+    return np.exp(-time / tau)
 
 
 def residual_response(blocks: Blocks) -> float:
@@ -132,8 +131,7 @@ def _max_noise(blocks: Blocks, impulse: Real, length: int) -> Real:
     if not count:
         return np.zeros(before.shape[0])
     factor = 1 + _NOISE_DEVIATIONS * np.sqrt(2 / length + 2 / count)
-    noise: Real = factor * length * (before**2).mean(axis=1) / impulse[0] ** 2
-    return noise
+    return factor * length * (before**2).mean(axis=1) / impulse[0] ** 2
 
 
 def choose_tau(blocks: Sequence[Blocks], residuals: Sequence[float]) -> float:

@@ -147,5 +147,4 @@ def _find_deaf_channels(before: Real, after: Real) -> Mask:
     level = np.median(before, axis=1, keepdims=True)  # the median ignores spikes
     noise = (_MAD_TO_NOISE_SD * np.median(np.abs(before - level), axis=1)) ** 2
     rise = blocks.var(axis=2).max(axis=1) / np.maximum(noise, 1e-300)
-    is_deaf: Mask = (rise < _MAX_DEAF_RISE) & (np.median(rise) > _MIN_AUDIBLE_RISE)
-    return is_deaf
+    return (rise < _MAX_DEAF_RISE) & (np.median(rise) > _MIN_AUDIBLE_RISE)

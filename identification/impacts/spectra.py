@@ -129,8 +129,7 @@ def sliding_average(values: Real, freq_hz: Real, width_hz: float) -> Real:
     place = np.arange(len(values))
     low, high = np.maximum(place - half, 0), np.minimum(place + half + 1, len(values))
     count = (high - low).reshape(-1, *(1,) * (values.ndim - 1))
-    averaged: Real = (total[high] - total[low]) / count
-    return averaged
+    return (total[high] - total[low]) / count
 
 
 def _duration_after(impact: SynchronisedImpact) -> float:
@@ -173,8 +172,7 @@ def _fourier_integral(values: Real, rate: float, lines: Real) -> Complex:
     ratio, origin = np.exp(-2j * np.pi * np.array([step, -first]) / rate)
     from scipy.signal import czt  # noqa: PLC0415  # slow to load
 
-    integral: Complex = czt(values * weights, len(lines), ratio, origin, axis=1).T
-    return integral
+    return czt(values * weights, len(lines), ratio, origin, axis=1).T
 
 
 def _noise_density(before: Real, rate: float, lines: Real) -> Real:
@@ -188,5 +186,4 @@ def _noise_density(before: Real, rate: float, lines: Real) -> Real:
     freq = np.fft.rfftfreq(before.shape[1], 1 / rate)
     in_band = (freq >= lines[0]) & (freq <= lines[-1])
     powers = spectrum[:, in_band] if in_band.sum() > 2 else spectrum[:, 1:]
-    density: Real = powers.mean(axis=1) / before.shape[1] / rate
-    return density
+    return powers.mean(axis=1) / before.shape[1] / rate

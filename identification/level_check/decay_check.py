@@ -94,8 +94,7 @@ def _widen_by_scatter(amplitude: Real, values: Real, deviations: Real) -> Real:
     curve = np.polynomial.Polynomial.fit(np.log(amplitude), values, degree, w=1 / deviations)
     off = (values - curve(np.log(amplitude))) / deviations
     scatter = float((off**2).sum()) / (len(values) - degree - 1)
-    widened: Real = deviations * np.sqrt(max(1.0, scatter))
-    return widened
+    return deviations * np.sqrt(max(1.0, scatter))
 
 
 def _filter(motion: Real, rate_hz: float, freq_hz: float, bandwidth_hz: float) -> Complex:
@@ -106,8 +105,7 @@ def _filter(motion: Real, rate_hz: float, freq_hz: float, bandwidth_hz: float) -
     window = 2 * np.exp(-2 * ((lines - freq_hz) / bandwidth_hz) ** 2)
     analytic = scipy.fft.ifft(scipy.fft.fft(motion, size) * window)[:, :count]
     times = np.arange(count) / rate_hz
-    turned: Complex = analytic * np.exp(-2j * np.pi * freq_hz * times)
-    return turned
+    return analytic * np.exp(-2j * np.pi * freq_hz * times)
 
 
 def _find_spans(path: Complex, rate_hz: float, freq_hz: float) -> list[tuple[int, int]]:

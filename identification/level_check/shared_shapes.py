@@ -60,8 +60,7 @@ class PoleFit:
         return self._propagate(np.stack([-(imag**2), real * imag], axis=1) / size)
 
     def _propagate(self, slopes: Real) -> Real:
-        deviation: Real = np.sqrt(np.einsum("ma,mab,mb->m", slopes, self.covariance, slopes))
-        return deviation
+        return np.sqrt(np.einsum("ma,mab,mb->m", slopes, self.covariance, slopes))
 
 
 def fit_poles(data: WeightedFrfs, start: ModalFit, moving: Mask) -> PoleFit:
@@ -122,8 +121,7 @@ def find_first_step(data: WeightedFrfs, model: ModalFit, moving: Mask) -> PoleFi
 def _add_ridge(normal: Real, share: float) -> Real:
     """Return a normal matrix with larger diagonal entries; those of no influence are one."""
     diagonal = np.diag(normal)
-    ridged: Real = normal + np.diag(np.where(diagonal > 0, share * diagonal, 1.0))
-    return ridged
+    return normal + np.diag(np.where(diagonal > 0, share * diagonal, 1.0))
 
 
 def _pole_covariance(normal: Real, moving: Mask) -> Real:

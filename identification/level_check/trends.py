@@ -67,8 +67,7 @@ class ModeTrend:
     @property
     def frequency_shift(self) -> Real:
         """Relative shift of the frequency from the lowest level; (n_level,)."""
-        shift: Real = self.freq_hz / self.freq_hz[0] - 1
-        return shift
+        return self.freq_hz / self.freq_hz[0] - 1
 
     @property
     def sentence(self) -> str:

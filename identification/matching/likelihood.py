@@ -120,8 +120,7 @@ def mixing(simulated_hz: Real, coupling: float) -> Real:
     difference = logarithm[:, None] - logarithm
     square = 0.5 * (2 * coupling) ** 2 / np.maximum((2 * coupling) ** 2 + difference**2, 1e-300)
     np.fill_diagonal(square, 1.0)
-    amplitudes: Real = np.sqrt(square)
-    return amplitudes
+    return np.sqrt(square)
 
 
 def _log_density(shape: Real, diagonal: Real, along: Real) -> float:

@@ -122,5 +122,4 @@ def rotate_to_imaginary(spectra: ImpactSpectra, modes: ImpactModes, mode: int) -
     values = spectra.values[:, :, strongest_impact(modes, mode)]
     line = np.argmin(np.abs(spectra.freq_hz - modes.frequencies[mode]))
     rotation = np.sqrt((values[line] ** 2).sum())
-    rotated: Complex = 1j * values * np.conj(rotation) / max(abs(rotation), 1e-300)
-    return rotated
+    return 1j * values * np.conj(rotation) / max(abs(rotation), 1e-300)

@@ -95,8 +95,7 @@ def shapes_at_channels(
     """
     places, axes = channel_geometry(layout, dofs)
     vectors = shapes_at(shapes, places, [dof.point for dof in dofs], sampling=sampling)
-    displacements: Real = np.einsum("mcx,cx->mc", vectors, axes)
-    return displacements
+    return np.einsum("mcx,cx->mc", vectors, axes)
 
 
 def channel_geometry(layout: Layout, dofs: Sequence[Dof]) -> tuple[Real, Real]:

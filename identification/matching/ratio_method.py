@@ -46,8 +46,7 @@ class RatioMatch:
     @property
     def mean(self) -> Real:
         """Mean of 1 / norm^2 over impacts; (n_freq, n_mode)."""
-        averaged: Real = self.closeness.mean(axis=2)
-        return averaged
+        return self.closeness.mean(axis=2)
 
     @property
     def peaks(self) -> Integers:

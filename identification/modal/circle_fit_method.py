@@ -119,8 +119,7 @@ def _refine_circle(values: Complex, centre: complex, radius: float) -> tuple[com
     size = radius or 1.0
 
     def distances(x: Real) -> Real:
-        radial: Real = np.abs((values - centre) / size - (x[0] + 1j * x[1])) - x[2]
-        return radial
+        return np.abs((values - centre) / size - (x[0] + 1j * x[1])) - x[2]
 
     def jacobian(x: Real) -> Real:
         from_centre = (values - centre) / size - (x[0] + 1j * x[1])
@@ -150,8 +149,7 @@ def _fit_angle_sweep(freq: Real, angle: Real) -> tuple[float, float, float]:
     def angle_residuals(x: Real) -> Real:
         natural, ratio = start * np.exp(x[0]), zeta * np.exp(x[1])
         phase = np.arctan((freq**2 - natural**2) / (2 * ratio * natural * freq))
-        residuals: Real = angle - (x[2] - 2 * phase)
-        return residuals
+        return angle - (x[2] - 2 * phase)
 
     def jacobian(x: Real) -> Real:
         natural, ratio = start * np.exp(x[0]), zeta * np.exp(x[1])

@@ -149,8 +149,7 @@ def factor_symmetric(matrix: Complex, rank: int) -> Complex:
     unitary = outer @ inner
     values, vectors = np.linalg.eig(unitary)
     root = vectors @ np.diag(np.sqrt(values)) @ np.linalg.inv(vectors)
-    factor: Complex = left @ np.diag(np.sqrt(size[:rank])) @ root
-    return factor
+    return left @ np.diag(np.sqrt(size[:rank])) @ root
 
 
 def _common_rotation(moment: Complex) -> Real:

@@ -76,8 +76,7 @@ def unit_response(freq_hz: Real, natural_hz: float, damping: float, order: int =
         order: q: 0, 1, 2 for receptance, mobility, accelerance.
     """
     ratio = 1j * np.asarray(freq_hz) / natural_hz
-    response: Complex = ratio**order / (ratio**2 + 2 * damping * ratio + 1)
-    return response
+    return ratio**order / (ratio**2 + 2 * damping * ratio + 1)
 
 
 def least_squares_amplitude(values: Complex, response: Complex) -> Real:
@@ -96,8 +95,7 @@ def least_squares_amplitude(values: Complex, response: Complex) -> Real:
     if not len(response):
         raise UsageError("no frequency line to fit an amplitude to: give lines around the peak")
     shaped = response.reshape(-1, *(1,) * (values.ndim - 1))
-    amplitude: Real = (values.conj() * shaped).real.sum(axis=0) / (np.abs(response) ** 2).sum()
-    return amplitude
+    return (values.conj() * shaped).real.sum(axis=0) / (np.abs(response) ** 2).sum()
 
 
 def peak_amplitude(value: Complex, damping: float, order: int = 2) -> Real:
@@ -110,11 +108,9 @@ def peak_amplitude(value: Complex, damping: float, order: int = 2) -> Real:
         value: y at the natural frequency; (...).
         damping, order: as for ``unit_response``.
     """
-    amplitude: Real = 2 * damping * (np.asarray(value) / 1j ** (order - 1)).real
-    return amplitude
+    return 2 * damping * (np.asarray(value) / 1j ** (order - 1)).real
 
 
 def relative_difference(reference: Real, amplitude: Real) -> Real:
     """Return the absolute difference of two amplitudes relative to the reference, as in table 3."""
-    apart: Real = np.abs(np.asarray(amplitude) - reference) / np.abs(reference)
-    return apart
+    return np.abs(np.asarray(amplitude) - reference) / np.abs(reference)

@@ -47,10 +47,9 @@ def mmif(values: Complex) -> Real:
         is_silent, np.eye(total.shape[1]), total + 1e-12 * size * np.eye(total.shape[1])
     )
     whitening = np.linalg.inv(np.linalg.cholesky(total))
-    indicator: Real = np.linalg.eigvalsh(
+    return np.linalg.eigvalsh(
         whitening @ np.where(is_silent, total, real) @ np.swapaxes(whitening, 1, 2)
     )
-    return indicator
 
 
 def mac(first: Complex, second: Complex) -> Real:
@@ -67,8 +66,7 @@ def mac(first: Complex, second: Complex) -> Real:
     """
     product = np.abs(first.conj().T @ second) ** 2
     sizes = np.outer((np.abs(first) ** 2).sum(axis=0), (np.abs(second) ** 2).sum(axis=0))
-    criterion: Real = product / np.where(sizes > 0, sizes, 1.0)
-    return criterion
+    return product / np.where(sizes > 0, sizes, 1.0)
 
 
 def auto_mac(shapes: Complex) -> Real:
@@ -91,8 +89,7 @@ def frac(first: Complex, second: Complex) -> Real:
     product = np.abs((first.conj() * second).sum(axis=0))
     sizes = [np.linalg.norm(values, axis=0) for values in (first, second)]
     first_norm, second_norm = (np.where(size > 0, size, 1.0) for size in sizes)
-    criterion: Real = (product / first_norm / second_norm) ** 2
-    return criterion
+    return (product / first_norm / second_norm) ** 2
 
 
 def comac(first: Complex, second: Complex) -> Real:
@@ -109,8 +106,7 @@ def comac(first: Complex, second: Complex) -> Real:
     """
     product = (np.abs(first * second)).sum(axis=1) ** 2
     sizes = (np.abs(first) ** 2).sum(axis=1) * (np.abs(second) ** 2).sum(axis=1)
-    criterion: Real = product / np.where(sizes > 0, sizes, 1.0)
-    return criterion
+    return product / np.where(sizes > 0, sizes, 1.0)
 
 
 def mpc(shapes: Complex) -> Real:
@@ -123,8 +119,7 @@ def mpc(shapes: Complex) -> Real:
     yy = (shapes.imag**2).sum(axis=0)
     xy = (shapes.real * shapes.imag).sum(axis=0)
     total = xx + yy
-    collinear: Real = ((xx - yy) ** 2 + 4 * xy**2) / np.where(total > 0, total, 1.0) ** 2
-    return collinear
+    return ((xx - yy) ** 2 + 4 * xy**2) / np.where(total > 0, total, 1.0) ** 2
 
 
 def mpd(shapes: Complex) -> Real:
@@ -167,8 +162,7 @@ def signed_comac(first: Complex, second: Complex, weights: Real | None = None) -
     a = first * weight / np.where(first_norm > 0, first_norm, 1.0)
     b = second * weight / np.where(second_norm > 0, second_norm * phase, 1.0)
     sizes = np.sqrt((np.abs(a) ** 2).sum(axis=1) * (np.abs(b) ** 2).sum(axis=1))
-    correlation: Real = (a.conj() * b).real.sum(axis=1) / np.where(sizes > 0, sizes, 1.0)
-    return correlation
+    return (a.conj() * b).real.sum(axis=1) / np.where(sizes > 0, sizes, 1.0)
 
 
 def pair_shapes(criterion: Real, min_mac: float = 0.5) -> list[tuple[int, int]]:

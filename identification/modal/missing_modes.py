@@ -225,8 +225,7 @@ def _count_parameters(data: WeightedFrfs) -> int:
 
 def is_inside_band(fitted: ModalFit, freq_hz: Real) -> Mask:
     """Return which modes lie between the first line and the last; (n_mode,)."""
-    inside: Mask = (fitted.freq_hz >= freq_hz[0]) & (fitted.freq_hz <= freq_hz[-1])
-    return inside
+    return (fitted.freq_hz >= freq_hz[0]) & (fitted.freq_hz <= freq_hz[-1])
 
 
 def _is_remote(fitted: ModalFit, freq_hz: Real) -> Mask:

@@ -270,8 +270,7 @@ def _common_scale(first: Complex, second: Complex) -> Complex:
     # The difference has a meaning only beside the largest entries of both.
     floor = 0.05 * np.abs(second).max(axis=0)
     cost = (difference / np.maximum(size, np.maximum(floor, tiny))).sum(axis=0)
-    scale: Complex = ratios[cost.argmin(axis=0), np.arange(first.shape[1])]
-    return scale
+    return ratios[cost.argmin(axis=0), np.arange(first.shape[1])]
 
 
 def _find_factor(ratio: Real, deviation: Real, clear: Mask) -> float:

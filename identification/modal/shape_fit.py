@@ -77,10 +77,9 @@ def build_kernels(data: WeightedFrfs, poles: Complex) -> Complex:
     s = data.laplace[:, None]
     scale = s**data.order
     away, twin = 1.0 / (s - poles), 1.0 / (s - poles.conj())
-    columns: Complex = np.hstack(
+    return np.hstack(
         [scale * k for k in (away, twin, away**2, twin**2)] + [scale, s ** (data.order - 2)]
     )
-    return columns
 
 
 class KernelSums:
@@ -110,8 +109,7 @@ class KernelSums:
             summed = self.weighted @ values.reshape(len(values), -1)
         else:
             summed = self.kernels.conj().T @ (values * self.data.weights).reshape(len(values), -1)
-        projected: Complex = summed.T.reshape(*values.shape[1:], -1)
-        return projected
+        return summed.T.reshape(*values.shape[1:], -1)
 
 
 def _linear_frame(participation: Complex) -> Complex:
@@ -240,8 +238,7 @@ def cost_rise_without(data: WeightedFrfs, fitted: ModalFit) -> Real:
     blocks = inverse[:, pairs[:, :, None], pairs[:, None, :]]
     parts = np.stack([refitted.shapes.real, refitted.shapes.imag], axis=-1)
     solved = np.linalg.solve(blocks, parts[..., None])[..., 0]
-    rise: Real = (parts * solved).sum(axis=(0, 2))
-    return rise
+    return (parts * solved).sum(axis=(0, 2))
 
 
 def shape_deviations(data: WeightedFrfs, fitted: ModalFit) -> Real:
@@ -256,5 +253,4 @@ def shape_deviations(data: WeightedFrfs, fitted: ModalFit) -> Real:
     _, _, normal = _linear_system(data, fitted.poles, fitted.participation)
     m = len(fitted.poles)
     variances = np.diagonal(np.linalg.inv(normal), axis1=1, axis2=2)[:, : 2 * m] / 2
-    deviation: Real = np.sqrt(np.maximum(variances[:, :m] + variances[:, m:], 0.0))
-    return deviation
+    return np.sqrt(np.maximum(variances[:, :m] + variances[:, m:], 0.0))

@@ -131,14 +131,12 @@ def _scale_deviation(model: ModalModel, residue_sd: Real | None) -> Real:
     for group in group_close_poles(model):
         variance[list(group)] = variance[list(group)].min()
     size = (np.abs(model.shapes[rows]) ** 2).sum(axis=0)
-    deviation: Real = np.abs(model.poles.imag) * np.sqrt(variance) / np.maximum(size, 1e-300)
-    return deviation
+    return np.abs(model.poles.imag) * np.sqrt(variance) / np.maximum(size, 1e-300)
 
 
 def _largest_entries(shapes: Complex) -> Complex:
     """Return the entry of largest modulus of each shape; (n_mode,)."""
-    entries: Complex = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-    return entries
+    return shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
 
 
 def _drive_point_shapes(model: ModalModel, layout: Layout | None) -> tuple[Complex, Complex]:

@@ -189,10 +189,7 @@ def _without_window(
 
 def _interpolate(freq: Real, values: Complex, natural: float) -> Complex:
     """Interpolate values at a frequency between two lines; (n_channel,)."""
-    interpolated: Complex = np.array(
-        [np.interp(natural, freq, column) for column in values.T], complex
-    )
-    return interpolated
+    return np.array([np.interp(natural, freq, column) for column in values.T], complex)
 
 
 def _median(values: "list[float] | Real") -> float | None:

@@ -91,5 +91,4 @@ def _differences_over_two(values: Complex) -> Complex:
     """Return third differences over steps of two lines."""
     count = max(len(values) - 6, 0)
     first, second, third, fourth = (values[2 * k :][:count] for k in range(4))
-    differences: Complex = fourth - 3 * third + 3 * second - first
-    return differences
+    return fourth - 3 * third + 3 * second - first

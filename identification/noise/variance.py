@@ -33,8 +33,7 @@ def coherence_variance(values: Complex, coherence: Real, averages: int) -> Real:
         E|error|^2 [square of the unit of the FRFs]; the shape of ``values``.
     """
     clipped = np.clip(coherence, _MIN_COHERENCE, _MAX_COHERENCE)
-    variance: Real = np.abs(values) ** 2 * (1 - clipped) / (clipped * (averages - 1))
-    return variance
+    return np.abs(values) ** 2 * (1 - clipped) / (clipped * (averages - 1))
 
 
 def several_input_variance(
@@ -67,8 +66,7 @@ def several_input_variance(
     explained = np.einsum("foi,fij,foj->fo", values, input_spectra, values.conj()).real
     noise = explained * (1 - clipped) / clipped / (averages - values.shape[2])
     inverse = np.einsum("fii->fi", np.linalg.inv(input_spectra)).real
-    variance: Real = noise[:, :, None] * inverse[:, None, :]
-    return variance
+    return noise[:, :, None] * inverse[:, None, :]
 
 
 def implied_coherence(values: Complex, variance: Real, averages: int) -> Real:
@@ -116,8 +114,7 @@ def difference_variance(values: Complex) -> Real:
         near = squares[max(0, line - half) : line + half + 1]
         smooth[line] = np.maximum(smooth[line], np.median(near, axis=0) / np.log(2))
     edges = np.clip(np.arange(len(values)) - 1, 0, len(squares) - 1)
-    variance: Real = smooth[edges]
-    return variance
+    return smooth[edges]
 
 
 def smooth_variance(estimate: FrfEstimate) -> Real:
@@ -146,5 +143,4 @@ def average_over_lines(variance: Real, degrees_of_freedom: float) -> Real:
         degrees_of_freedom: of the variance at each line.
     """
     width = 2 * int(np.ceil(_DEGREES_OF_FREEDOM / max(degrees_of_freedom, 1) / 2)) + 1
-    smooth: Real = uniform_filter1d(variance, min(width, len(variance)), axis=0, mode="nearest")
-    return smooth
+    return uniform_filter1d(variance, min(width, len(variance)), axis=0, mode="nearest")

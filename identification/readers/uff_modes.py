@@ -124,8 +124,7 @@ def node_shapes(
 
 def _axis(dof: Dof, layout: Layout) -> Real:
     """Return the signed axis of a channel in world axes; (3,)."""
-    axis: Real = dof.sign * layout.axes[layout.points.index(dof.point)][:, dof.axis % 3]
-    return axis
+    return dof.sign * layout.axes[layout.points.index(dof.point)][:, dof.axis % 3]
 
 
 def _node(point: str) -> int:

@@ -60,8 +60,7 @@ class CoordinateSystem:
             )
         else:
             local = coordinates / length
-        position: Real = self.origin + self.axes @ local
-        return position
+        return self.origin + self.axes @ local
 
     def axes_at(self, position: Real) -> Real:
         """Return the directions in which the coordinates of a point grow, as columns; (3, 3).
@@ -83,8 +82,7 @@ class CoordinateSystem:
         else:
             radial = np.array([cosine * radius, sine * radius, z]) / distance
             frame = [radial, np.cross(azimuthal, radial), azimuthal]
-        axes: Real = self.axes @ np.column_stack(frame)
-        return axes
+        return self.axes @ np.column_stack(frame)
 
 
 WORLD = CoordinateSystem(CARTESIAN, np.zeros(3), np.eye(3))

@@ -59,8 +59,7 @@ def shapes_at(
             f"{f' ({len(too_far)} sensors are off)' if len(too_far) > 1 else ''}. Give places in "
             "the mesh's axes and in metres."
         )
-    displacements: Real = np.einsum("pk,mpkx->mpx", weights, shapes.vectors[:, corners])
-    return displacements
+    return np.einsum("pk,mpkx->mpx", weights, shapes.vectors[:, corners])
 
 
 def _check_units(shapes: Shapes, positions: Real) -> None:
@@ -137,8 +136,7 @@ def closest_barycentric(position: Real, a: Real, b: Real, c: Real) -> Real:
 
 def _row_products(first: Real, second: Real) -> Real:
     """Return the scalar products of rows."""
-    products: Real = (first * second).sum(axis=-1)
-    return products
+    return (first * second).sum(axis=-1)
 
 
 def _format_point(point: Real) -> str:

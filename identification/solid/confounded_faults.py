@@ -106,8 +106,7 @@ def _signature_metric(last: BodyFit, tolerance: Tolerance) -> Real:
     state = last.state
     information = state.model.slopes(last.moments, last.healthy.errors)[1] / last.noise_scale
     precision = np.diag(0.5 / state.data.sensors.spread(tolerance) ** 2)
-    metric: Real = information - information @ np.linalg.solve(information + precision, information)
-    return metric
+    return information - information @ np.linalg.solve(information + precision, information)
 
 
 def _signature_basis(metric: Real, errors: list[int]) -> tuple[Real, Real]:

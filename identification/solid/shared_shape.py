@@ -94,8 +94,7 @@ def leading_shape(model: RigidFitModel, moments: Moments, errors: Real) -> Real:
     projector = project(rows, moments.mask[group]).residual_projector
     clean = moments.gram[group].sum(axis=0) - np.diag(moments.noise[group].sum(axis=0))
     _, vectors = np.linalg.eigh(projector @ clean @ projector)
-    shape: Real = vectors[:, -1] / model.scale
-    return shape
+    return vectors[:, -1] / model.scale
 
 
 def amplitude_gain(

@@ -54,10 +54,9 @@ def between_multiples(laplace: Complex, period_s: float) -> Complex:
 
 def _clip_exponent(exponent: Complex) -> Complex:
     """Return exponents whose real parts lie within what a number can hold."""
-    limited: Complex = (
+    return (
         np.clip(exponent.real, -_MAX_SAMPLED_EXPONENT, _MAX_SAMPLED_EXPONENT) + 1j * exponent.imag
     )
-    return limited
 
 
 @dataclass(frozen=True, eq=False)

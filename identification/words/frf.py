@@ -114,8 +114,7 @@ class Frf:
         output, source = labels
         row, row_sign = _position(self.outputs, output, "outputs")
         column, column_sign = _position(self.inputs, source, "inputs")
-        curve: Complex = row_sign * column_sign * self.values[:, row, column]
-        return curve
+        return row_sign * column_sign * self.values[:, row, column]
 
     def __repr__(self) -> str:
         """Return quantity, lines and labels in a few lines."""

@@ -29,15 +29,13 @@ class HasPoles:
     @property
     def freq_hz(self) -> Real:
         """Natural frequencies |s_r| / 2 pi [Hz]; (n_mode,)."""
-        frequency: Real = np.abs(self.poles) / (2 * np.pi)
-        return frequency
+        return np.abs(self.poles) / (2 * np.pi)
 
     @property
     def damping(self) -> Real:
         """Damping ratios zeta_r = -Re s_r / |s_r|, 0 for a pole at rest; (n_mode,)."""
         size = np.abs(self.poles)
-        ratio: Real = np.where(size > 0, -self.poles.real / np.where(size > 0, size, 1.0), 0.0)
-        return ratio
+        return np.where(size > 0, -self.poles.real / np.where(size > 0, size, 1.0), 0.0)
 
 
 class HasModes(Protocol):
@@ -104,8 +102,7 @@ def drive_point_scale(driven: Complex, participation: Complex) -> Complex:
         Scaling a_r of receptance [kg/s]; (n_mode,).
     """
     size = (np.abs(driven) ** 2).sum(axis=0)
-    scale: Complex = size / (driven.conj() * participation).sum(axis=0)
-    return scale
+    return size / (driven.conj() * participation).sum(axis=0)
 
 
 @dataclass(frozen=True, eq=False)

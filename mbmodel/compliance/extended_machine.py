@@ -78,8 +78,7 @@ def add_body(machine: Machine, name: str, centre: Real, motion: Real, mass: Real
 
 def _pad_with_zeros(matrix: Real, count: int) -> Real:
     """Return a square matrix with additional rows and columns of zeros."""
-    padded: Real = np.pad(matrix, ((0, count), (0, count)))
-    return padded
+    return np.pad(matrix, ((0, count), (0, count)))
 
 
 def _pad_curvature(curvature: Real | None, added: tuple[int, int]) -> Real | None:

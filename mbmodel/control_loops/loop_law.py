@@ -56,8 +56,7 @@ class DelayFraction:
             above, below = y * below, term * below + y * above
             size = np.maximum(np.abs(above), np.abs(below))
             above, below = above / size, below / size
-        fraction: Complex = -2 * above / (above + below)
-        return fraction
+        return -2 * above / (above + below)
 
     def states(self) -> tuple[Real, Real, Real]:
         """Return real A, b, c with fraction - constant = c (s - A)^-1 b.

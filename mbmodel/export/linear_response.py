@@ -64,8 +64,7 @@ def respond_linearly(
     for k in range(len(time_s)):
         states[k] = state
         state = transition @ state + increments[k]
-    outputs: Real = states @ system.C.T + signals @ system.D.T
-    return outputs
+    return states @ system.C.T + signals @ system.D.T
 
 
 def even_step(time_s: Real) -> float:

@@ -74,8 +74,7 @@ def _solve(matrix: Complex, values: Complex) -> Real:
     scale = np.linalg.norm(stacked, axis=0)
     scale[scale == 0] = 1.0
     target = np.concatenate([values.real, values.imag])
-    solution: Real = np.linalg.lstsq(stacked / scale, target, rcond=1e-14)[0] / scale
-    return solution
+    return np.linalg.lstsq(stacked / scale, target, rcond=1e-14)[0] / scale
 
 
 def _zeros(poles: Complex, coefficients: Real) -> Complex:
@@ -93,8 +92,7 @@ def _zeros(poles: Complex, coefficients: Real) -> Complex:
             place += 1
     zeros = np.linalg.eigvals(dynamics - np.outer(drive, reading))
     zeros = np.where(zeros.real > 0, -zeros.real, zeros.real) + 1j * zeros.imag
-    kept: Complex = zeros[zeros.imag >= 0].astype(complex)
-    return kept
+    return zeros[zeros.imag >= 0].astype(complex)
 
 
 def _residues(

@@ -185,8 +185,7 @@ def _output_cotangent(solution: FrfSolution, weights: Complex) -> Real:
     """
     products = (weights * solution.ideal_values.transpose(1, 2, 0)).sum(axis=1)
     powers = solution.request.laplace ** np.arange(3)[:, None]
-    cotangent: Real = (powers @ products.T).real
-    return cotangent
+    return (powers @ products.T).real
 
 
 def _motion_sums(solution: FrfSolution, adjoint: Complex) -> Real:
@@ -198,8 +197,7 @@ def _motion_sums(solution: FrfSolution, adjoint: Complex) -> Real:
 
 def _drive_sums(solution: FrfSolution, adjoint: Complex) -> Real:
     """Return Re sum a s^q over lines; (nv, n_in)."""
-    total: Real = (adjoint * solution.drive_factor).sum(axis=-1).real
-    return total
+    return (adjoint * solution.drive_factor).sum(axis=-1).real
 
 
 def _gravity_cotangents(solution: FrfSolution, sums: Real) -> tuple[Real, Real]:
@@ -222,8 +220,7 @@ def _project(solution: FrfSolution, change: Change, cotangents: _SlotCotangents)
     if change.slot == "body" and cotangents.body is not None:
         rows, columns = _nonzero_rows(change.left), _nonzero_rows(change.right)
         inner = cotangents.body[:, rows[:, None], columns]
-        projected: Real = change.left[rows].T @ inner @ change.right[columns]
-        return projected
+        return change.left[rows].T @ inner @ change.right[columns]
     if change.slot == "output" and cotangents.output is not None:
         selected = output_selection(solution.request.outputs, change.point) @ change.left
         return np.asarray((cotangents.output @ selected)[:, :, None] * change.right[0])
@@ -257,5 +254,4 @@ def _row_span(frame: Real) -> slice:
 
 def _flatten_lines(array: Complex) -> Complex:
     """Return (n, m, n_freq) as (n, m n_freq), contiguous."""
-    flat: Complex = np.ascontiguousarray(array).reshape(len(array), -1)
-    return flat
+    return np.ascontiguousarray(array).reshape(len(array), -1)

@@ -146,8 +146,7 @@ def real_times(matrix: Real, array: Real | Complex) -> Complex:
     product: NDArray[Any] = matrix @ flat.view(np.float64)
     if np.iscomplexobj(flat):
         product = product.view(np.complex128)
-    result: Complex = product.reshape(len(matrix), *array.shape[1:])
-    return result
+    return product.reshape(len(matrix), *array.shape[1:])
 
 
 def modal_form(matrices: Matrices) -> ModalForm | None:

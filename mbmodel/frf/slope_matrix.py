@@ -64,8 +64,7 @@ class SlopeMatrix:
         Args:
             values: sources; (m, n_column).
         """
-        product: Real = self._filled @ values
-        return product
+        return self._filled @ values
 
     @cached_property
     def _filled_rows(self) -> Integers:

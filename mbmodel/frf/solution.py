@@ -44,8 +44,7 @@ class FrfSolution:
     @cached_property
     def readout(self) -> Real:
         """G = L T + J; (n_out, nv)."""
-        readout: Real = self.ports.readout @ self.assembly.jacobian + self.ports.joint_readout
-        return readout
+        return self.ports.readout @ self.assembly.jacobian + self.ports.joint_readout
 
     @cached_property
     def values(self) -> Complex:
@@ -129,8 +128,7 @@ def generalised_force(assembly: Assembly, ports: Ports) -> Real:
     force = ports.force
     if ports.has_floor:
         force = force - assembly.body[2] @ ports.floor
-    drive: Real = assembly.jacobian.T @ force + ports.motor
-    return drive
+    return assembly.jacobian.T @ force + ports.motor
 
 
 def floor_forces_of_loops(assembly: Assembly, ports: Ports, request: FrfRequest) -> Complex:

@@ -133,8 +133,7 @@ class Solver:
             for matrix in (self.matrices.mass, self.matrices.damping, self.matrices.stiffness)
         )
         s = self.laplace[lines][:, None, None]
-        total: Complex = s**2 * mass + s * damping + stiffness
-        return total
+        return s**2 * mass + s * damping + stiffness
 
 
 def _eliminate(stiffness: Complex, forces: Complex) -> Complex:
@@ -223,8 +222,7 @@ class WoodburySolver:
         coupling = real_times(readout.T, compliance).transpose(2, 0, 1)
         forces = core @ real_times(readout.T, y).transpose(2, 0, 1)
         corrections = _solve_lines(np.eye(core.shape[1]) + core @ coupling, forces)
-        solution: Complex = y - (compliance.transpose(2, 0, 1) @ corrections).transpose(1, 2, 0)
-        return solution
+        return y - (compliance.transpose(2, 0, 1) @ corrections).transpose(1, 2, 0)
 
 
 def _solve_lines(matrix: Complex, right: Complex) -> Complex:

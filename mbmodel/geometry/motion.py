@@ -71,8 +71,7 @@ def cycle(shape: Complex, frames: int) -> Real:
         The motion; (frames, ...).
     """
     turn = np.exp(2j * np.pi * np.arange(frames) / frames)
-    motion: Real = np.multiply.outer(turn, shape).real
-    return motion
+    return np.multiply.outer(turn, shape).real
 
 
 def geometry_points(geometry: MachineGeometry, bodies: Sequence[str]) -> tuple[Real, Integers]:

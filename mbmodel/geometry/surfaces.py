@@ -237,8 +237,7 @@ def sharp_edges(points: Real, triangles: Integers) -> Integers:
     if not sharp.any():
         flat = np.abs(points) <= 1e-9 * np.abs(points).max(initial=0.0)
         sharp = (flat[edges[:, 0]] & flat[edges[:, 1]]).any(axis=1)
-    outline: Integers = edges[sharp] if sharp.any() else edges
-    return outline
+    return edges[sharp] if sharp.any() else edges
 
 
 def _boxes(machine: Machine, stages: tuple[str, ...]) -> list[Surface]:

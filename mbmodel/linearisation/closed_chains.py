@@ -104,8 +104,7 @@ class Chains:
 
     def force(self, force: Real) -> Real:
         """Return N' r; (n, ...)."""
-        reduced: Real = self.basis.T @ force
-        return reduced
+        return self.basis.T @ force
 
     def matrix(self, matrix: Real, force: Real | None = None) -> Real:
         """Return N' A N, less r.Q for the stiffness A = -dr/dq of a force r; (n, n).

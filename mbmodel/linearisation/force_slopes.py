@@ -118,8 +118,7 @@ def soft_inertia(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     "Parameters"): a mass 1/R, a damper b/R and a spring k/R, side by side across the constraint.
     """
     rows = dense_rows(model, data)[: data.ne]
-    inertia: Real = rows.T @ (rows / data.efc_R[: data.ne, None])
-    return inertia
+    return rows.T @ (rows / data.efc_R[: data.ne, None])
 
 
 def force_scale(model: mujoco.MjModel, data: mujoco.MjData) -> float:

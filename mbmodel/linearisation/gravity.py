@@ -65,15 +65,13 @@ class Weight:
         """Return the stiffness of weight on curved paths; (nv, nv)."""
         if self.curvature is None:
             return 0.0
-        force: Real = -np.tensordot(self.acceleration @ inertia, self.curvature, 1)
-        return force
+        return -np.tensordot(self.acceleration @ inertia, self.curvature, 1)
 
 
 def _symmetrise(mask: Real, half: Real) -> Real:
     """Return ``N o U + (N o U)'``."""
     masked = mask * half
-    total: Real = masked + masked.T
-    return total
+    return masked + masked.T
 
 
 def gravity_stiffness(weight: Weight, jacobian: Real, inertia: Real) -> Real:

@@ -202,8 +202,7 @@ def _control_difference(
         mujoco.mj_fwdVelocity(model, probe)
         mujoco.mj_fwdActuation(model, probe)
         forces.append(probe.qfrc_actuator.copy())
-    difference: Real = forces[0] - forces[1]
-    return difference
+    return forces[0] - forces[1]
 
 
 def wrench_at_bodies(

@@ -131,8 +131,7 @@ def _soft_lengths(model: mujoco.MjModel) -> Real:
     lengths = coordinate_lengths(model)
     stiffness = model.jnt_stiffness[model.dof_jntid] * lengths**2
     floor = _FREE_SHARE * max(float(stiffness.max(initial=0.0)), 1e-300)
-    soft: Real = lengths * np.sqrt(floor / (stiffness + floor))
-    return soft
+    return lengths * np.sqrt(floor / (stiffness + floor))
 
 
 def find_posed_chains(

@@ -75,8 +75,7 @@ class Statics:
         moved = direction if chains is None else chains.basis @ direction
         mujoco.mj_integratePos(model, data.qpos, moved, step)
         self.chains_at(model, data)
-        there: Real = data.qpos.copy()
-        return there
+        return data.qpos.copy()
 
     def chains_at(self, model: mujoco.MjModel, data: mujoco.MjData) -> Chains | None:
         """Return the closed chains at a pose, closed in place; None without any.
@@ -157,8 +156,7 @@ class Statics:
             ConvergenceError: it has no equilibrium.
         """
         start = self.data_at(model, self.pose)
-        pose: Real = find_equilibrium(model, self.path, start).data.qpos.copy()
-        return pose
+        return find_equilibrium(model, self.path, start).data.qpos.copy()
 
     def force_change(
         self, model: mujoco.MjModel, data: mujoco.MjData, lower: StaticEdits, upper: StaticEdits
@@ -179,8 +177,7 @@ class Statics:
             forces.append(net_force(model, data).copy())
             for name, values in original.items():
                 getattr(model, name)[:] = values
-        change: Real = forces[0] - forces[1]
-        return change
+        return forces[0] - forces[1]
 
 
 def is_preloaded(model: mujoco.MjModel, data: mujoco.MjData) -> bool:

@@ -18,8 +18,7 @@ def tendon_elongation(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     """Return each tendon's length beyond its dead band [m], negative below it; (ntendon,)."""
     low, high = model.tendon_lengthspring.reshape(-1, 2).T
     length: Real = data.ten_length
-    beyond: Real = np.where(length > high, length - high, np.minimum(length - low, 0.0))
-    return beyond
+    return np.where(length > high, length - high, np.minimum(length - low, 0.0))
 
 
 def tendon_curvature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:

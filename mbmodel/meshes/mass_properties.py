@@ -155,8 +155,7 @@ def outward_faces(tetrahedra: Integers) -> Integers:
     if sides.max() > 1:
         count = int((sides > 1).any(axis=1).sum())
         raise InputError(f"tetrahedra overlap at {count} faces: mesh the body only once")
-    boundary: Integers = faces[sides.sum(axis=1)[which] == 1]
-    return boundary
+    return faces[sides.sum(axis=1)[which] == 1]
 
 
 def surface_triangles(mesh: Mesh) -> Integers:
@@ -171,8 +170,7 @@ def tetrahedron_volumes(corners: Real) -> Real:
         corners: [m]; (n, 4, 3).
     """
     edges = corners[:, 1:] - corners[:, :1]
-    volumes: Real = np.einsum("ni,ni->n", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])) / 6
-    return volumes
+    return np.einsum("ni,ni->n", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])) / 6
 
 
 def _sum_tetrahedra(corners: Real, middle: Real, density: float) -> MassProperties:
@@ -214,13 +212,11 @@ def _check_volume(volume: float, points: Real) -> None:
 
 def _middle(points: Real) -> Real:
     """Return the middle of the bounding box [m]; (3,)."""
-    middle: Real = (points.min(axis=0) + points.max(axis=0)) / 2
-    return middle
+    return (points.min(axis=0) + points.max(axis=0)) / 2
 
 
 def _is_even(faces: Integers) -> Mask:
     """Return whether each triple is an even permutation of its sorted entries; (m,)."""
     first, second, third = faces.T
     inversions = (first > second).astype(np.intp) + (first > third) + (second > third)
-    even: Mask = inversions % 2 == 0
-    return even
+    return inversions % 2 == 0

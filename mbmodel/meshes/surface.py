@@ -153,8 +153,7 @@ def _find_inside(faces: Real, neighbours: Real) -> Real | None:
     probes = probes[((probes > lowest) & (probes < highest)).all(axis=1)]
     for probe in probes[:: max(1, len(probes) // _MAX_PROBES)]:
         if winding_number(neighbours - probe) > 0.75:
-            inside: Real = probe
-            return inside
+            return probe
     return None
 
 

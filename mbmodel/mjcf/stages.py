@@ -16,8 +16,7 @@ def stage_numbers(model: mujoco.MjModel) -> Integers:
     wherever the file puts it, so that it is ground.
     """
     lead = model.body_weldid.astype(np.intp)
-    numbers: Integers = np.where(model.body_mocapid[lead] >= 0, GROUND, lead)
-    return numbers
+    return np.where(model.body_mocapid[lead] >= 0, GROUND, lead)
 
 
 def stage_of(model: mujoco.MjModel, body: int) -> int:

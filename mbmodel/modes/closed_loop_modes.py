@@ -73,8 +73,7 @@ class LawProblem:
     def law_slope(self, pole: complex, share: float) -> Complex:
         """Return the derivative of L(s) + share F(s) by s; (nv, nv)."""
         step = _RELATIVE_STEP_OF_POLE * abs(pole)
-        slope: Complex = (self.law(pole + step, share) - self.law(pole - step, share)) / (2 * step)
-        return slope
+        return (self.law(pole + step, share) - self.law(pole - step, share)) / (2 * step)
 
 
 def solve_pole(
@@ -114,8 +113,7 @@ def solve_pole(
 def normalise_shape(shape: Complex, mass: Real) -> Complex:
     """Return a shape of unit modal mass |phi^H M phi|, in the phase that makes phi' M phi real."""
     scaled = shape / np.sqrt(abs(np.vdot(shape, mass @ shape)))
-    turned: Complex = scaled * np.exp(-0.5j * np.angle(scaled @ mass @ scaled))
-    return turned
+    return scaled * np.exp(-0.5j * np.angle(scaled @ mass @ scaled))
 
 
 _LINES = 200  # at which Pade's fractions are measured

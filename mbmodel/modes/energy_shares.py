@@ -125,14 +125,12 @@ def _shares(rows: list[Real], count: int, absent: np.ndarray) -> Real:
     table = np.array(rows).reshape(-1, count)
     size: Real = np.abs(table).sum(axis=0)
     empty = absent | (size == 0)
-    shares: Real = np.where(empty, 0.0, table / np.where(empty, 1.0, size))
-    return shares
+    return np.where(empty, 0.0, table / np.where(empty, 1.0, size))
 
 
 def _quadratic(matrix: Real, shapes: Complex) -> Real:
     """Return Re phi^H A phi of every shape; (n_mode,)."""
-    result: Real = (shapes.conj() * (matrix @ shapes)).sum(axis=0).real
-    return result
+    return (shapes.conj() * (matrix @ shapes)).sum(axis=0).real
 
 
 def _spring_rows(

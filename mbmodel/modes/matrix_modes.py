@@ -106,8 +106,7 @@ def _kernel(matrix: Real, size: Real) -> Real:
         return np.zeros((0, 0))
     _, values, rows = np.linalg.svd(matrix)
     values = np.append(values, np.zeros(matrix.shape[1] - len(values)))
-    kernel: Real = rows[values <= _KERNEL_TOLERANCE * max(float(np.abs(size).max()), 1e-300)].T
-    return kernel
+    return rows[values <= _KERNEL_TOLERANCE * max(float(np.abs(size).max()), 1e-300)].T
 
 
 def _orthonormal(motions: Real, mass: Real) -> Real:
@@ -115,8 +114,7 @@ def _orthonormal(motions: Real, mass: Real) -> Real:
     if not motions.shape[1]:
         return motions
     root = np.linalg.cholesky(motions.T @ mass @ motions)
-    basis: Real = np.linalg.solve(root, motions.T).T
-    return basis
+    return np.linalg.solve(root, motions.T).T
 
 
 def _complement(motions: Real, excluded: Real, mass: Real) -> Real:
@@ -161,5 +159,4 @@ def normalise_shapes(shapes: Complex, mass: Real) -> Complex:
     phase: Real = np.angle((shapes * momentum).sum(axis=0))
     shapes = shapes * (np.cos(phase / 2) - 1j * np.sin(phase / 2)) / np.sqrt(size)
     largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-    flipped: Complex = shapes * np.where(largest.real < 0, -1.0, 1.0)
-    return flipped
+    return shapes * np.where(largest.real < 0, -1.0, 1.0)

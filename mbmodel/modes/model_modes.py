@@ -124,8 +124,7 @@ def _remove_direction(basis: Real, motion: Real, mass: Real) -> Real:
     """Return an M-orthonormal basis without one direction of its span."""
     weights = basis.T @ mass @ motion
     rest = scipy.linalg.null_space(weights[None] / np.linalg.norm(weights))
-    smaller: Real = basis @ rest
-    return smaller
+    return basis @ rest
 
 
 def shapes_at(model: Model, theta: Real, modes: Modes, outputs: Sequence[Output]) -> Complex:
@@ -142,8 +141,7 @@ def shapes_at(model: Model, theta: Real, modes: Modes, outputs: Sequence[Output]
     ports = find_ports(model.machine, outputs, ())
     ports = apply_point_changes(ports, assembly.point_changes, outputs, ())
     readout = ports.readout @ assembly.jacobian + ports.joint_readout
-    shapes: Complex = readout @ modes.shapes
-    return shapes
+    return readout @ modes.shapes
 
 
 def weighted_motions(
@@ -172,8 +170,7 @@ def weighted_motions(
         mass = weights.body_mass[6 * weighing :][:6, 6 * weighing :][:, :6]
         motion = transport(arm) @ machine.jacobian[6 * number :][:6]
         rows.append(np.linalg.cholesky(mass).T @ motion @ modes.shapes)
-    motions: Complex = np.concatenate(rows)
-    return motions
+    return np.concatenate(rows)
 
 
 # Growth of the laws in one step, and the MAC that a mode must keep over it: first coarse, then fine
@@ -229,8 +226,7 @@ def modes_with_laws(model: Model, theta: Real) -> Modes:
 def _find_doubles(poles: Complex, chosen: Integers) -> Integers:
     """Return the numbers of modes whose pole another one has too."""
     distance = np.abs(poles[chosen, None] - poles[chosen]) + np.diag(np.full(len(chosen), np.inf))
-    numbers: Integers = chosen[distance.min(axis=1) < _MIN_DISTANCE * np.abs(poles[chosen])]
-    return numbers
+    return chosen[distance.min(axis=1) < _MIN_DISTANCE * np.abs(poles[chosen])]
 
 
 def _sentence(pole: complex) -> str:

@@ -62,10 +62,9 @@ class LinearisedModes:
     @cached_property
     def shapes(self) -> Complex:
         """Motion of the outputs in each mode, L T phi; (n_out, n_mode)."""
-        shapes: Complex = (
+        return (
             self.ports.readout @ self.assembly.jacobian + self.ports.joint_readout
         ) @ self.modes.shapes
-        return shapes
 
     def gradient(self, chosen: Integers, by_poles: Complex, by_shapes: Complex) -> Real:
         """Return the derivative of a scalar cost of some modes by every parameter.
@@ -262,8 +261,7 @@ def _has_coinciding_pole(poles: Complex, chosen: Integers) -> Mask:
     """Return which of the chosen poles coincide with another; (n_chosen,)."""
     away = np.abs(poles[chosen, None] - poles)
     away[np.arange(len(chosen)), chosen] = np.inf
-    close: Mask = away.min(axis=1, initial=np.inf) <= _MIN_POLE_DISTANCE * np.abs(poles[chosen])
-    return close
+    return away.min(axis=1, initial=np.inf) <= _MIN_POLE_DISTANCE * np.abs(poles[chosen])
 
 
 def _solve_bordered(matrix: Complex, right: Complex, close: Mask) -> Complex:

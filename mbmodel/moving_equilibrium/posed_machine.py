@@ -163,8 +163,7 @@ def _turn_back(turns: Real, matrix: Real) -> Real:
         matrix: in world axes; (6 n_body, n).
     """
     blocks = matrix.reshape(len(turns), 2, 3, -1)
-    turned: Real = np.einsum("bji,bkjn->bkin", turns, blocks).reshape(matrix.shape)
-    return turned
+    return np.einsum("bji,bkjn->bkin", turns, blocks).reshape(matrix.shape)
 
 
 def _has_other_forces(machine: Machine, model: mujoco.MjModel) -> bool:

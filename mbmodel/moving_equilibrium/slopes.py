@@ -121,8 +121,7 @@ class EquilibriumPoint:
             forces: f; (n_coordinate, n).
         """
         shapes, amounts = self._flexibility
-        moved: Real = shapes @ (amounts[:, None] * (shapes.T @ forces))
-        return moved
+        return shapes @ (amounts[:, None] * (shapes.T @ forces))
 
     @cached_property
     def _flexibility(self) -> tuple[Real, Real]:

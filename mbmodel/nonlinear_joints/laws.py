@@ -53,8 +53,7 @@ class PolynomialSpring:
 
     def follow(self, path: Real) -> Real:
         """Return the force along a path of the coordinate; (n,)."""
-        force: Real = self.k * path + self.k2 * path**2 + self.k3 * path**3
-        return force
+        return self.k * path + self.k2 * path**2 + self.k3 * path**3
 
     def changes(self, spring_reference: float) -> tuple[Edit | Addition, ...]:
         """Return what is written into the MJCF.
@@ -128,8 +127,7 @@ class DryFriction:
         direction = np.sign(np.diff(path, prepend=path[:1]))
         for number in range(1, len(direction)):
             direction[number] = direction[number] or direction[number - 1]
-        force: Real = self.limit * direction
-        return force
+        return self.limit * direction
 
     def changes(self, spring_reference: float) -> tuple[Edit | Addition, ...]:
         """Return what is written into the MJCF.
@@ -167,8 +165,7 @@ class GapSpring:
 
     def follow(self, path: Real) -> Real:
         """Return the force along a path of the coordinate; (n,)."""
-        force: Real = self.k * (path - np.clip(path, -self.gap, self.gap)) - self.preload
-        return force
+        return self.k * (path - np.clip(path, -self.gap, self.gap)) - self.preload
 
     def changes(self, spring_reference: float) -> tuple[Edit | Addition, ...]:
         """Return what is written into the MJCF.

@@ -174,8 +174,7 @@ def _factor(coefficients: Real, delay: float) -> Change:
         return Change("input", unit, unit, core)
 
     def delay_factor(laplace: Complex) -> Complex:
-        factor: Complex = np.exp(-laplace * delay)
-        return factor
+        return np.exp(-laplace * delay)
 
     return Change("input", unit, unit, core, shape=delay_factor)
 

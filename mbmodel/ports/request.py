@@ -82,11 +82,9 @@ class FrfRequest:
         """
         if not any(order != self.order for order in self.orders):
             return None
-        powers: Complex = self.laplace ** (np.array(self.orders)[:, None] - self.order)
-        return powers
+        return self.laplace ** (np.array(self.orders)[:, None] - self.order)
 
     @cached_property
     def factor(self) -> Complex:
         """The s^q of every line; (n_freq,)."""
-        factor: Complex = self.laplace**self.order
-        return factor
+        return self.laplace**self.order

@@ -53,8 +53,7 @@ def point_rows(layout: Layout, port: Port) -> Real:
     names = (*layout.points, *layout.bodies)
     port = settle_port(port, names)
     if isinstance(port, Dof):
-        row: Real = layout.rows([port])[0]
-        return row
+        return layout.rows([port])[0]
     if OFFSET_MARK in port.place and (body := port.place.rpartition(OFFSET_MARK)[0]) in names:
         return _offset_row(layout, body, port)
     for first, second in _split_pair(port.place):
@@ -80,8 +79,7 @@ def _pair_row(layout: Layout, first: str, second: str, port: Signal) -> Real:
     along = port.sign * axes[:, port.axis % 3]
     second_rows = layout.rows([Dof.of(second, axis + 3 * port.is_rotation) for axis in range(3)])
     second_axes = layout.axes[layout.points.index(second)] if second in layout.points else np.eye(3)
-    result: Real = row - (second_axes @ second_rows).T @ along
-    return result
+    return row - (second_axes @ second_rows).T @ along
 
 
 def _offset_row(layout: Layout, body: str, port: Signal) -> Real:

@@ -69,8 +69,7 @@ def floor_motion(spline: CubicSpline, floor: Real, time_s: Real, order: int) -> 
     primitive = spline
     for _ in range(2 - order):
         primitive = primitive.antiderivative()
-    moved: Real = primitive(time_s) @ floor.T
-    return moved
+    return primitive(time_s) @ floor.T
 
 
 class ClosedLoopSteps:

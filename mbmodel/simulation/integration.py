@@ -193,5 +193,4 @@ def rotation_vectors(quaternions: Real) -> Real:
     size = np.linalg.norm(vector, axis=-1, keepdims=True)
     angle = 2 * np.arctan2(size, np.abs(real))
     ratio = np.where(size > 0, angle / np.where(size > 0, size, 1.0), 2.0)
-    turned: Real = ratio * vector
-    return turned
+    return ratio * vector

@@ -32,10 +32,9 @@ class Readings:
     def world_axes(self) -> Real:
         """Reading of each output per translation of the whole machine; (n_out, 3)."""
         probes = self.readout[:, : PROBE_CHANNELS * len(self.probes)]
-        rows: Real = probes.reshape(len(self.readout), len(self.probes), PROBE_CHANNELS)[
-            ..., :3
-        ].sum(axis=1)
-        return rows
+        return probes.reshape(len(self.readout), len(self.probes), PROBE_CHANNELS)[..., :3].sum(
+            axis=1
+        )
 
 
 def find_readings(machine: Machine, outputs: Sequence[Reading]) -> Readings:
@@ -92,5 +91,4 @@ def _place(machine: Machine, point: str) -> Real:
 def _axes(machine: Machine, point: str) -> Real:
     """Return the axes of a point in columns; world axes for a body; (3, 3)."""
     layout = machine.layout
-    axes: Real = layout.axes[layout.points.index(point)] if point in layout.points else np.eye(3)
-    return axes
+    return layout.axes[layout.points.index(point)] if point in layout.points else np.eye(3)

@@ -39,8 +39,7 @@ def step_signal(time_s: Real, height: float) -> Real:
     """Return a step with a smooth rise over eight samples; (n_time,)."""
     rise = _RISE_SAMPLES * (time_s[1] - time_s[0])
     phase = np.clip((time_s - _START_SHARE * time_s[-1]) / rise, 0.0, 1.0)
-    step: Real = height * (1 - np.cos(np.pi * phase)) / 2
-    return step
+    return height * (1 - np.cos(np.pi * phase)) / 2
 
 
 def move_signal(
@@ -130,8 +129,7 @@ def chirp_signal(time_s: Real, height: float, band: tuple[float, float]) -> Real
     phase = 2 * np.pi * (low * moved + (high - low) * moved**2 / (2 * length))
     edge = np.minimum(moved, length - moved) / (_START_SHARE * time_s[-1])
     fade = np.sin(np.pi / 2 * np.clip(edge, 0.0, 1.0)) ** 2
-    chirp: Real = height * fade * np.sin(phase)
-    return chirp
+    return height * fade * np.sin(phase)
 
 
 def noise_signal(time_s: Real, freq_hz: Real, density: Real, random: np.random.Generator) -> Real:
@@ -152,8 +150,7 @@ def noise_signal(time_s: Real, freq_hz: Real, density: Real, random: np.random.G
     size = np.sqrt(power * count / (2 * step) / 2)
     spectrum = size * (random.standard_normal(len(lines)) + 1j * random.standard_normal(len(lines)))
     spectrum[0] = 0.0
-    signal: Real = np.fft.irfft(spectrum, count)
-    return signal
+    return np.fft.irfft(spectrum, count)
 
 
 def flat_density(rms: float, band: tuple[float, float]) -> tuple[Real, Real]:

@@ -258,8 +258,7 @@ def filter_taps(rate_hz: float, step_s: float, delays_s: Real) -> Real:
     inside = np.clip(1 - (time / width) ** 2, 0.0, None)
     window = np.where(inside > 0, np.i0(_KAISER_BETA * np.sqrt(inside)), 0.0)
     taps = np.sinc(2 * cut * time) * window
-    normalised: Real = taps / taps.sum(axis=1, keepdims=True)
-    return normalised
+    return taps / taps.sum(axis=1, keepdims=True)
 
 
 @dataclass
@@ -303,5 +302,4 @@ class Decimator:
         self.skipped += max(0, number * self.factor - values.shape[2])
         if not number:
             return np.zeros((*values.shape[:2], 0))
-        samples: Real = np.einsum("rcjl,cl->rcj", chosen, self.taps)
-        return samples
+        return np.einsum("rcjl,cl->rcj", chosen, self.taps)

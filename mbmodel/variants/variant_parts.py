@@ -267,5 +267,4 @@ def motion_to_nominal(machine: Machine, variant: Machine) -> Real:
         point = moved.origin + arm
         turned = np.kron(np.eye(2), turn.T)
         blocks.append(turned @ transport(point - variant.layout.centres[number]))
-    matrix: Real = block_diag(*blocks)
-    return matrix
+    return block_diag(*blocks)

@@ -254,16 +254,14 @@ def _record_force(
 ) -> Real:
     """Return the force as its channel reads it: f / gain, ahead by the delay; (n_hit, n_sample)."""
     force = Recorder(np.ones((1, 1)), recorder.rate_hz, np.array([-channel.delay]))
-    read: Real = force.record([means(0, count)], step.step_s)[:, 0] / channel.gain
-    return read
+    return force.record([means(0, count)], step.step_s)[:, 0] / channel.gain
 
 
 def _white(
     density: float, rate_hz: float, random: np.random.Generator, shape: tuple[int, ...]
 ) -> Real:
     """Return white noise of a one-sided density: its variance is density^2 rate / 2."""
-    noise: Real = density * np.sqrt(rate_hz / 2) * random.standard_normal(shape)
-    return noise
+    return density * np.sqrt(rate_hz / 2) * random.standard_normal(shape)
 
 
 def _batches(count: int, threads: int) -> Iterator[range]:

@@ -104,8 +104,7 @@ def draw_instruments(
     """
 
     def vector(deviation: float) -> Real:
-        drawn: Real = deviation * random.standard_normal(3)
-        return drawn
+        return deviation * random.standard_normal(3)
 
     return Instruments(
         {
@@ -145,8 +144,7 @@ def sensor_rows(layout: Layout, site: str, errors: SensorErrors) -> Real:
     """
     axes = rotation_matrix(errors.rotation) @ layout.axes[layout.points.index(site)]
     rows = np.hstack([axes.T, np.cross(errors.offset, axes.T)])
-    readout: Real = errors.mix @ rows
-    return readout
+    return errors.mix @ rows
 
 
 def hit_wrench(layout: Layout, dof: Dof, errors: HammerErrors, turn: Real, place: Real) -> Real:

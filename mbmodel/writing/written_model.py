@@ -172,8 +172,7 @@ class _Side:
             if change.slot == "sensor" and change.point == point:
                 added = change.left @ change.core[0] @ change.right.T
                 rows = rows + direction_selection(labels, point) @ added
-        motion: Real = (rows @ self.assembly.jacobian)[:, self.shared]
-        return motion
+        return (rows @ self.assembly.jacobian)[:, self.shared]
 
     def motor_columns(self) -> dict[str, Real]:
         """Return the generalised force per control of each motor, by name; (n, 1) each."""
@@ -273,8 +272,7 @@ def _reduce(matrix: Complex, kept: list[int]) -> Complex:
     """Return a dynamic stiffness without the other coordinates, on which no force acts."""
     rest = [k for k in range(len(matrix)) if k not in kept]
     coupled = np.linalg.solve(matrix[np.ix_(rest, rest)], matrix[np.ix_(rest, kept)])
-    reduced: Complex = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, rest)] @ coupled
-    return reduced
+    return matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, rest)] @ coupled
 
 
 def _difference(

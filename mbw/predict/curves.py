@@ -201,8 +201,7 @@ def _with_lines_at_poles(freq: Real, modes: Sequence[Modes]) -> Real:
     sharp = half < 2 * (freq[1] - freq[0])
     near = (natural[sharp, None] + half[sharp, None] * _RESONANCE_OFFSETS).ravel()
     near = near[(near > freq[0]) & (near < freq[-1])]
-    lines: Real = np.unique(np.concatenate([freq[freq > 0], near]))
-    return lines
+    return np.unique(np.concatenate([freq[freq > 0], near]))
 
 
 def port_unit(machine: Machine, quantity: Quantity, out: Output, inp: Input) -> str:

@@ -110,8 +110,7 @@ def band_lines(request: PredictRequest) -> Real:
             f"the band ends at {high:g} Hz, where no machine has modes: give HIGH in Hz, from "
             f"{MIN_FREQUENCY_HZ:g} to {MAX_FREQUENCY_HZ:g}"
         )
-    lines: Real = np.linspace(low, high, request.lines)
-    return lines
+    return np.linspace(low, high, request.lines)
 
 
 def read_quantity(request: PredictRequest) -> Quantity:

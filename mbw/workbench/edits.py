@@ -130,8 +130,7 @@ def _find_place(machine: Machine, body: str, offset: Triple) -> Real:
     """Return a point of a body in the world's axes [m]; (3,)."""
     pose = find_pose(machine, body, offset)  # refuses a body that is not there
     drawn = machine.drawing.bodies[body]
-    place: Real = drawn.origin + drawn.frame @ pose.position
-    return place
+    return drawn.origin + drawn.frame @ pose.position
 
 
 class AddedAppendage(_AtBody):

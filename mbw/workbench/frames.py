@@ -256,8 +256,7 @@ class FrameMaker:
 def _mass_root(mass: Real) -> Real:
     """Return W with W'W = M, so that the MAC of W phi counts motions by the energy they carry."""
     tiny = 1e-12 * float(np.diag(mass).max())  # of a body without mass
-    root: Real = np.asarray(np.linalg.cholesky(mass + tiny * np.eye(len(mass))).T, np.float64)
-    return root
+    return np.asarray(np.linalg.cholesky(mass + tiny * np.eye(len(mass))).T, np.float64)
 
 
 def _find_cell(subject: WorkbenchSubject, reference: str, channel: str) -> tuple[int, int] | None:

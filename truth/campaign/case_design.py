@@ -231,8 +231,7 @@ def natural_frequencies(station: Station) -> Real:
     basis = null_basis(equations)
     stiffness, mass = (basis.T @ matrix @ basis for matrix in (equations.stiffness, equations.mass))
     values = np.asarray(scipy.linalg.eigvalsh(stiffness, mass), np.float64)
-    frequencies: Real = np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
-    return frequencies
+    return np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
 
 
 def fit_to_machine(protocol: Protocol, station: Station) -> Protocol:

@@ -243,8 +243,7 @@ def pulse_spectra(freq_hz: Real, pulses: HalfSinePulses) -> Complex:
     peak, duration = pulses.peak[:, None], pulses.duration[:, None]
     cycles = freq_hz * duration
     magnitude = peak * duration / 2 * (np.sinc(cycles - 0.5) + np.sinc(cycles + 0.5))
-    spectra: Complex = magnitude * np.exp(-1j * np.pi * cycles)
-    return spectra
+    return magnitude * np.exp(-1j * np.pi * cycles)
 
 
 def noise_spectrum(freq_hz: Real, spacing: float) -> Real:
@@ -256,15 +255,13 @@ def noise_spectrum(freq_hz: Real, spacing: float) -> Real:
     """
     fall = (1 + (freq_hz / AMBIENT_CORNER_HZ) ** 2) ** (-AMBIENT_POWER / 2)
     density = np.hypot(FLOOR_DENSITY, AMBIENT_DENSITY * fall)
-    spectrum: Real = density / np.sqrt(2 * spacing)
-    return spectrum
+    return density / np.sqrt(2 * spacing)
 
 
 def _complex_normal(random: np.random.Generator, shape: tuple[int, ...]) -> Complex:
     """Return complex normal numbers of mean square 1."""
     parts = random.standard_normal((2, *shape)) / np.sqrt(2)
-    number: Complex = parts[0] + 1j * parts[1]
-    return number
+    return parts[0] + 1j * parts[1]
 
 
 def frf_deviation(
@@ -286,8 +283,7 @@ def frf_deviation(
     spacing = protocol.freq_hz[1] - protocol.freq_hz[0]
     sensor = noise_spectrum(lines, spacing) / force
     hammer = FORCE_NOISE * np.abs(base) / np.sqrt(protocol.averages)
-    deviation: Real = np.sqrt(sensor[:, None, None] ** 2 + hammer**2)
-    return deviation
+    return np.sqrt(sensor[:, None, None] ** 2 + hammer**2)
 
 
 def _measured_deviation(

@@ -95,8 +95,7 @@ class SurvivalRefit(LinearRefit):
     def noise_share(self) -> Real:
         """Norm of the noise over that of the FRF, for each channel; (n_out, n_in)."""
         base = (np.abs(self._base()) ** 2).sum(axis=0)
-        share: Real = np.sqrt((self.without.noise**2).sum(axis=0) / base)
-        return share
+        return np.sqrt((self.without.noise**2).sum(axis=0) / base)
 
     def ratio(self, machine: TrueMachine) -> float:
         """Return the survival ratio of the effects of a machine, to first order."""
@@ -136,8 +135,7 @@ class SurvivalRefit(LinearRefit):
         for step, tries in ((_LOGARITHMIC, _TOLERANT_STEPS), (allowance, _TOLERANT_STEPS)):
             moved, left = self._descend(goal, moved, step, tries)
         power = (np.abs(left) ** 2).sum(axis=0) / (np.abs(goal) ** 2).sum(axis=0)
-        relative: Real = np.sqrt(power) * self.used[:, None]
-        return relative
+        return np.sqrt(power) * self.used[:, None]
 
     def _descend(
         self, goal: Complex, moved: Real, allowance: float, tries: int

@@ -86,8 +86,7 @@ def _offset(drawing: Station, after: Prepared, site: str) -> Real:
     # A force along an axis does not feel where along it.
     across = [np.eye(3) - np.outer(axis, axis) for axis in drawing.aim_axes(node)]
     felt = [matrix @ (place - point) for matrix, place in zip(across, places, strict=True)]
-    mean: Real = np.linalg.solve(np.sum(across, axis=0), np.sum(felt, axis=0))
-    return mean
+    return np.linalg.solve(np.sum(across, axis=0), np.sum(felt, axis=0))
 
 
 def _sensor(station: Station, site: str) -> Sensor:
@@ -101,8 +100,7 @@ def _least_turn(start: Real, end: Real) -> Real:
     size = float(np.linalg.norm(about))
     if size == 0:
         return np.zeros(3)
-    turn: Real = about / size * np.arctan2(size, start @ end)
-    return turn
+    return about / size * np.arctan2(size, start @ end)
 
 
 def _tuple(values: Real) -> tuple[float, ...]:

@@ -56,8 +56,7 @@ class Bend:
         bent = (a * x * x + b * x * y + c * y * y) * normal - away[self.normal] * slope
         shift, turn = np.split(np.array(self.drift), 2)
         rigid = np.concatenate([shift + np.cross(turn, away), turn])
-        result: Real = np.concatenate([bent, np.cross(slope, normal)]) - rigid
-        return result
+        return np.concatenate([bent, np.cross(slope, normal)]) - rigid
 
 
 def bend_of(station: Station, index: int, bending: tuple[float, ...]) -> Bend:

@@ -112,8 +112,7 @@ class StageDirection:
 
     def stretch(self, rig: Rig, tested: Prepared) -> Real:
         """Return how far the joint moves, in all coordinates of the rig; (n,)."""
-        row: Real = joint_stretch(rig, tested, tested.station.index(self.stage))[self.number]
-        return row
+        return joint_stretch(rig, tested, tested.station.index(self.stage))[self.number]
 
 
 @dataclass(frozen=True)
@@ -231,8 +230,7 @@ def joint_stretch(rig: Rig, tested: Prepared, index: int) -> Real:
 
 def springs(rows: Real, stiffness: Real | list[float]) -> Real:
     """Return the stiffness matrix of springs on rows, sum of k g g^T; (n, n)."""
-    matrix: Real = (rows.T * stiffness) @ rows
-    return matrix
+    return (rows.T * stiffness) @ rows
 
 
 def _as_wide(rows: Real, rig: Rig) -> Real:

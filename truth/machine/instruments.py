@@ -46,8 +46,7 @@ class Sensor:
         """What each reading takes of the accelerations along the three axes; (3, 3)."""
         xy, xz, yz = self.cross
         across = np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
-        mixing: Real = np.diag(self.gain) + across
-        return mixing
+        return np.diag(self.gain) + across
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,8 +69,7 @@ def net_force(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fwdVelocity(model, data)
     mujoco.mj_fwdActuation(model, data)
-    force: Real = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
-    return force
+    return data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
 
 
 def force_slopes(

@@ -238,5 +238,4 @@ def _transform(samples: Real, freq_hz: Real, rate_hz: float) -> Complex:
     line = steps.shape[-1] / rate_hz  # the lines are multiples of one over it
     spectrum = np.fft.fft(steps)[..., np.rint(freq_hz * line).astype(int)]
     s = 2j * np.pi * freq_hz
-    transform: Complex = spectrum * -np.expm1(-s / rate_hz) * rate_hz / s**2
-    return transform
+    return spectrum * -np.expm1(-s / rate_hz) * rate_hz / s**2

@@ -209,8 +209,7 @@ def null_basis(equations: Equations) -> Real:
     """Return coordinates in which the rigid directions are kept: x = N y; (n, n - m)."""
     if not len(equations.rigid):
         return np.eye(len(equations.mass))
-    basis: Real = np.asarray(scipy.linalg.null_space(equations.rigid), np.float64)
-    return basis
+    return np.asarray(scipy.linalg.null_space(equations.rigid), np.float64)
 
 
 def dynamic_stiffness(rig: Rig, freq_hz: Real) -> tuple[Complex, Real]:

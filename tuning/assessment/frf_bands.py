@@ -68,10 +68,7 @@ def frf_deviations(
 
 def _along(direction: Complex, columns: Complex) -> Real:
     """Return Re(conj(u) J)."""
-    along: Real = (
-        direction.real[..., None] * columns.real + direction.imag[..., None] * columns.imag
-    )
-    return along
+    return direction.real[..., None] * columns.real + direction.imag[..., None] * columns.imag
 
 
 def magnitude_deviations(

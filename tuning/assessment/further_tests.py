@@ -124,8 +124,7 @@ def _covariance_with(
     information /= confidence.variance_inflation
     information += np.diag(posterior_precision(parametrisation, x))
     scale = 1 / np.sqrt(np.diag(information))
-    covariance: Real = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
-    return covariance
+    return np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
 
 
 def _candidates(session: Session, confidence: ParameterConfidence) -> Iterator[_Candidate]:

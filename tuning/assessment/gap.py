@@ -175,8 +175,7 @@ def block_error_shares(predicted: Sequence[Complex], campaign: Campaign, starts:
         lines += (relative_error * (test.estimate.measured & (power > 0))).sum(axis=(1, 2))
     blocks = np.add.reduceat(lines, starts)
     total = blocks.sum()
-    shares: Real = blocks / total if total > 0 else blocks
-    return shares
+    return blocks / total if total > 0 else blocks
 
 
 def _rms(values: Real) -> float | None:

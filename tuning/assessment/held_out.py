@@ -238,8 +238,7 @@ def find_blocks(campaign: Campaign) -> Integers:
 
 def assign_folds(starts: Integers, n_freq: int) -> Integers:
     """Return the fold of each line, with block i in fold i mod 5; (n_freq,)."""
-    folds: Integers = (np.searchsorted(starts, np.arange(n_freq), side="right") - 1) % N_FOLDS
-    return folds
+    return (np.searchsorted(starts, np.arange(n_freq), side="right") - 1) % N_FOLDS
 
 
 def _count_blocks(lines: int, width: int) -> int:

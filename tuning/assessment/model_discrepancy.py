@@ -48,8 +48,7 @@ def discrepancy_motion(
     outputs, inputs = np.abs(of_outputs) ** 2, np.abs(of_inputs) ** 2
     whole = outputs.sum(axis=0).T[:, :, None] * inputs.sum(axis=0).T[:, None, :]
     diagonal = np.einsum("rof,rif->foi", outputs, inputs, optimize=True)
-    deviation: Real = np.sqrt(np.maximum(whole - diagonal, 0.0))
-    return deviation
+    return np.sqrt(np.maximum(whole - diagonal, 0.0))
 
 
 def _modal_amplitudes(lines: Linearised, *motions: Complex) -> tuple[Complex, ...]:

@@ -109,8 +109,7 @@ class ParameterConfidence:
     @cached_property
     def deviation(self) -> Real:
         """Standard deviation of each coordinate; (n_x,)."""
-        deviation: Real = np.sqrt(np.diag(self.covariance))
-        return deviation
+        return np.sqrt(np.diag(self.covariance))
 
     def interval(self) -> tuple[Real, Real]:
         """Return both ends of each parameter's 95 % interval [SI]; (n_parameter,) each."""
@@ -127,8 +126,7 @@ class ParameterConfidence:
         of_parameters = (
             np.append(self.deviation, 0.0)[parametrisation.coordinate_of] * parametrisation.scale
         )
-        deviation: Real = np.where(parametrisation.free, of_parameters, 0.0)
-        return deviation
+        return np.where(parametrisation.free, of_parameters, 0.0)
 
     @cached_property
     def is_undetermined(self) -> Mask:
@@ -212,10 +210,7 @@ def posterior_precision(varies: Parametrisation, x: Real) -> Real:
         x: their values; (n_x,).
     """
     units = np.where(varies.is_logarithmic, 1.0, np.maximum(np.abs(x), 1.0))
-    precision: Real = np.where(
-        varies.precision > 0, varies.precision, (FREE_PRIOR_SD * units) ** -2
-    )
-    return precision
+    return np.where(varies.precision > 0, varies.precision, (FREE_PRIOR_SD * units) ** -2)
 
 
 def bound_covariance(covariance: Real, limits: Real) -> Real:

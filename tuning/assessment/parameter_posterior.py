@@ -73,8 +73,7 @@ class ParameterPosterior:
     def root(self) -> Real:
         """The symmetric root R of C; (n_x, n_x)."""
         values, vectors = np.linalg.eigh(self.covariance)
-        root: Real = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-        return root
+        return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
 
     @property
     def deviation(self) -> Real:
@@ -82,8 +81,7 @@ class ParameterPosterior:
 
         It is relative for sizes, and in SI for other parameters.
         """
-        deviation: Real = self.scale * np.sqrt(np.diag(self.covariance))
-        return deviation
+        return self.scale * np.sqrt(np.diag(self.covariance))
 
     def chi_square(self, probability: float = 0.95) -> float:
         """Return the bound of |z|^2 that holds with a probability."""
@@ -95,8 +93,7 @@ class ParameterPosterior:
         Args:
             seed: of the random numbers.
         """
-        drawn: Real = np.random.default_rng(seed).standard_normal((count, self.size))
-        return drawn
+        return np.random.default_rng(seed).standard_normal((count, self.size))
 
     def on(self, model: Model) -> "PosteriorOfModel":
         """Return the posterior of a model whose nominal values are those of the fit.
@@ -218,5 +215,4 @@ class PosteriorOfModel:
         """1 where a parameter that varies, in theta's order, has a coordinate; (n_varying, n_x)."""
         order = np.argsort(self.indices)
         members = self.posterior.coordinate_of[order]
-        membership: Real = (members[:, None] == np.arange(self.posterior.size)).astype(float)
-        return membership
+        return (members[:, None] == np.arange(self.posterior.size)).astype(float)

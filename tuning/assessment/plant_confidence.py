@@ -85,8 +85,7 @@ class _Residuals:
     @property
     def counts(self) -> Mask:
         """Whether each value counts."""
-        counts: Mask = (self.weight > 0) & (self.power > 0) & (self.variance > 0)
-        return counts
+        return (self.weight > 0) & (self.power > 0) & (self.variance > 0)
 
     def independent_values(self, error: float) -> float:
         """Return the number of independent values beside a discrepancy."""

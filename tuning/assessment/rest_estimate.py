@@ -231,14 +231,12 @@ def _average_lines(power: Real) -> Real:
     """
     margin = _FEATURE_LINES // 2
     around = np.pad(power, ((margin, margin), (0, 0), (0, 0)), mode="edge")
-    mean: Real = np.mean([around[k : k + len(power)] for k in range(_FEATURE_LINES)], axis=0)
-    return mean
+    return np.mean([around[k : k + len(power)] for k in range(_FEATURE_LINES)], axis=0)
 
 
 def _add_cells(power: Real) -> Real:
     """Return the sum over all cells of each line; (n_freq, 1, 1)."""
-    total: Real = power.sum(axis=(1, 2), keepdims=True)
-    return total
+    return power.sum(axis=(1, 2), keepdims=True)
 
 
 def add_variance(campaign: Campaign, estimate: RestEstimate, carried: CarriedNoise) -> Campaign:

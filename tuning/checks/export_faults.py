@@ -91,8 +91,7 @@ class ExportFault:
         """
         power = 2 - DERIVATIVE_ORDER[quantity] - self.order
         constant = self.log_factor + power * np.log(self.axis)
-        change: Real = constant + self.order * (np.log(2 * np.pi) + log_freq)
-        return change
+        return constant + self.order * (np.log(2 * np.pi) + log_freq)
 
 
 def list_faults(stated: StatedExport, encoder: Literal["", "m", "rad"] = "") -> list[ExportFault]:

@@ -80,8 +80,7 @@ class LineInformation:
         rows = (self.factors * weight).reshape(-1, len(self.precision))
         matrix = rows.T @ rows + np.diag(self.precision)
         scale = 1 / np.sqrt(np.diag(matrix))
-        inverse: Real = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
-        return inverse
+        return np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
 
     def criterion(self, power: Real) -> float:
         """Return F [nats]: half of it is the gain of ln of the intervals' joint volume."""
@@ -95,8 +94,7 @@ class LineInformation:
         root = vectors / np.sqrt(values) / scale[:, None]
         moved = self.factors @ (covariance[:, self.of_interest] @ root)
         moved = moved / (1 + power[:, :, None] * self.saturation)[..., None]
-        slopes: Real = (moved**2).sum(axis=(2, 3))
-        return slopes
+        return (moved**2).sum(axis=(2, 3))
 
     def _decompose(self, covariance: Real) -> tuple[Real, Real, Real]:
         """Return eigenvalues and vectors of the correlations of interest, and the deviations.
@@ -218,8 +216,7 @@ _CLIPS = (0.75, 0.98)  # of the peak, from the first swap to the last
 def schroeder_phases(power: Real) -> Real:
     """Return the phases of a sweep with this power at its lines [rad]; (n_line,)."""
     share = power / power.sum()
-    phases: Real = -2 * np.pi * np.cumsum(np.cumsum(share) - share)
-    return phases
+    return -2 * np.pi * np.cumsum(np.cumsum(share) - share)
 
 
 def lower_peak(amplitudes: Complex, lines: Integers, samples: int, phases: Real) -> Real:
@@ -252,8 +249,7 @@ def periodic_waveform(amplitudes: Complex, lines: Integers, samples: int) -> Rea
     """
     spectrum = np.zeros((*amplitudes.shape[:-1], samples // 2 + 1), np.complex128)
     spectrum[..., lines] = amplitudes * (samples / 2)
-    waveform: Real = scipy.fft.irfft(spectrum, samples, axis=-1)
-    return waveform
+    return scipy.fft.irfft(spectrum, samples, axis=-1)
 
 
 def orthogonal_turns(drives: int) -> Complex:

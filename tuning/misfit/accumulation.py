@@ -236,8 +236,7 @@ class WeightedJacobian:
     def _complex_target(self, span: slice) -> Complex:
         """Return the weighted residual that the shared columns fit; (n_line, n_in, m)."""
         target = np.concatenate([projection.target[span] for projection in self.projections], -1)
-        residual: Complex = target[:, :, 0] + 1j * target[:, :, 1]
-        return residual
+        return target[:, :, 0] + 1j * target[:, :, 1]
 
     def _force_responses(self, forces: Real, span: slice) -> Complex:
         """Return weighted responses to unit forces at the joints; (n_line, n_in, m, n_force)."""

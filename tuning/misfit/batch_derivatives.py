@@ -165,5 +165,4 @@ def _real_and_imaginary(values: Complex) -> Real:
 def _line_sums(first: Complex, second: Complex) -> Real:
     """Return Re sum conj(first) second over each line; (n_freq,)."""
     products = first.real * second.real + first.imag * second.imag
-    sums: Real = products.sum(axis=(1, 2))
-    return sums
+    return products.sum(axis=(1, 2))

@@ -53,8 +53,7 @@ class NamedMotion:
         if not len(self.competing):  # one body that can move in one way only
             return np.full(energies.shape[1], -np.inf)
         powers = ((competing / size) ** _POWER_OF_MAXIMUM).sum(axis=0)
-        excess: Real = np.log(size / named) + np.log(powers) / _POWER_OF_MAXIMUM
-        return excess
+        return np.log(size / named) + np.log(powers) / _POWER_OF_MAXIMUM
 
     def leads(self, energies: Real) -> bool:
         """Return whether the named motion is the largest of one mode with E; (n_label,)."""
@@ -79,8 +78,7 @@ class NamedMotion:
         named = energies[self.named].sum()
         weights[self.named] = -1.0 / named if named > floor else 0.0
         # dE_k = Re[conj(db_k) (Mb b)_k + conj(b_k) (Mb db)_k]
-        slope: Complex = weights * momentum + body_mass.T @ (weights * motion)
-        return slope
+        return weights * momentum + body_mass.T @ (weights * motion)
 
 
 def name_motion(labels: Sequence[Dof], body: str, directions: Sequence[str]) -> NamedMotion:

@@ -249,8 +249,7 @@ class ModalCost:
         is_visible = size * square > 0  # a mode that no channel sees has MAC 0 and no slope
         norm = np.where(is_visible, size * square, 1.0)
         share = np.abs(product) ** 2 / (norm * np.where(is_visible, square, 1.0))
-        slopes: Complex = (share * shapes - measured * (product / norm)) * self._shape_weight
-        return slopes
+        return (share * shapes - measured * (product / norm)) * self._shape_weight
 
 
 def _moving_channels(linearised: LinearisedModes, measured: ModalModel) -> Integers:

@@ -103,8 +103,7 @@ class TableMatch(HasPoles):
     @property
     def matched(self) -> Real:
         """Residuals of the rows that have a partner; (3, n_match)."""
-        matched: Real = self.residuals[:, self.rows, self.columns]
-        return matched
+        return self.residuals[:, self.rows, self.columns]
 
     def largest(self, mode: int) -> str:
         """Return the direction of a body with the largest kinetic energy in a mode."""

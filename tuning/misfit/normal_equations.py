@@ -163,8 +163,7 @@ class ArrowSolver:
         solution = np.zeros(matrix.size + 1)
         solution[at] = (of_blocks - self._products @ x_shared) * kept[at]
         solution[shared_coordinates] = x_shared
-        x: Real = solution[:-1] * kept[:-1]
-        return x
+        return solution[:-1] * kept[:-1]
 
     def _eliminate(self, is_free: Mask) -> None:
         """Eliminate the blocks whose free coordinates have changed; (n_block, n_own)."""
@@ -193,8 +192,7 @@ def _contract(cross: Real, products: Real) -> Real:
     """Return the sum of C' P over blocks; (n_s, n_s)."""
     n_block, n_own, size = cross.shape
     rows = n_block * n_own, size
-    total: Real = cross.reshape(rows).T @ products.reshape(rows)
-    return total
+    return cross.reshape(rows).T @ products.reshape(rows)
 
 
 QuadraticModel = tuple[

@@ -98,8 +98,7 @@ def _is_moving(batch: Batch) -> Mask:
     """
     evaluator = batch.evaluator
     largest = np.abs(batch.select_inputs(evaluator.at(evaluator.model.drawn).values)).max(axis=0)
-    is_moving: Mask = largest > MODAL_FORM_ERROR * largest.max(initial=0.0)
-    return is_moving
+    return largest > MODAL_FORM_ERROR * largest.max(initial=0.0)
 
 
 def point_power_of(values: Complex, outputs: Sequence[Output]) -> Real:
@@ -117,11 +116,9 @@ def point_power_of(values: Complex, outputs: Sequence[Output]) -> Real:
     at_point = (np.arange(len(numbers))[:, None] == point_of).astype(float)
     square = squared_size(values.transpose(1, 2, 0))
     power = (at_point @ square.reshape(len(square), -1))[point_of]
-    along_frequency: Real = power.reshape(square.shape).transpose(2, 0, 1)
-    return along_frequency
+    return power.reshape(square.shape).transpose(2, 0, 1)
 
 
 def squared_size(values: Complex) -> Real:
     """Return |z|^2 of complex values, without the square root of their size."""
-    square: Real = values.real**2 + values.imag**2
-    return square
+    return values.real**2 + values.imag**2

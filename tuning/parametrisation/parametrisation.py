@@ -67,8 +67,7 @@ class Parametrisation:
     def start(self) -> Real:
         """Parameters at which searches begin: the nominal ones, with usual damping [SI]."""
         undrawn = np.array([_is_undrawn(parameter) for parameter in self.parameters], bool)
-        start: Real = np.where(self.free & undrawn, self.fixed + self.scale, self.fixed)
-        return start
+        return np.where(self.free & undrawn, self.fixed + self.scale, self.fixed)
 
     @property
     def size(self) -> int:
@@ -93,10 +92,7 @@ class Parametrisation:
 
     def _displacement(self, x: Real) -> Real:
         """Return ``scale x`` of each parameter, zero for a fixed one; (n_parameter,)."""
-        displacement: Real = np.where(
-            self.free, self.scale * np.append(x, 0.0)[self.coordinate_of], 0.0
-        )
-        return displacement
+        return np.where(self.free, self.scale * np.append(x, 0.0)[self.coordinate_of], 0.0)
 
     def theta(self, x: Real) -> Real:
         """Return the parameters at x [SI]; (n_parameter,)."""
@@ -107,8 +103,7 @@ class Parametrisation:
 
     def rates(self, x: Real) -> Real:
         """Return d theta / dx of each parameter by its own coordinate; (n_parameter,)."""
-        rates: Real = self.scale * np.where(self._logarithmic, self.theta(x), 1.0) * self.free
-        return rates
+        return self.scale * np.where(self._logarithmic, self.theta(x), 1.0) * self.free
 
     def coordinates(self, theta: Real) -> Real:
         """Return the x of a theta; tied parameters give the mean of their values; (n_x,)."""
@@ -118,8 +113,7 @@ class Parametrisation:
             )
         values = np.where(self.free, displacement / self.scale, 0.0)[self.free]
         total = np.bincount(self.coordinate_of[self.free], values, self.size)
-        mean: Real = total / np.bincount(self.coordinate_of[self.free], minlength=self.size)
-        return mean
+        return total / np.bincount(self.coordinate_of[self.free], minlength=self.size)
 
     def parameters_at_bound(self, x: Real) -> Mask:
         """Return whether each parameter is at a bound; (n_parameter,)."""
@@ -127,13 +121,11 @@ class Parametrisation:
 
     def coordinates_at_bound(self, x: Real) -> Mask:
         """Return whether each coordinate is at a bound; (n_x,)."""
-        at_bound: Mask = (x <= self.lower + _BOUND_MARGIN) | (x >= self.upper - _BOUND_MARGIN)
-        return at_bound
+        return (x <= self.lower + _BOUND_MARGIN) | (x >= self.upper - _BOUND_MARGIN)
 
     def coordinates_within_bounds(self, x: Real) -> Mask:
         """Return whether each coordinate is within its bounds, or at one; (n_x,)."""
-        within: Mask = (x >= self.lower - _BOUND_MARGIN) & (x <= self.upper + _BOUND_MARGIN)
-        return within
+        return (x >= self.lower - _BOUND_MARGIN) & (x <= self.upper + _BOUND_MARGIN)
 
     def gradient_by_coordinates(self, gradient: Real, x: Real) -> Real:
         """Return a gradient by x from one by theta (chain rule).
@@ -317,5 +309,4 @@ class Parametrisation:
         """Whether the bounds of each coordinate differ from the default of its kind; (n_x,)."""
         is_default = (self.lower == -TOLERANCE_BOUND_SIGMA) & (self.upper == TOLERANCE_BOUND_SIGMA)
         is_undrawn = np.isin(self.names, [p.name for p in self.parameters if _is_undrawn(p)])
-        has_user_bounds: Mask = ~(self.is_tolerance & is_default) & ~is_undrawn
-        return has_user_bounds
+        return ~(self.is_tolerance & is_default) & ~is_undrawn

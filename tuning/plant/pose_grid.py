@@ -114,8 +114,7 @@ class PoseGrid:
     @property
     def freq_hz(self) -> Real:
         """Natural frequencies of the modes [Hz]; (n_point, n_mode)."""
-        frequencies: Real = np.abs(self.poles) / (2 * np.pi)
-        return frequencies
+        return np.abs(self.poles) / (2 * np.pi)
 
     @property
     def modulus(self) -> Real:

@@ -333,10 +333,7 @@ def _solve_by_cg(problem: Problem, state: _State, here: QuadraticModel, model: _
         """Return the Hessian of J times a direction."""
         distance = _GRADIENT_DIFFERENCE_STEP * size / np.sqrt(metric(direction, direction))
         state.evaluations += 1
-        product: Real = (
-            np.where(free, problem(state.x + distance * direction)[1] - slope, 0.0) / distance
-        )
-        return product
+        return np.where(free, problem(state.x + distance * direction)[1] - slope, 0.0) / distance
 
     solution: Real = np.zeros(len(step))
     residual = np.where(free, -slope, 0.0) - curvature_product(step)

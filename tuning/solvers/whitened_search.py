@@ -96,8 +96,7 @@ class Whitening:
 
     def x(self, y: Real) -> Real:
         """Return the coordinates x within the limits; (n_x,)."""
-        x: Real = self.origin + np.clip(self._step(y), self.lower, self.upper)
-        return x
+        return self.origin + np.clip(self._step(y), self.lower, self.upper)
 
     def gradient(self, y: Real, slope: Real) -> Real:
         """Return the gradient by y from the one by x, zero where the limits clip; (n_y,)."""
@@ -108,8 +107,7 @@ class Whitening:
 
     def _step(self, y: Real) -> Real:
         """Return the step x - x0 before it is clipped; (n_x,)."""
-        step: Real = self.matrix @ np.minimum(y, self.end)
-        return step
+        return self.matrix @ np.minimum(y, self.end)
 
 
 def whiten(x: Real, gradient: Real, normal: ArrowMatrix, box: Box, damping: float) -> Whitening:

@@ -51,10 +51,7 @@ def allowed_gains(gains: Complex, modulus: float, start: float) -> Real:
     lowered = start
     while (is_inside := (low < lowered * (1 - _ROUNDING_OF_GAIN)) & (high > lowered)).any():
         lowered = float(low[is_inside].min())
-    allowed: Real = np.where(
-        (high <= lowered) | (low < lowered * (1 - _ROUNDING_OF_GAIN)), np.inf, low
-    )
-    return allowed
+    return np.where((high <= lowered) | (low < lowered * (1 - _ROUNDING_OF_GAIN)), np.inf, low)
 
 
 def crossover_of(freq_hz: Real, gains: Complex, gain: float) -> float:

@@ -77,10 +77,9 @@ def first_lines(low: float, high: float, poles: Complex) -> Real:
     width = np.abs(oscillating.real) / (2 * np.pi)
     width = np.clip(width, _MIN_POLE_DAMPING * centre, centre / 2)
     near = (centre[:, None] + width[:, None] * _NEAR_POLES).ravel()
-    lines: Real = np.unique(
+    return np.unique(
         np.concatenate([np.geomspace(low, high, count), near[(near > low) & (near < high)]])
     )
-    return lines
 
 
 def follow_loop_gain(gain_of: LoopGainOf, freq_hz: Real) -> tuple[Real, Complex]:
@@ -117,8 +116,7 @@ def _parts_of_steps(single: Complex) -> Integers:
     turns = np.abs(np.angle(after * before.conj())) / LINE_SETTINGS.max_turn_rad
     is_seen = np.maximum(np.abs(before), np.abs(after)) > LINE_SETTINGS.min_size
     needed = np.where(is_seen, np.maximum(steps, turns), 0.0).max(axis=1)
-    parts: Integers = np.ceil(np.clip(needed, 1, LINE_SETTINGS.max_parts)).astype(int)
-    return parts
+    return np.ceil(np.clip(needed, 1, LINE_SETTINGS.max_parts)).astype(int)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,7 @@ _COUPLING_FLOOR = float(np.sqrt(np.finfo(float).eps))
 
 def singular_values(matrices: Complex) -> Real:
     """Return the largest singular value of each matrix; (n_freq,)."""
-    values: Real = np.linalg.norm(matrices, 2, axis=(-2, -1))
-    return values
+    return np.linalg.norm(matrices, 2, axis=(-2, -1))
 
 
 def scaled_singular_values(matrices: Complex) -> Real:
@@ -60,5 +59,4 @@ def _perron_vectors(sizes: Real) -> Real:
     values, vectors = np.linalg.eig(sizes)
     chosen = np.argmax(values.real, axis=-1)
     perron = np.take_along_axis(vectors, chosen[:, None, None], axis=-1)[..., 0]
-    sizes_of_entries: Real = np.maximum(np.abs(perron), np.finfo(float).eps)
-    return sizes_of_entries
+    return np.maximum(np.abs(perron), np.finfo(float).eps)

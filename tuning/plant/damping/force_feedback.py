@@ -49,8 +49,7 @@ class RootLocus:
     @property
     def damping(self) -> Real:
         """Damping ratio of the target mode; (n_gain,)."""
-        ratios: Real = -self.poles.real / np.abs(self.poles)
-        return ratios
+        return -self.poles.real / np.abs(self.poles)
 
     @property
     def best(self) -> int:

@@ -135,8 +135,7 @@ def strut_jacobian(model: Model, theta: Real, struts: Struts, body: str, point: 
             "independent ones"
         )
     per_centre = struts.elongation[moving_coordinates].T @ np.linalg.inv(columns)
-    jacobian: Real = per_centre @ transport(machine.layout.centres[number] - point)
-    return jacobian
+    return per_centre @ transport(machine.layout.centres[number] - point)
 
 
 def platform_of(model: Model, struts: Struts) -> str:
@@ -211,8 +210,7 @@ def _carried_centre(model: Model, theta: Real, body: str) -> Real:
         if above == body:
             mass = float(inertia[6 * number, 6 * number])
             total, moment = total + mass, moment + mass * machine.layout.centres[number]
-    centre: Real = moment / total if total else machine.layout.centres[0]
-    return centre
+    return moment / total if total else machine.layout.centres[0]
 
 
 def _stiffness_centre(model: Model, theta: Real, struts: Struts, body: str, start: Real) -> Real:
@@ -228,8 +226,7 @@ def _stiffness_centre(model: Model, theta: Real, struts: Struts, body: str, star
         shift = transport(axis)[:3, 3:]  # motion of the old point per rotation about the new one
         columns.append((stiffness[:3, :3] @ shift).ravel())
     step = np.linalg.lstsq(np.array(columns).T, stiffness[:3, 3:].ravel(), rcond=None)[0]
-    centre: Real = start + step
-    return centre
+    return start + step
 
 
 def _strut_plant(model: Model, theta: Real, struts: Struts, freq_hz: Real) -> Complex:
@@ -247,5 +244,4 @@ def _largest_coupling(plant: Complex) -> Real:
     diagonal = np.sqrt(np.abs(np.einsum("fii->fi", plant)))
     relative = np.abs(plant) / (diagonal[:, :, None] * diagonal[:, None, :])
     size = plant.shape[1]
-    largest: Real = np.where(np.eye(size, dtype=bool), 0.0, relative).max(axis=(1, 2))
-    return largest
+    return np.where(np.eye(size, dtype=bool), 0.0, relative).max(axis=(1, 2))

@@ -73,8 +73,7 @@ class ErrorBudget:
     @cached_property
     def rms(self) -> Real:
         """Root mean square of each error in SI; (n_error,)."""
-        rms: Real = np.sqrt(self.mean_squares.sum(axis=0))
-        return rms
+        return np.sqrt(self.mean_squares.sum(axis=0))
 
     @cached_property
     def freq_hz(self) -> Real:
@@ -273,12 +272,10 @@ def integration_lines(band: tuple[float, float], poles: Complex, edges: Real) ->
     lines = np.concatenate(
         [np.geomspace(low, high, count), near, edges * (1 - 1e-9), edges, edges * (1 + 1e-9)]
     )
-    inside: Real = np.unique(np.append(lines[(lines > low) & (lines < high)], band))
-    return inside
+    return np.unique(np.append(lines[(lines > low) & (lines < high)], band))
 
 
 def trapezoid_weights(freq_hz: Real) -> Real:
     """Return the weights of the trapezoidal rule [Hz]; (n_freq,)."""
     steps = np.diff(freq_hz)
-    weights: Real = (np.append(steps, 0.0) + np.append(0.0, steps)) / 2
-    return weights
+    return (np.append(steps, 0.0) + np.append(0.0, steps)) / 2

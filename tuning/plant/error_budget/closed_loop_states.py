@@ -253,8 +253,7 @@ def arrival_delays(plant: SystemMatrices, loops: tuple[Loop, ...]) -> Real:
     """
     is_direct = (plant.d != 0).any(axis=0)
     wait = np.where(is_direct, _WAIT_OF_SAMPLE * sampling_period(loops), 0.0)
-    delays: Real = np.array([loop.delay for loop in loops]) + wait
-    return delays
+    return np.array([loop.delay for loop in loops]) + wait
 
 
 def sampled_states(

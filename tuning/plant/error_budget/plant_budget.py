@@ -105,8 +105,7 @@ def _discrepancy_slope(budget: ErrorBudget) -> Real:
     deviation = discrepancy_motion(budget.linearised, response.left, response.right)
     shift = np.einsum("fes,fes,fs->e", np.abs(budget.scaled), deviation, budget.weights)
     mean_square = np.where(budget.rms > 0, budget.rms, 1.0) ** 2
-    slope: Real = np.asarray(shift / mean_square / np.sqrt(2))
-    return slope
+    return np.asarray(shift / mean_square / np.sqrt(2))
 
 
 def sample_rms(budget: ErrorBudget, thetas: Real) -> Real:

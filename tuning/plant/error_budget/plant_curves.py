@@ -96,8 +96,7 @@ def _curve_lines(band: tuple[float, float], poles: Complex) -> Real:
     natural, decay = oscillating.imag / (2 * np.pi), np.abs(oscillating.real) / (2 * np.pi)
     near = (natural[:, None] + decay[:, None] * _LINES_NEAR_RESONANCES).ravel()
     near = near[(near > band[0]) & (near < band[1])]
-    lines: Real = np.unique(np.append(np.geomspace(*band, _CURVE_LINES), near))
-    return lines
+    return np.unique(np.append(np.geomspace(*band, _CURVE_LINES), near))
 
 
 def _responses(model: Model, theta: Real, definition: BudgetDefinition, freq: Real) -> Complex:

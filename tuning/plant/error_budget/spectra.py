@@ -93,10 +93,7 @@ class Spectrum:
         power = np.exp(np.interp(np.log(freq_hz), lines, logarithms))
         is_power = is_positive[index] & is_positive[index - 1] & (linear > 0)
         omega = 2 * np.pi * freq_hz
-        density: Real = np.where(is_power, power, linear) * omega ** (
-            2 * (derivative - self.derivative)
-        )
-        return density
+        return np.where(is_power, power, linear) * omega ** (2 * (derivative - self.derivative))
 
 
 def vibration_criterion(name: str) -> Spectrum:

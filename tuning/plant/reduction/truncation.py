@@ -199,8 +199,7 @@ def _gramian_root(a: Real, b: Real) -> Real:
     units = np.where(size > 0, size, 1.0)
     correlation = gramian / np.outer(units, units)
     values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
-    root: Real = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    return root
+    return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _units(system: SystemMatrices, freq_hz: Real) -> tuple[Real, Real]:
@@ -217,8 +216,7 @@ def _units(system: SystemMatrices, freq_hz: Real) -> tuple[Real, Real]:
 
 def _positive(sizes: Real) -> Real:
     """Return sizes with 1 in place of 0."""
-    positive: Real = np.where(sizes > 0, sizes, 1.0)
-    return positive
+    return np.where(sizes > 0, sizes, 1.0)
 
 
 def split_stable_part(system: SystemMatrices) -> tuple[SystemMatrices, SystemMatrices]:

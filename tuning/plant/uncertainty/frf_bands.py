@@ -67,10 +67,9 @@ class FrfBands:
     def phase_deviation(self) -> Real:
         """Standard deviation of the phase [rad], infinite where H is zero."""
         size = np.abs(self.values)
-        deviation: Real = np.where(
+        return np.where(
             size > 0, np.hypot(self.phase, self.model_error) / np.where(size > 0, size, 1.0), np.inf
         )
-        return deviation
 
     def magnitude_interval(self) -> tuple[Real, Real]:
         """Return both ends of the 95 % interval of |H|; (n_freq, n_out, n_in) each.
@@ -160,5 +159,4 @@ class AlternativePlants:
                 share = np.tensordot(self.weights, ndtr((middle - sizes) / units), 1)
             low = np.where(share < probability, middle, low)
             high = np.where(share < probability, high, middle)
-        quantile: Real = np.maximum((low + high) / 2, 0.0)
-        return quantile
+        return np.maximum((low + high) / 2, 0.0)

@@ -47,8 +47,7 @@ class MinimumPhaseFilter:
     def at(self, laplace: Complex) -> Complex:
         """Return W at each s [rad/s]; (n_freq,)."""
         numerator = np.prod(laplace[:, None] - self.zeros, axis=1)
-        values: Complex = self.gain * numerator / np.prod(laplace[:, None] - self.poles, axis=1)
-        return values
+        return self.gain * numerator / np.prod(laplace[:, None] - self.poles, axis=1)
 
     def polynomials(self) -> tuple[Real, Real]:
         """Return the coefficients of numerator and denominator, highest power first."""

@@ -144,8 +144,7 @@ def _error_of_sum(frfs: LevelFrfs, predicted: Complex, columns: list[tuple[int, 
     variance = np.asarray(frfs.noise, float)[:, numbers] ** 2 @ weights**2
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.sqrt(np.maximum(np.abs(error) ** 2 - variance, 0.0)) / np.abs(model)
-    errors: Real = np.nan_to_num(size)
-    return errors
+    return np.nan_to_num(size)
 
 
 def _columns_of_files(frfs: LevelFrfs) -> list[Integers]:
@@ -187,5 +186,4 @@ def _errors_of_file(frfs: LevelFrfs, predicted: Complex, columns: Integers) -> R
     variance = (np.asarray(frfs.noise, float)[:, columns] ** 2).sum(axis=2)
     noise = (inverse * variance[:, None, :]) @ inverse.conj().swapaxes(1, 2)
     power = np.linalg.eigvalsh(error @ error.conj().swapaxes(1, 2) - noise)[:, -1]
-    errors: Real = np.sqrt(np.maximum(power, 0.0))
-    return errors
+    return np.sqrt(np.maximum(power, 0.0))

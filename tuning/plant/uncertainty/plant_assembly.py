@@ -150,8 +150,7 @@ def _visible_coordinates(
         total = (np.abs(slopes @ blocks.root) ** 2).sum(axis=-1, keepdims=True)
         share = variance / np.where(total == 0, 1.0, total)
         largest = np.maximum(largest, share.reshape(-1, blocks.size).max(axis=0))
-    kept: Integers = np.flatnonzero(largest > min_share)
-    return kept
+    return np.flatnonzero(largest > min_share)
 
 
 def _typical_sizes(lines: Linearised) -> tuple[Real, Real]:

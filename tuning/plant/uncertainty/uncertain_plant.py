@@ -76,8 +76,7 @@ class UncertainPlant:
     @property
     def deviation(self) -> Real:
         """Standard deviation of each delta, to first order; (n_block,)."""
-        deviation: Real = self.scale * np.linalg.norm(self.root, axis=1)
-        return deviation
+        return self.scale * np.linalg.norm(self.root, axis=1)
 
     def delta(self, z: Real) -> Real:
         """Return the delta of whitened coordinates; (n_block,).
@@ -86,10 +85,7 @@ class UncertainPlant:
             z: (n_z,).
         """
         step = self.scale * (self.root @ z)
-        delta: Real = np.where(
-            self.is_relative, np.expm1(np.where(self.is_relative, step, 0)), step
-        )
-        return delta
+        return np.where(self.is_relative, np.expm1(np.where(self.is_relative, step, 0)), step)
 
     def close(self, delta: Real) -> SystemMatrices:
         """Return F_u(M, Delta).
