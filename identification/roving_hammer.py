@@ -14,6 +14,7 @@ from identification.words import (
     Real,
     Signal,
     Test,
+    group_by_key,
 )
 
 
@@ -42,14 +43,13 @@ def exchange_hits_and_channels(campaign: Campaign) -> Campaign:
     as that of solid bodies need many channels for each reference. If a point was hit in several
     tests, the first one counts. Tests with a motor as reference are left out.
     """
-    cells: dict[Output, list[_Cell]] = {}
-    for test in campaign.tests:
-        reference = test.condition.reference
-        if isinstance(reference, Signal):
-            continue
-        for row, dof in enumerate(test.estimate.frf.outputs):
-            if test.estimate.measured[row, 0]:
-                cells.setdefault(dof.positive, []).append(_Cell.of(test, row, reference))
+    cells = group_by_key(
+        (dof.positive, _Cell.of(test, row, test.condition.reference))
+        for test in campaign.tests
+        if not isinstance(test.condition.reference, Signal)
+        for row, dof in enumerate(test.estimate.frf.outputs)
+        if test.estimate.measured[row, 0]
+    )
     tests = tuple(_test(sensor, sensor_cells) for sensor, sensor_cells in cells.items())
     return replace(campaign, tests=tests)
 

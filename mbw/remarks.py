@@ -9,7 +9,13 @@ import re
 from collections.abc import Sequence
 from html import escape
 
-from identification.words import TOLERANCE_BOUND_SIGMA, NominalGain, count_noun, percent_text
+from identification.words import (
+    TOLERANCE_BOUND_SIGMA,
+    NominalGain,
+    count_noun,
+    group_by_key,
+    percent_text,
+)
 from identification.words.ports import FLOOR
 from mbmodel.mjcf.read import current_reading
 from mbw.page.numbers import format_percent
@@ -161,10 +167,8 @@ def describe_not_in_mjcf(names: Sequence[str], error: float | None, list_file: s
     hits = {name.split(")")[0] for name in rest if name.startswith("hammer(")}
     rest = [name for name in rest if not name.startswith("hammer(")]
     parts += [f"place and direction of {count_noun(len(hits), 'hit')}"] if hits else []
-    by_reason: dict[str, list[str]] = {}
-    for name in rest:
-        parameter, _, reason = name.partition(" (")
-        by_reason.setdefault(reason, []).append(parameter)
+    parted = (name.partition(" (") for name in rest)
+    by_reason = group_by_key((reason, parameter) for parameter, _, reason in parted)
     parts += [
         join_first(parameters) + (f" ({reason}" if reason else "")
         for reason, parameters in by_reason.items()

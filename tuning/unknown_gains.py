@@ -22,7 +22,7 @@ from itertools import product
 import numpy as np
 
 from identification.readers.toml_files import toml_key
-from identification.words import Campaign, NominalGain, Real, Test
+from identification.words import Campaign, NominalGain, Real, Test, group_by_key
 from mbmodel import Machine
 from tuning.gain_cells import GainCell, GainNode, channel_node, compare_cells, nodes_of
 
@@ -126,10 +126,7 @@ def _product_groups(
         for node in cell.nodes[1:]:
             group_of[root(node)] = root(cell.nodes[0])
     anchored = {root(cell.nodes[0]) for cell in cells if len(cell.nodes) == 1}
-    groups: dict[GainNode, list[GainNode]] = {}
-    for node in nodes:
-        if root(node) not in anchored:
-            groups.setdefault(root(node), []).append(node)
+    groups = group_by_key((root(node), node) for node in nodes if root(node) not in anchored)
     references = {
         next(node for node in group if node[0].startswith("hammer:")) for group in groups.values()
     }

@@ -13,16 +13,15 @@ from diagnosis.effects.body_box import bound_place, find_jacobian, find_shown_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.scene_points import hits, list_varying_names, name_vector
 from diagnosis.stated_values import Value
-from identification.words import Dof
+from identification.words import Dof, group_by_key
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each point, and one for each of its directions if it has several."""
     varying = list_varying_names(scene)
-    points: dict[str, list[Dof]] = {}
-    for dof in hits(scene):
-        if varying.issuperset(_name_offset(dof)):
-            points.setdefault(dof.point, []).append(dof)
+    points = group_by_key(
+        (dof.point, dof) for dof in hits(scene) if varying.issuperset(_name_offset(dof))
+    )
     for point, directions in points.items():
         released = [_release_offset(scene, point, None, directions)]
         if len(directions) > 1:

@@ -16,17 +16,15 @@ from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.scene_points import list_sensors, list_varying_names, name_vector
 from diagnosis.stated_values import Value, state_shown
 from identification import FAULT_PHRASES
-from identification.words import Mask
+from identification.words import Mask, group_by_key
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each sensor whose place has a tolerance."""
     varying = list_varying_names(scene)
     # A rotation of a solid body reads the same everywhere on it.
-    read: dict[str, list[int]] = {}
-    for dof in scene.session.campaign.outputs:
-        if not dof.is_rotation:
-            read.setdefault(dof.point, []).append(dof.axis)
+    outputs = scene.session.campaign.outputs
+    read = group_by_key((dof.point, dof.axis) for dof in outputs if not dof.is_rotation)
     machine, jacobian = scene.model.machine, find_jacobian(scene)
     layout = machine.layout
     for site in (site for site in list_sensors(scene) if site in read):

@@ -19,7 +19,7 @@ from diagnosis.corrections import exchange_channels
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.scene_points import list_sensors, list_varying_names
 from identification import FAULT_PHRASES
-from identification.words import Dof, Real
+from identification.words import Dof, Real, group_by_key
 from tuning import predict
 from tuning.checks.export_faults import MAX_LEFT_SHARE
 
@@ -38,10 +38,11 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             cross = f"{site}.cross_{''.join(axes)}"
             if {first, second} <= measured and varying.issuperset(map(_name_gain, (first, second))):
                 yield _exchange([(first, second)], site, (cross,) if cross in varying else ())
-    by_sites: dict[tuple[str, str], list[Pair]] = {}
-    for first, second in find_exchanged_pairs(scene):
-        if varying.issuperset(map(_name_gain, (first, second))):
-            by_sites.setdefault((first.point, second.point), []).append((first, second))
+    by_sites = group_by_key(
+        ((first.point, second.point), (first, second))
+        for first, second in find_exchanged_pairs(scene)
+        if varying.issuperset(map(_name_gain, (first, second)))
+    )
     for (lower, upper), pairs in by_sites.items():
         whole = {dof for dof in measured if dof.point in (lower, upper) and not dof.is_rotation}
         is_whole = {dof for pair in pairs for dof in pair} == whole

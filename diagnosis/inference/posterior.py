@@ -51,6 +51,7 @@ from diagnosis.inference.places import (
     weigh_places,
 )
 from diagnosis.settings import NEGLIGIBLE_SHARE, SETTINGS, DiagnosisSettings
+from identification.words import first_by_key
 
 
 @dataclass(frozen=True)
@@ -229,10 +230,8 @@ def _remove_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet
 
 def _select_best_fits(sets: Sequence[FittedSet]) -> list[FittedSet]:
     """Return the best fit of each set of causes, among its shapes and starts."""
-    best: dict[frozenset[Key], FittedSet] = {}
-    for fitted in sorted(sets, key=lambda fitted: fitted.objective):
-        best.setdefault(frozenset(fitted.keys), fitted)
-    return list(best.values())
+    ranked = sorted(sets, key=lambda fitted: fitted.objective)
+    return list(first_by_key((frozenset(fitted.keys), fitted) for fitted in ranked).values())
 
 
 def _count_causes(keys: Keys) -> int:

@@ -22,7 +22,7 @@ from scipy.special import ndtri
 
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.level_check import group_visits
-from identification.words import Campaign, Complex, HitEstimate, Input, Real
+from identification.words import Campaign, Complex, HitEstimate, Real, group_by_key
 
 
 def compute_pulse_force(time_s: Real, duration_s: Real | float) -> Real:
@@ -112,12 +112,12 @@ def estimate_pulses(campaign: Campaign) -> Pulses:
 def _group_recorded(campaign: Campaign) -> list[list[tuple[int, HitEstimate]]]:
     """Return number and hits of recorded tests, by hammer point and visit to a level."""
     number_of = {id(test): number for number, test in enumerate(campaign.tests)}
-    groups: dict[tuple[int, Input], list[tuple[int, HitEstimate]]] = {}
-    for visit, (_, visited) in enumerate(group_visits(campaign)):
-        for test in visited.tests:
-            if test.hits:
-                key = visit, test.condition.reference
-                groups.setdefault(key, []).append((number_of[id(test)], test.hits))
+    groups = group_by_key(
+        ((visit, test.condition.reference), (number_of[id(test)], test.hits))
+        for visit, (_, visited) in enumerate(group_visits(campaign))
+        for test in visited.tests
+        if test.hits
+    )
     return list(groups.values())
 
 

@@ -12,7 +12,7 @@ from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.restoring_laws import RestoringLaw, stack_laws
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.settings import NEGLIGIBLE_SHARE
-from identification.words import Complex, Real
+from identification.words import Complex, Real, group_by_key
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +40,10 @@ def compute_equivalent_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -
         cases: with equal numbers of hits, and equal steps.
         freq_hz: lines, none at 0 Hz; (n_freq,).
     """
-    alike: dict[tuple[int, float], list[int]] = {}
-    for number, case in enumerate(cases):
-        shape = len(case.transient.poles), case.transient.duration_s
-        alike.setdefault(shape, []).append(number)
+    alike = group_by_key(
+        ((len(case.transient.poles), case.transient.duration_s), number)
+        for number, case in enumerate(cases)
+    )
     kappa = np.zeros((len(cases), len(cases[0].hits.peak), len(freq_hz)), complex)
     with np.errstate(over="ignore", invalid="ignore"):
         for numbers in alike.values():

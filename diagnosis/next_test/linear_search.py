@@ -24,7 +24,7 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.next_test.clipped_coordinates import clip_to_bounds
 from diagnosis.search.linearised_fit import find_signed
 from diagnosis.settings import HALF_PRECISION, NEGLIGIBLE_SHARE
-from identification.words import Integers, Real
+from identification.words import Integers, Real, first_by_key, group_by_key
 from mbmodel import Model
 from tuning import Misfit, Parametrisation, parametrise, thin_lines
 from tuning.fitting.machine_fit import are_by_chance, widen_outliers
@@ -177,10 +177,8 @@ class LinearSearch:
         rest = moved.copy()
         rest[: len(null.x)] -= null.x
         gains = self.bound_gains(self.normal @ rest)
-        best: dict[str, Hypothesis] = {}
-        for rival in sorted(rivals, key=lambda rival: -gains[rival]):
-            best.setdefault(rival.site, rival)
-        return list(best.values())
+        ranked = sorted(rivals, key=lambda rival: -gains[rival])
+        return list(first_by_key((rival.site, rival) for rival in ranked).values())
 
     def bound_gains(self, left: Real) -> dict[Hypothesis, float]:
         """Return the score test's gain of each hypothesis without signs [nats].
@@ -198,9 +196,7 @@ class LinearSearch:
     @cached_property
     def _roots(self) -> list[tuple[list[Hypothesis], Integers, Real]]:
         """Hypotheses of equally many coordinates, these, and a root of S^-1 of each."""
-        by_count: dict[int, list[Hypothesis]] = {}
-        for hypothesis in self.hypotheses:
-            by_count.setdefault(len(hypothesis.coordinates), []).append(hypothesis)
+        by_count = group_by_key((len(each.coordinates), each) for each in self.hypotheses)
         rows = []
         for hypotheses in by_count.values():
             chosen = np.array([self.find_coordinates(hypothesis) for hypothesis in hypotheses])

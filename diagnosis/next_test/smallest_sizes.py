@@ -27,12 +27,12 @@ from scipy.special import ndtri
 
 from diagnosis.data_checks.check_data import release_session
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.inference.evidence import Key
 from diagnosis.next_test.drawn_effects import DrawnEffects, SizedEffect, propose_linear
 from diagnosis.next_test.linear_search import LinearSearch
 from diagnosis.next_test.predicted_verdict import PredictedVerdict
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from identification import lines_are_independent
+from identification.words import group_by_key
 from tuning import Session
 
 Row = TypeVar("Row")
@@ -86,12 +86,12 @@ def predict_smallest_sizes(
     linear = LinearSearch.linearise(scene, hypotheses)
     verdict = PredictedVerdict(scene, linear)
     prediction = _Prediction(scene, linear, DrawnEffects(scene, linear), verdict)
-    families: dict[Key, list[Hypothesis]] = {}
-    for hypothesis in hypotheses:
-        if hypothesis.effect in (effects or (hypothesis.effect,)) and hypothesis.location in (
-            places or (hypothesis.location,)
-        ):
-            families.setdefault(hypothesis.key, []).append(hypothesis)
+    families = group_by_key(
+        (hypothesis.key, hypothesis)
+        for hypothesis in hypotheses
+        if hypothesis.effect in (effects or (hypothesis.effect,))
+        and hypothesis.location in (places or (hypothesis.location,))
+    )
     return [row for shapes in families.values() for row in prediction.predict(shapes)]
 
 
@@ -128,9 +128,7 @@ class _Prediction:
         Args:
             shapes: hypotheses of one effect, place and direction.
         """
-        by_direction: dict[str, list[SizedEffect]] = {}
-        for effect in self.effects.draw(shapes):
-            by_direction.setdefault(effect.dof, []).append(effect)
+        by_direction = group_by_key((effect.dof, effect) for effect in self.effects.draw(shapes))
         return [self._predict_direction(drawn) for drawn in by_direction.values()]
 
     def _predict_direction(self, drawn: Sequence[SizedEffect]) -> SmallestSize:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification import smooth_variance
-from identification.words import Campaign, Complex, Test
+from identification.words import Campaign, Complex, Test, group_by_key
 from tuning.misfit.residual_statistics import find_counted_values
 
 
@@ -25,9 +25,7 @@ def measure_level_dependence(predicted: Sequence[Complex], campaign: Campaign) -
         predicted: FRFs of each test of the campaign, (n_line, n_output, n_input).
         campaign: measured FRFs and their variances.
     """
-    groups: dict[object, list[int]] = {}
-    for number, test in enumerate(campaign.tests):
-        groups.setdefault(_describe_set_up(test), []).append(number)
+    groups = group_by_key((_describe_set_up(test), k) for k, test in enumerate(campaign.tests))
     total, count = 0.0, 0
     for numbers in groups.values():
         tests = [campaign.tests[number] for number in numbers]

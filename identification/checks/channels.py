@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Campaign, FrfEstimate, Output, Test
+from identification.words import Campaign, FrfEstimate, Output, Test, group_by_key
 
 _MAX_DEAD_COHERENCE = 0.1  # coherence below which a channel holds no response to the hit
 _NOISE_MARGIN = 1.25  # factor on the coherence or power ratio of noise alone
@@ -20,10 +20,11 @@ def channel_remarks(campaign: Campaign) -> tuple[str, ...]:
     Such channels read zero, read noise alone in every test, or hold the numbers of another channel
     up to their sign.
     """
-    faults: dict[tuple[str, str], list[str]] = {}
-    for test in campaign.tests:
-        for fault in (*_describe_dead(test), *_describe_duplicates(test)):
-            faults.setdefault(fault, []).append(str(test.condition.reference))
+    faults = group_by_key(
+        (fault, str(test.condition.reference))
+        for test in campaign.tests
+        for fault in (*_describe_dead(test), *_describe_duplicates(test))
+    )
     n_test = len(campaign.tests)
     return (
         *(
@@ -45,14 +46,14 @@ def noise_only_channels(campaign: Campaign) -> dict[Output, str]:
     Returns:
         For each such channel, its measure and that of the other channels, as part of a sentence.
     """
-    levels: dict[Output, list[_SignalLevel]] = {}
-    for test in campaign.tests:
-        estimate = test.estimate
+    levels = group_by_key(
+        (dof.positive, level)
+        for estimate in (test.estimate for test in campaign.tests)
         for dof, level, zero in zip(
             estimate.frf.outputs, _signal_levels(estimate), estimate.reads_zero[:, 0], strict=True
-        ):
-            if not zero:
-                levels.setdefault(dof.positive, []).append(level)
+        )
+        if not zero
+    )
     return {
         dof: max(good, key=lambda level: level.value).description
         for dof, of_tests in levels.items()

@@ -48,6 +48,7 @@ from identification.words import (
     Layout,
     Real,
     Test,
+    first_by_key,
 )
 
 _MIN_CHANNEL_COSINE = 0.99  # of a channel that stands for the motion along a reference
@@ -194,14 +195,13 @@ def check_reciprocity(
 
 def _read_square(campaign: Campaign) -> tuple[list[_Reading], _Square] | None:
     """Return what reads the motion along each reference, and the FRFs between references."""
-    cells: dict[tuple[Dof, Dof], tuple[Test, int]] = {}
-    for test in campaign.tests:
-        reference = test.condition.reference
-        if test.condition.variant or not isinstance(reference, Dof):
-            continue
-        for row, output in enumerate(test.estimate.frf.outputs):
-            if isinstance(output, Dof) and test.estimate.measured[row, 0]:
-                cells.setdefault((output.positive, reference.positive), (test, row))
+    cells = first_by_key(
+        ((output.positive, test.condition.reference.positive), (test, row))
+        for test in campaign.tests
+        if not test.condition.variant and isinstance(test.condition.reference, Dof)
+        for row, output in enumerate(test.estimate.frf.outputs)
+        if isinstance(output, Dof) and test.estimate.measured[row, 0]
+    )
     references = list(dict.fromkeys(reference for _, reference in cells))
     channels = [
         channel

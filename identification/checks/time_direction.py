@@ -14,7 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import DERIVATIVE_ORDER, Campaign, InputError, Real, Test
+from identification.words import (
+    DERIVATIVE_ORDER,
+    Campaign,
+    InputError,
+    Real,
+    Test,
+    group_by_key,
+)
 
 _MIN_EVEN_LINES = 32  # lines on an even axis, for an impulse response
 _MAX_SPACING_DIFFERENCE = 1e-3  # of the spacing of lines
@@ -110,10 +117,8 @@ def _is_magnitude(test: Test) -> bool:
 
 def time_directions(campaign: Campaign) -> list[TimeDirection]:
     """Return the direction of time in each file of FRFs that has enough even lines."""
-    files: dict[str, list[Test]] = {}
-    for test in campaign.tests:
-        if test.hits is None:
-            files.setdefault(test.condition.test, []).append(test)
+    tests = (test for test in campaign.tests if test.hits is None)
+    files = group_by_key((test.condition.test, test) for test in tests)
     shares = {file: _early_share(tests) for file, tests in files.items()}
     return [TimeDirection(file, share) for file, share in shares.items() if share is not None]
 

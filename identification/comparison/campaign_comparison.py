@@ -24,6 +24,7 @@ from identification.words import (
     Integers,
     Output,
     Real,
+    group_by_key,
     shorten_names,
 )
 
@@ -269,10 +270,11 @@ def _describe_unshared(
         ),
     )
     for singular, plural, lists in kinds:
-        groups: dict[tuple[str, ...], list[Output]] = {}
-        for port in dict.fromkeys(chain(*lists)):
-            owners = tuple(name for name, ports in zip(names, lists, strict=True) if port in ports)
-            groups.setdefault(owners, []).append(port)
+        owned = list(zip(names, lists, strict=True))
+        groups = group_by_key(
+            (tuple(name for name, ports in owned if port in ports), port)
+            for port in dict.fromkeys(chain(*lists))
+        )
         texts += [
             f"{shorten_names(ports)} {plural if len(ports) > 1 else singular} "
             f"{shorten_names(owners)} alone"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from identification.words import HitEstimate, percent_text
+from identification.words import HitEstimate, group_by_key, percent_text
 
 _MIN_KEPT_SHARE = 0.5  # of the hits: with fewer kept hits the test should be repeated
 _MIN_KEPT_HITS = 2.0
@@ -46,10 +46,11 @@ def window_remarks(estimates: Sequence[HitEstimate]) -> tuple[str, ...]:
     Args:
         estimates: FRFs and the hits from which they were estimated.
     """
-    groups: dict[tuple[str, str], list[HitEstimate]] = {}
-    for hits in estimates:
-        if hits.tau_s > 0 or hits.residual_response > _MAX_RESIDUAL_RESPONSE:
-            groups.setdefault((f"{hits.block_s:.4g}", f"{hits.tau_s:.4g}"), []).append(hits)
+    groups = group_by_key(
+        ((f"{hits.block_s:.4g}", f"{hits.tau_s:.4g}"), hits)
+        for hits in estimates
+        if hits.tau_s > 0 or hits.residual_response > _MAX_RESIDUAL_RESPONSE
+    )
     return tuple(
         _describe_window(group, block_s, tau_s) for (block_s, tau_s), group in groups.items()
     )

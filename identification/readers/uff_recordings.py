@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from identification.words import Dof, InputError, Quantity, Real
+from identification.words import Dof, InputError, Quantity, Real, group_by_key
 
 _RecordingKey = tuple[int, Dof, int]  # load case, hammer point, order among its records
 _MAX_START_DIFFERENCE = 0.5  # samples: by which the starts of synchronous records may differ
@@ -60,8 +60,7 @@ def find_recordings_at_once(
         several = sum(is_force for is_force, _ in counts) > 1
         has_reference = any(channel.reference is not None for channel in here)
         if several and not has_reference and len(set(counts.values())) == 1 < len(counts):
-            for channel in here:
-                recordings.setdefault((case, repetitions[id(channel)]), []).append(channel)
+            recordings |= group_by_key(((case, repetitions[id(each)]), each) for each in here)
     return recordings
 
 

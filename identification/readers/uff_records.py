@@ -27,7 +27,7 @@ from identification.readers.uff_recordings import (
     refuse_unequal,
 )
 from identification.readers.uff_units import UnitConverter
-from identification.words import Dof, InputError, Quantity, Records
+from identification.words import InputError, Quantity, Records, group_by_key
 
 _TIME_TYPE = 1  # function type
 _EXCITATION_FORCE, _REACTION_FORCE = 13, 9  # ordinate types
@@ -92,10 +92,10 @@ def read_uff_records(
     cases = {case for case, _ in at_once}
     alone = [[c for c in channels if c.case not in cases] for channels in (forces, motions)]
     recordings = group_recordings(path, *alone) if alone[0] or alone[1] else []
-    groups: dict[tuple[Dof, ...], list[list[Channel]]] = {}
-    for recording in recordings:
-        key = tuple(channel.dof.positive for channel in recording)
-        groups.setdefault(key, []).append(recording)
+    groups = group_by_key(
+        (tuple(channel.dof.positive for channel in recording), recording)
+        for recording in recordings
+    )
     stacks = [_stack_recordings(path, group) for group in groups.values()]
     stacks += _stack_forces_at_once(path, list(at_once.values()))
     remarks = (*remarks, *converter.remarks)
@@ -104,13 +104,14 @@ def read_uff_records(
 
 def _stack_forces_at_once(path: Path, recordings: list[list[Channel]]) -> list[Records]:
     """Return records of each of several forces, with the others beside it."""
-    of_force: dict[Dof, list[list[Channel]]] = {}
     for channels in recordings:
         refuse_unequal(path, channels)
-        rest = [channel for channel in channels if channel.quantity is not None]
-        for head in channels:
-            if head.quantity is None:
-                of_force.setdefault(head.dof.positive, []).append([head, *rest])
+    of_force = group_by_key(
+        (head.dof.positive, [head, *(each for each in channels if each.quantity is not None)])
+        for channels in recordings
+        for head in channels
+        if head.quantity is None
+    )
     if len({len(rows) for rows in of_force.values()}) > 1:
         raise InputError(
             f"{path}: forces that act at once are at other points in some load cases: give one "

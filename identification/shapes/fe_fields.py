@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import InputError, Real
+from identification.words import InputError, Real, group_by_key
 
 _NUMBER_PATTERN = r"(?<![\d.,])(?P<hz>[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
 _FREQUENCY_PATTERNS = (
@@ -148,10 +148,7 @@ def choose_shapes(source: str, data: dict[str, Real]) -> tuple[list[ShapeField],
     Raises:
         InputError: no field is a displacement, or two fields a mode could be.
     """
-    groups: dict[tuple[str, ...], list[_Name]] = {}
-    for text in data:
-        name = _Name.parse(text)
-        groups.setdefault(name.words, []).append(name)
+    groups = group_by_key((name.words, name) for name in map(_Name.parse, data))
     families = [_Family(words, tuple(names)) for words, names in groups.items()]
     kept = _drop_rivals(source, _drop_other_quantities(families))
     left_out = [family for family in families if family not in kept]

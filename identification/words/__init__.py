@@ -49,6 +49,7 @@ from identification.words.hits import (
     SignalTraces,
     SpectralDensities,
 )
+from identification.words.keyed import first_by_key, group_by_key
 from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import HasPoles, ModalModel, drive_point_scale, modal_sum
 from identification.words.names import (
@@ -126,7 +127,9 @@ __all__ = [
     "count_noun",
     "distinct_dofs",
     "drive_point_scale",
+    "first_by_key",
     "frozen_array",
+    "group_by_key",
     "is_hammer_point",
     "modal_sum",
     "node_number",

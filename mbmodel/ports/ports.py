@@ -17,6 +17,7 @@ from identification.words import (
     Real,
     Signal,
     UsageError,
+    group_by_key,
 )
 from mbmodel.linearisation.motors import Activation, ActuatorGain
 from mbmodel.machine import Machine
@@ -65,10 +66,10 @@ def group_by_point(labels: Sequence[Port]) -> dict[str, PointChannels]:
     Args:
         labels: outputs or inputs.
     """
-    members: dict[str, list[tuple[int, int, int]]] = {}
-    for row, label in enumerate(labels):
-        sign = label.sign if isinstance(label, Dof) else 0
-        members.setdefault(label.point, []).append((row, label.axis, sign))
+    members = group_by_key(
+        (label.point, (row, label.axis, label.sign if isinstance(label, Dof) else 0))
+        for row, label in enumerate(labels)
+    )
     groups = {}
     for point, of_point in members.items():
         rows, axes, signs = np.array(of_point).T

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.words import Layout
+from identification.words import Layout, group_by_key
 from identification.words.file_access import read_bytes
 from mbmodel.geometry.surfaces import MachineGeometry
 from mbw.blind.case import REQUEST_JSON
@@ -91,9 +91,10 @@ def describe_draws(folder: Path) -> str:
 
 def describe_failures(folder: Path) -> list[str]:
     """Return a sentence on each error with which cases ended."""
-    cases: dict[str, list[str]] = {}
-    for file in sorted(folder.glob("cases/*/failed.txt")):
-        cases.setdefault(_last_error(file.read_text("utf-8")), []).append(file.parent.name)
+    cases = group_by_key(
+        (_last_error(file.read_text("utf-8")), file.parent.name)
+        for file in sorted(folder.glob("cases/*/failed.txt"))
+    )
     return [
         f"case{'s' if len(names) > 1 else ''} {', '.join(names)} could not be run: {error}"
         for error, names in cases.items()

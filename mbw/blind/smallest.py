@@ -17,7 +17,7 @@ from diagnosis.effects import load_catalogue
 from diagnosis.effects.proven_by_data import PROVEN
 from diagnosis.next_test.smallest_sizes import SmallestSize, predict_smallest_sizes
 from identification.readers.result_files import FORMAT
-from identification.words import InputError
+from identification.words import InputError, first_by_key, group_by_key
 from mbmodel import load_machine
 from mbmodel.geometry.surfaces import machine_geometry
 from mbw.blind.page import size_text
@@ -148,17 +148,13 @@ def choose_places(sizes: Sequence[SmallestSize], count: int) -> list[SmallestSiz
     Args:
         count: how many places.
     """
-    sites: dict[tuple[str, str], list[SmallestSize]] = {}
-    for row in sizes:
-        sites.setdefault((row.effect, row.location), []).append(row)
+    sites = group_by_key(((row.effect, row.location), row) for row in sizes)
     largest = [
         max(rows, key=lambda row: row.of_usual or 0.0)
         for rows in sites.values()
         if all(row.is_found and row.value is not None and row.of_usual for row in rows)
     ]
-    first: dict[str, SmallestSize] = {}
-    for row in sorted(largest, key=_rank_place):
-        first.setdefault(row.effect, row)
+    first = first_by_key((row.effect, row) for row in sorted(largest, key=_rank_place))
     return list(first.values())[:count]
 
 

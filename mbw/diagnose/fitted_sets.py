@@ -7,6 +7,7 @@ from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, Key
 from diagnosis.inference.posterior import compute_log_odds, select_material_sets
 from diagnosis.settings import SETTINGS, DiagnosisSettings
+from identification.words import first_by_key
 
 _MIN_LOG_ODDS_DIFFERENCE_NATS = 0.05  # below, two sets are equally probable
 
@@ -39,10 +40,9 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
     reasons = [
         _rejection(fitted, id(fitted) in material, evidence, settings) for fitted in evidence.sets
     ]
-    best: dict[frozenset[Key], tuple[FittedSet, str]] = {}
     rows = zip(evidence.sets, reasons, strict=True)
-    for fitted, reason in sorted(rows, key=lambda row: (bool(row[1]), row[0].objective)):
-        best.setdefault(frozenset(fitted.keys), (fitted, reason))
+    ranked = sorted(rows, key=lambda row: (bool(row[1]), row[0].objective))
+    best = first_by_key((frozenset(row[0].keys), row) for row in ranked)
     weighed = [fitted for fitted, reason in best.values() if not reason]
     odds = dict(
         zip(weighed, compute_log_odds(evidence, weighed, load_calibration()).tolist(), strict=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.words import Complex, Integers, Layout, is_hammer_point
+from identification.words import Complex, Integers, Layout, group_by_key, is_hammer_point
 from mbmodel.geometry.surfaces import Colour, MachineGeometry, Surface
 from mbw.page.html import pack_complex, pack_integers, pack_real
 from mbw.site_kinds import sensor_sites
@@ -80,10 +80,8 @@ def _meshes(geometry: MachineGeometry, bodies: Sequence[str]) -> list[dict[str, 
 
 def _palette(geometry: MachineGeometry, bodies: Sequence[str]) -> dict[str | None, str]:
     """Return colours for bodies without colours in the MJCF, or with those of another body."""
-    file_colours: dict[str | None, set[Colour | None]] = {}
-    for surface in geometry.surfaces:
-        if surface.stage is not None:
-            file_colours.setdefault(surface.stage, set()).add(surface.colour)
+    coloured = group_by_key((each.stage, each.colour) for each in geometry.surfaces)
+    file_colours = {stage: set(colours) for stage, colours in coloured.items() if stage is not None}
     schemes = list(file_colours.values())
     return {
         stage: _BODY_COLOURS[bodies.index(stage) % len(_BODY_COLOURS)]

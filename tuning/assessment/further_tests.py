@@ -30,6 +30,7 @@ from identification.words import (
     Real,
     Test,
     distinct_dofs,
+    group_by_key,
 )
 from mbmodel import Evaluator, FrfRequest, Model, Part, SensorPart, hammer_parts, sensor_parts
 from tuning.assessment.findings import GainRow
@@ -246,10 +247,11 @@ def predict_tests(
 
 def mean_channel_variance(campaign: Campaign) -> dict[Output, Real]:
     """Return the mean variance of each channel over the tests that measured it; (n_freq,) each."""
-    by_channel: dict[Output, list[Real]] = {}
-    for test in campaign.tests:
-        variance = smooth_variance(test.estimate)
-        for row, dof in enumerate(test.estimate.frf.outputs):
-            if test.estimate.measured[row, 0]:
-                by_channel.setdefault(dof.positive, []).append(variance[:, row, 0])
+    by_channel = group_by_key(
+        (dof.positive, variance[:, row, 0])
+        for estimate in (test.estimate for test in campaign.tests)
+        for variance in [smooth_variance(estimate)]
+        for row, dof in enumerate(estimate.frf.outputs)
+        if estimate.measured[row, 0]
+    )
     return {dof: np.mean(rows, axis=0) for dof, rows in by_channel.items()}

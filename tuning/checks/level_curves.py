@@ -19,6 +19,7 @@ from identification.words import (
     Real,
     Signal,
     Test,
+    group_by_key,
 )
 from mbmodel import Model
 from tuning.misfit.batch import predict
@@ -63,9 +64,10 @@ def split_by_scale(campaign: Campaign) -> dict[tuple[str, str, str], Campaign]:
         if isinstance(reference, Dof) and reference.is_rotation:
             continue
         drive = reference.point if isinstance(reference, Signal) else ""
-        rows: dict[str, list[int]] = {}
-        for row, output in enumerate(outputs):
-            rows.setdefault(output.point if isinstance(output, Signal) else "", []).append(row)
+        rows = group_by_key(
+            (output.point if isinstance(output, Signal) else "", row)
+            for row, output in enumerate(outputs)
+        )
         for encoder, chosen in rows.items():
             part = replace(test, hits=None, estimate=test.estimate.select_outputs(chosen))
             by_scale.setdefault((test.condition.test, encoder, drive), []).append(part)

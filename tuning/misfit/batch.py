@@ -16,6 +16,7 @@ from identification.words import (
     Real,
     Test,
     distinct_dofs,
+    group_by_key,
 )
 from mbmodel import Evaluator, FrfRequest, Linearised, Model
 
@@ -95,11 +96,11 @@ def batch_tests(model: Model, campaign: Campaign, *, direct: bool = False) -> tu
 
 def _group_tests(model: Model, campaign: Campaign) -> list[tuple[int, ...]]:
     """Return the numbers of the tests of each group that one evaluation answers."""
-    groups: dict[tuple[str, float, tuple[float, ...]], list[int]] = {}
-    for number, test in enumerate(campaign.tests):
-        acting = model.acting_fractions(test.condition)
-        key = test.condition.variant, test.estimate.window_tau, acting
-        groups.setdefault(key, []).append(number)
+    groups = group_by_key(
+        ((at.variant, test.estimate.window_tau, model.acting_fractions(at)), number)
+        for number, test in enumerate(campaign.tests)
+        for at in [test.condition]
+    )
     return [tuple(numbers) for numbers in groups.values()]
 
 

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identification.words import Complex, Dof, Loop, Port, PortSum, Real
+from identification.words import Complex, Dof, Loop, Port, PortSum, Real, first_by_key
 from mbmodel import Evaluator, FrfRequest, Machine, Model, Part, body_parts, joint_parts
 from tuning.plant.error_budget.definition import Source
 from tuning.plant.error_budget.loop_algebra import close_loops, map_ports
@@ -127,9 +127,8 @@ def gain_changes(plant: LoopPlant, loop: Loop, limit: GainLimit) -> dict[str, fl
         read = struts.elongations(reach[0, 1 + len(moments) :])
         driven = struts.elongations(reach[1 + len(turns) :, 0])
         gains = np.expm1(-stiffness * (factor * read * driven).real)
-        best = dict[tuple[int, int], int]()  # of each pair of bodies
-        for k in np.argsort(-gains, kind="stable").tolist():
-            best.setdefault(struts.bodies[k], k)
+        ranked = np.argsort(-gains, kind="stable").tolist()
+        best = first_by_key((struts.bodies[k], k) for k in ranked)  # of each pair of bodies
         for k in list(best.values())[:_LISTED_STRUTS]:
             changes[f"a strut of {stiffness:g} N/m {struts.names[k]}"] = max(float(gains[k]), 0.0)
     changes = {name: change for name, change in changes.items() if abs(change) > _MIN_CHANGE}
