@@ -3,6 +3,10 @@
 A dataset that a reader needs and that is malformed ends the reading. One that it does not need is
 left out with a remark, and so are kinds of datasets that no reader uses.
 
+pyuff 2.5.8 reads the same bits of the 31 files in this repository that both read, in twice the
+time. It refuses exponents with D, and reads on without a word where a file is truncated, holds no
+dataset or announces a negative number of values.
+
 Datasets of universal files on units and nodes: 164, 15 and 2411.
 """
 

@@ -14,6 +14,10 @@ modes out. Its bound is the sum of this bound for each of them.
 
 Outputs and inputs of different units are compared in units of the largest FRF of each. The bound of
 a single FRF follows from these units. Rigid, undamped and unstable modes always stay.
+
+python-control needs slycot for either half of this. For the micro-station of 78 states both reduce
+with equal errors, in 1.5 and 13 ms. Of its 72 Hankel values, which 40 digits check, the last ones
+are off by 0.26 there, some of them complex, and by 8e-10 here; the choice of the order sums them.
 """
 
 from collections.abc import Callable
