@@ -18,7 +18,7 @@ from diagnosis.refits.refitting import (
 from diagnosis.settings import DiagnosisSettings
 from identification import lines_are_independent
 from mbmodel import RigidDirection
-from tuning import Checkpoint, Session
+from tuning import Session
 from tuning.fitting.machine_fit import admit_shifts, count_starts, fit_first_stages, settle_floor
 
 
@@ -94,9 +94,9 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
     session = scene.session
     model, campaign = session.model, session.campaign
     schedule = settings.schedule.thin(len(campaign.freq_hz), scene.stride_factor)
-    record = scene.record or RefitRecord(Checkpoint())
+    record = scene.record or RefitRecord()
     name = record.next_name("no cause")
-    kept = record.recall(name)
+    kept = record.checkpoint.recall(name)
     if kept is None:
         first = fit_first_stages(
             model,

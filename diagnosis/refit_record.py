@@ -5,22 +5,24 @@ the causes name each refit. A refit is kept as its coordinates and its last stag
 its residual are computed again, to equal bits.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tuning import Checkpoint, Fit, FloorSchedule, Minimum, Parametrisation
 
 
+@dataclass
 class RefitRecord:
     """Finished refits of a diagnosis.
 
     Args:
-        checkpoint: finished steps.
+        checkpoint: finished steps, whose ``recall`` gives what ``restore_fit`` needs.
+        count: number of refits that have a name.
     """
 
-    def __init__(self, checkpoint: Checkpoint) -> None:
-        self._checkpoint, self._count = checkpoint, 0
+    checkpoint: Checkpoint = field(default_factory=Checkpoint)
+    count: int = 0
 
     def next_name(self, words: str) -> str:
         """Return the name of the next refit.
@@ -28,12 +30,8 @@ class RefitRecord:
         Args:
             words: causes of the refit.
         """
-        self._count += 1
-        return f"refit {self._count}: {words}"
-
-    def recall(self, name: str) -> Minimum | None:
-        """Return a finished refit for ``restore_fit``; None if it was not finished."""
-        return self._checkpoint.recall(name)
+        self.count += 1
+        return f"refit {self.count}: {words}"
 
     def keep(self, name: str, fit: Fit) -> None:
         """Keep a finished refit; the last number of ``x`` is the floor of its last stage."""
@@ -41,7 +39,7 @@ class RefitRecord:
             raise ValueError("a fit of modes is no refit")
         x = np.append(fit.x, fit.last_stage.model_error_floor)
         end = Minimum(x, fit.cost, fit.evaluations, fit.outcome, fit.advice)
-        self._checkpoint.keep(name, end)
+        self.checkpoint.keep(name, end)
 
 
 def restore_fit(kept: Minimum, parametrisation: Parametrisation, schedule: FloorSchedule) -> Fit:

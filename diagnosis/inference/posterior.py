@@ -22,8 +22,8 @@ prove without a model. By chance k parameters gain k / 2 nats on average (Wilks 
 tolerances against all n values, so that these absorb model error, and any cause relieves them:
 their cost counts with a weight w far below 1, but no less than in the fits, N / n. n_e, q and w are
 calibrated on virtual machines whose errors are known. Tests at several levels have a second term
-(``between_levels``): errors that all levels share cancel in the differences of residuals between
-levels. The empty set without a rest ("none") has odds of
+(``gain_between_levels``): errors that all levels share cancel in the differences of residuals
+between levels. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
@@ -40,7 +40,6 @@ from itertools import combinations
 import numpy as np
 from scipy.special import softmax
 
-from diagnosis.inference.between_levels import compare_between_levels
 from diagnosis.inference.calibration import Calibration, load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, Key, Site, read_site
 from diagnosis.inference.places import (
@@ -164,9 +163,7 @@ def compute_log_odds(
     while True:  # from the best fit to the set that is most probable at its N
         count = best.count_independent(constants)
         weight = max(constants.tolerance_weight, count / best.fitted_values)
-        levels = np.array(
-            [compare_between_levels(fitted, null, best, constants) for fitted in sets]
-        )
+        levels = np.array([each.gain_between_levels(null, best, constants) for each in sets])
         logs: np.ndarray[tuple[int], np.dtype[np.float64]] = (
             count * gains + levels + weight * reliefs - parameters - causes
         )

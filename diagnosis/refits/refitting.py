@@ -24,7 +24,6 @@ from diagnosis.settings import DiagnosisSettings
 from identification.words import Real
 from mbmodel import Model
 from tuning import (
-    Checkpoint,
     FloorSchedule,
     Minimum,
     Session,
@@ -138,9 +137,9 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
     threads = scene.jobs if len(tasks) == 1 else 1
     schedule = schedule.thin(len(scene.session.campaign.freq_hz), scene.stride_factor)
     lags = find_lags(scene)
-    record = scene.record or RefitRecord(Checkpoint())
+    record = scene.record or RefitRecord()
     names = [record.next_name(_name_causes(task)) for task in tasks]
-    finished = [record.recall(name) for name in names]
+    finished = [record.checkpoint.recall(name) for name in names]
     calls: list[Call] = [
         (_refit, (replace(task, causes=()), schedule, threads, lags))
         if kept is None

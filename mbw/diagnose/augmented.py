@@ -1,6 +1,5 @@
 """Plants of ``mbw diagnose``: the MJCF with the established causes, and probable alternatives."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,18 +36,14 @@ class WrittenAugmented:
     plant: PlantRow
 
 
-def write_augmented(
-    diagnosis: Diagnosis, target: Path, say: Callable[[str], None] = lambda _: None
-) -> WrittenAugmented:
+def write_augmented(diagnosis: Diagnosis, target: Path) -> WrittenAugmented:
     """Write the tuned MJCF with the established causes, its posterior and the loops of the test.
 
     Alternatives that are probable are written beside it, each with its posterior.
 
     Args:
         target: the MJCF.
-        say: called with the current step.
     """
-    say("the plant and its alternatives")
     refit, gap = find_established_fit(diagnosis)
     is_after = gap is not None and gap is diagnosis.after
     fitted = diagnosis.parameters if is_after else None

@@ -76,11 +76,6 @@ def held_out_sentence(gap: GapSteps, evidence: Evidence) -> str | None:
 _MAX_NAMED_PLACES = 2  # places of a local rest that a sentence names
 
 
-def model_error_words(model_error: float) -> str:
-    """Return a relative model error as text, such as ``2.1 % of the motion``."""
-    return f"{percent_text(model_error)} of the motion"
-
-
 def rest_sentence(verdict: Verdict, evidence: Evidence) -> str | None:
     """Return what remains; None where nothing significant does.
 
@@ -91,7 +86,7 @@ def rest_sentence(verdict: Verdict, evidence: Evidence) -> str | None:
     rest = verdict.rest
     if rest is None or not rest.significant:
         return None
-    error = model_error_words(rest.model_error)
+    error = f"{percent_text(rest.model_error)} of the motion"
     if verdict.verdict == "unexplained":
         opening = _describe_unexplained(verdict, rest.spread, error)
         return f"{opening}{_best_candidate_words(verdict, evidence)}"

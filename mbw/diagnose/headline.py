@@ -1,6 +1,5 @@
 """Words of a diagnosis, for page and terminal: headline, probabilities, doubts, findings."""
 
-from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import name_direction
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import CauseRow, Verdict
@@ -121,11 +120,6 @@ def times(excess: float | None) -> str:
     return "an unknown number of times" if excess is None else f"{number(excess)} times"
 
 
-def located_forces(result: StoredDiagnosis) -> list[ForceGain]:
-    """Return the places where a free force explains much of the gap, the best place first."""
-    return [force for force in result.evidence.pushed if force.gain > _MIN_FORCE_GAIN_NATS]
-
-
 def undecided_words(verdict: Verdict) -> str:
     """Return a clause on rivals, one of which is probably present, but none by itself.
 
@@ -179,7 +173,7 @@ def _unexplained_lead(result: StoredDiagnosis) -> str:
         )
     if rest := rest_sentence(result.verdict, result.evidence):
         text += f" {capitalise(rest)}."
-    forces = located_forces(result)
+    forces = [force for force in result.evidence.pushed if force.gain > _MIN_FORCE_GAIN_NATS]
     if result.verdict.rest is not None and result.verdict.rest.spread == "everywhere":
         return text
     if forces:

@@ -16,7 +16,8 @@ from diagnosis import (
 from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.verdict.schema import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
-from mbmodel import NOT_WRITTEN, Machine, WrittenModel, machine_geometry
+from mbmodel import Machine, machine_geometry
+from mbw.diagnose.augmented import WrittenAugmented
 from mbw.diagnose.link_axis import link_axis
 from mbw.diagnose.pulled_tolerance import bound_sentence, pull_sentence
 from mbw.results.diagnosed_files import StoredDiagnosis, machine_rows, place_row
@@ -32,25 +33,13 @@ from mbw.results.diagnosed_schema import (
 from mbw.results.stored_causes import store_causes
 from tuning import gap_at_bodies, predict
 from tuning.files.input_files import input_rows
-from tuning.files.plant_folder import PlantRow
 
 STEPS = ("as drawn", "re-tuned", "with the effect")
 Cell = tuple[int, Dof]  # index of a test in the campaign, and an output of it
 
 
-def collect_result(
-    diagnosis: Diagnosis,
-    written: WrittenModel = NOT_WRITTEN,
-    not_held_error: float | None = None,
-    plant: PlantRow | None = None,
-) -> StoredDiagnosis:
-    """Collect the result of a diagnosis.
-
-    Args:
-        written: what became of the augmented MJCF.
-        not_held_error: relative change of the FRFs without what it does not hold.
-        plant: what it is as a plant.
-    """
+def collect_result(diagnosis: Diagnosis, augmented: WrittenAugmented) -> StoredDiagnosis:
+    """Collect the result of a diagnosis, and of the MJCF that it wrote."""
     verdict = build_verdict(diagnosis)
     campaign, machine = diagnosis.retuned.campaign, diagnosis.session.model.machine
     gaps = diagnosis.retuned.channels
@@ -96,10 +85,10 @@ def collect_result(
         machine=machine_row,
         places={name: _place(name, machine, diagnosis) for name in dict.fromkeys(locations)},
         inputs=input_rows(diagnosis.session),
-        not_held_by_mjcf=[str(parameter) for parameter in written.not_held],
-        not_held_error=not_held_error,
-        mjcf_difference=written.difference,
-        plant=plant,
+        not_held_by_mjcf=[str(parameter) for parameter in augmented.written.not_held],
+        not_held_error=augmented.not_held_error,
+        mjcf_difference=augmented.written.difference,
+        plant=augmented.plant,
     )
     arrays = {"freq_hz": freq, **frfs, **machine_arrays}
     if diagnosis.after is not None and diagnosis.parameters is not None:

@@ -163,7 +163,11 @@ def sensor_check_sentences(shown: ShownFile) -> list[str]:
     sentences = []
     for fault in shown.taken_out:
         if fault.effect == "sensor_swap":
-            sentences.append(swap_sentence(fault.location, fault.dof))
+            sentences.append(
+                f"{capitalise(exchange_phrase(fault.location, fault.dof))}, as the channels prove "
+                "without the model: exchange their cables or their labels. The search left these "
+                "channels out."
+            )
             continue
         channels = "channel" if fault.dof is not None and "+" not in fault.dof else "channels"
         towards = name_direction(fault.dof)
@@ -174,14 +178,6 @@ def sensor_check_sentences(shown: ShownFile) -> list[str]:
             f"model; the search left the {channels} out."
         )
     return sentences
-
-
-def swap_sentence(location: str, dof: str | None) -> str:
-    """Return a sentence on exchanged sensors, or exchanged channels of one sensor."""
-    return (
-        f"{capitalise(exchange_phrase(location, dof))}, as the channels prove without the "
-        "model: exchange their cables or their labels. The search left these channels out."
-    )
 
 
 def format_probability(probability: float) -> str:

@@ -3,9 +3,10 @@
 Table of hypotheses with the reasons of their rejection, for ``mbw diagnose --explain``.
 """
 
+from functools import partial
 from pathlib import Path
 
-from rich.progress import Progress
+from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from diagnosis import Diagnosis, diagnose, hash_inputs
@@ -64,9 +65,7 @@ def run(
         diagnosis = _diagnose(session, jobs, checkpoint)
         with output.write() as place:
             augmented = write_augmented(diagnosis, place / AUGMENTED)
-            result = collect_result(
-                diagnosis, augmented.written, augmented.not_held_error, augmented.plant
-            )
+            result = collect_result(diagnosis, augmented)
             write_files(result, place)
             if outputs.pictures:
                 (place / PAGE).write_text(render(result), encoding="utf-8")
@@ -104,7 +103,8 @@ def _diagnose(session: Session, jobs: int, checkpoint: Checkpoint) -> Diagnosis:
     for text in session.campaign.remarks:
         SCREEN.say(text)
     with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
-        tell = _ProgressReporter(progress).show_step
+        # The number of steps depends on the data.
+        tell = partial(_show_step, progress, progress.add_task("diagnosis", total=None))
         diagnosis = diagnose(session, jobs=jobs, tell=tell, checkpoint=checkpoint)
         ignore_interrupts()
     for text in diagnosis.session.campaign.remarks[len(session.campaign.remarks) :]:
@@ -112,17 +112,9 @@ def _diagnose(session: Session, jobs: int, checkpoint: Checkpoint) -> Diagnosis:
     return diagnosis
 
 
-class _ProgressReporter:
-    """Reporter of the current step on a progress bar."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        # The number of steps depends on the data.
-        self._bar = progress.add_task("diagnosis", total=None)
-
-    def show_step(self, text: str) -> None:
-        """Show that another step begins."""
-        self._progress.update(self._bar, advance=1, description=text)
+def _show_step(progress: Progress, bar: TaskID, text: str) -> None:
+    """Show that another step begins."""
+    progress.update(bar, advance=1, description=text)
 
 
 def _say(result: StoredDiagnosis, diagnosis: Diagnosis) -> None:

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from diagnosis.decision.established import is_nothing_missing
-from diagnosis.inference.between_levels import compare_between_levels
 from diagnosis.inference.calibration import Calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain
 from diagnosis.inference.posterior import (
@@ -101,7 +100,7 @@ def test_a_dependence_that_a_badly_known_variance_explains_counts_as_none():
         fitted(keys, 0.0, 10.0, level_excess=excess).model_copy(update={"doubt": 0.3})
         for keys, excess in (((), 0.25), ((A,), -0.1))
     )
-    assert compare_between_levels(law, null, law, CONSTANTS) == 0.0
+    assert law.gain_between_levels(null, law, CONSTANTS) == 0.0
 
 
 def test_noise_is_independent_and_model_error_is_shared():

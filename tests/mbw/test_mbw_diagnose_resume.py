@@ -41,14 +41,14 @@ def count_refits(monkeypatch):
 
 def interrupt_at(monkeypatch, step):
     """Raise KeyboardInterrupt where a step of the diagnosis begins."""
-    show = verb._ProgressReporter.show_step
+    show = verb._show_step
 
-    def shown(self, text):
+    def shown(progress, bar, text):
         if text == step:
             raise KeyboardInterrupt
-        show(self, text)
+        show(progress, bar, text)
 
-    monkeypatch.setattr(verb._ProgressReporter, "show_step", shown)
+    monkeypatch.setattr(verb, "_show_step", shown)
 
 
 def test_an_interrupted_diagnosis_that_is_resumed_ends_with_the_same_bits(

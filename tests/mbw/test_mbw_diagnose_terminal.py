@@ -178,7 +178,7 @@ def test_a_body_may_have_any_name(capsys, monkeypatch):
     key = ("appendage", f"body:{NAME}")
     verb._explain(found(evidence(1.0, [fitted(key, cost=-0.3, gap=0.1)]), key))
     with SCREEN.progress() as progress:
-        verb._ProgressReporter(progress).show_step(f"refitted: body:{NAME}")
+        verb._show_step(progress, progress.add_task("diagnosis"), f"refitted: body:{NAME}")
         SCREEN.console.print(progress.get_renderable())
     monkeypatch.setattr(SCREEN, "quiet", False)
     SCREEN.say(NAME)

@@ -24,15 +24,15 @@ def test_an_interrupted_diagnosis_of_states_ends_with_the_same_bits(
     diagnosed, tmp_path, monkeypatch
 ):
     chain, whole, _ = diagnosed
-    show = verb._ProgressReporter.show_step
+    show = verb._show_step
 
-    def interrupt(self, text):
+    def interrupt(progress, bar, text):
         if text == STEP:
             raise KeyboardInterrupt
-        show(self, text)
+        show(progress, bar, text)
 
     with monkeypatch.context() as patch:
-        patch.setattr(verb._ProgressReporter, "show_step", interrupt)
+        patch.setattr(verb, "_show_step", interrupt)
         stopped = mbw("diagnose", chain, "--out", tmp_path / "resumed")
     assert stopped.exit_code == 130
     resumed = mbw("diagnose", chain, "--out", tmp_path / "resumed", "--resume")
