@@ -38,7 +38,8 @@ from tuning.files.result import (
 from tuning.files.schema import TunedFile
 from tuning.fitting.checkpoint import CHECKPOINT_FILE, Checkpoint
 from tuning.fitting.error_floor_fit import FloorSchedule, fit_at_error_floor
-from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
+from tuning.fitting.fitter import Fit, FitProgress, fit
+from tuning.fitting.machine_fit import random_starts
 from tuning.fitting.stage_search import GAUSS_NEWTON, STAGES, Stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.misfit import Misfit

@@ -81,18 +81,6 @@ class ChannelPart:
         return drawn_values(self, theta)
 
 
-def channel_parts(
-    channels: Iterable[Output], known: ToleranceKind = "sensor_gain"
-) -> tuple[ChannelPart, ...]:
-    """Return one Part for each channel.
-
-    Args:
-        channels: channels that no sensor's Part describes.
-        known: kind of the gains' prior.
-    """
-    return tuple(ChannelPart(channel.positive, known) for channel in channels)
-
-
 @dataclass(frozen=True, eq=False)
 class HammerGainPart:
     """Gain and delay of one hammer or drive, or the gain of its hits at one reference.

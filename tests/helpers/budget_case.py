@@ -7,6 +7,7 @@ import numpy as np
 from mbmodel import load_machine, machine_model
 from tuning import ParameterPosterior
 from tuning.files.posterior_file import write_posterior
+from tuning.plant.error_budget.budget import error_budget
 from tuning.plant.error_budget.loop_margins import plant_margins
 from tuning.plant.error_budget.loop_plant import LoopPlant
 from tuning.plant.error_budget.read_definition import read_definition
@@ -145,3 +146,9 @@ def open_loop(theta=None):
 def loop_gain_by_hand(freq, theta=None):
     gain_of = open_loop(theta)
     return np.array([gain_of(2j * np.pi * f) for f in freq])
+
+
+def sample_rms(budget, thetas):
+    """Return the rms errors of machines by a budget of each; (n_sample, n_error)."""
+    model = budget.linearised.model
+    return np.array([error_budget(model, theta, budget.definition).rms for theta in thetas])

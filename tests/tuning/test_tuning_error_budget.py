@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES, write_machine
+from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES, sample_rms, write_machine
 from scipy.linalg import eigh, expm
 
 from identification.words import InputError
@@ -16,7 +16,6 @@ from tuning.plant.error_budget.loop_algebra import close_loops
 from tuning.plant.error_budget.plant_budget import (
     log_rms_gradient,
     rms_interval,
-    sample_rms,
     stable_poles_of_samples,
 )
 from tuning.plant.error_budget.read_definition import read_definition

@@ -5,7 +5,14 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from budget_case import VALUES, margins_of, open_loop, spring_posterior, write_machine
+from budget_case import (
+    VALUES,
+    margins_of,
+    open_loop,
+    sample_rms,
+    spring_posterior,
+    write_machine,
+)
 from scipy.linalg import expm, solve_discrete_lyapunov
 
 from identification.words import InputError
@@ -13,7 +20,7 @@ from mbmodel import as_drawn, load_machine, machine_model
 from tuning.control_loops.stability import growing_pole
 from tuning.plant.error_budget.budget import error_budget
 from tuning.plant.error_budget.machine_files import FittedMachine
-from tuning.plant.error_budget.plant_budget import log_rms_gradient, plant_budget, sample_rms
+from tuning.plant.error_budget.plant_budget import log_rms_gradient, plant_budget
 from tuning.plant.error_budget.read_definition import read_definition
 from tuning.plant.error_budget.source_spectra import image_shares
 

@@ -33,7 +33,7 @@ from tuning.fitting.error_floor_fit import (
     count_measured_frfs,
     fit_at_error_floor,
 )
-from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
+from tuning.fitting.fitter import Fit, FitProgress, fit
 from tuning.fitting.stage_search import LAST_STAGE, STAGES, Stage, thin_lines
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import ModalStage
@@ -50,6 +50,39 @@ _FEW_FRFS = 48
 def count_starts(campaign: Campaign, starts: int = 1) -> int:
     """Return the number of starts: as many as are wanted, and more where few FRFs were measured."""
     return max(starts, round(_FEW_FRFS / max(1, count_measured_frfs(campaign))))
+
+
+def random_starts(
+    model: Model,
+    count: int,
+    seed: int,
+    spread: float = 0.5,
+    parametrisation: Parametrisation | None = None,
+) -> tuple[Real, ...]:
+    """Return the nominal parameters, and ``count - 1`` random starts.
+
+    A random start multiplies the sizes that vary without a prior by factors exp(N(0, spread)).
+
+    Args:
+        count: number of starts, the nominal one included.
+        spread: standard deviation of the logarithms.
+        parametrisation: parameters that vary and their priors; by default as the Parts say.
+
+    Returns:
+        theta of each start [SI]; (n_parameter,) each.
+    """
+    random = np.random.default_rng(seed)
+    free = np.array(
+        [p.positive and p.known in ("free", "stiffness", "damping") for p in model.parameters], bool
+    )
+    if parametrisation is not None:
+        sizes = np.append(parametrisation.is_logarithmic & ~parametrisation.is_tolerance, False)
+        free = sizes[parametrisation.coordinate_of]
+    normal = random.normal(0.0, spread, (max(count - 1, 0), int(free.sum())))
+    factors = np.ones((len(normal), len(free)))
+    factors[:, free] = np.exp(normal)
+    nominal = model.drawn if parametrisation is None else parametrisation.start
+    return (nominal, *(nominal * factor for factor in factors))
 
 
 def fit_first_stages(  # noqa: PLR0913  # one for each option

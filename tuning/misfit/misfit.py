@@ -332,10 +332,6 @@ class Misfit:
         """Return the gradient of the prior; (n_x,)."""
         return self.parametrisation.precision * x
 
-    def _sum_batch(self, term: WeightedBatch, lines: Linearised) -> BatchSums:
-        """Sum residuals and weights of a batch."""
-        return sum_batch(term, lines, logarithmic=self._logarithmic)
-
     def _jacobian(
         self, sums: BatchSums, x: Real, *, all_channels: bool = False
     ) -> WeightedJacobian:
@@ -346,7 +342,7 @@ class Misfit:
     def _weighted_jacobians(self, x: Real) -> Iterator[tuple[BatchSums, WeightedJacobian]]:
         """Yield residuals, weights and weighted derivatives of each batch."""
         for term, lines in self._linearise(self.parametrisation.theta(x)):
-            sums = self._sum_batch(term, lines)
+            sums = sum_batch(term, lines, logarithmic=self._logarithmic)
             yield sums, self._jacobian(sums, x)
 
     def _batch_quadratics(

@@ -108,19 +108,6 @@ def _discrepancy_slope(budget: ErrorBudget) -> Real:
     return np.asarray(shift / mean_square / np.sqrt(2))
 
 
-def sample_rms(budget: ErrorBudget, thetas: Real) -> Real:
-    """Return the rms errors of machines drawn from the posterior; (n_sample, n_error).
-
-    Args:
-        thetas: parameters of each machine [SI]; (n_sample, n_theta).
-
-    Raises:
-        InputError: a machine is unstable with the loops.
-    """
-    model = budget.linearised.model
-    return np.array([error_budget(model, theta, budget.definition).rms for theta in thetas])
-
-
 def stable_poles_of_samples(budget: ErrorBudget, thetas: Real) -> list[Complex]:
     """Return the closed-loop poles of machines of the posterior [rad/s]; (n_pole,) each.
 
