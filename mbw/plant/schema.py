@@ -61,13 +61,13 @@ class ErrorRow(ResultRow):
 
 
 class PoleRow(ResultRow):
-    """Pole with all loops closed: natural frequency [Hz], damping ratio, pole [rad/s].
+    """Pole s [rad/s] with its natural frequency ``|s| / (2 pi)`` [Hz] and damping ratio.
 
-    A real pole has the frequency ``|s| / (2 pi)`` and the damping ratio 1, or -1 if it grows.
+    A real pole has the damping ratio 1, or -1 if it grows; one at zero has none, null.
     """
 
     frequency: float
-    damping: float
+    damping: float | None
     real: float
     imaginary: float
 

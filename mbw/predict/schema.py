@@ -2,25 +2,17 @@
 
 from identification.readers.result_files import ResultFile, ResultRow
 from mbw.plant.margin_schema import MarginsRow
-from mbw.plant.schema import BudgetRow, StrutsRow
+from mbw.plant.schema import BudgetRow, PoleRow, StrutsRow
 
 Shares = dict[str, float]
 
 
-class ModeRow(ResultRow):
+class ModeRow(PoleRow):
     """A mode of a machine: one real pole or pair of complex poles.
 
-    Args:
-        frequency: ``|s| / (2 pi)`` [Hz].
-        damping: damping ratio; null for a mode of zero frequency.
-        real, imaginary: real and imaginary part of the pole ``s`` [rad/s].
-        name: name of a mode of zero frequency, such as ``rigid tx``; else null.
+    ``name`` is that of a mode of zero frequency, such as ``rigid tx``; else null.
     """
 
-    frequency: float
-    damping: float | None
-    real: float
-    imaginary: float
     name: str | None
 
 
