@@ -8,8 +8,8 @@ of eight ways. Whoever hits follows the advice and goes on when a place has thre
 
 Every tenth test, without anything missing, and those from 100, with it, run to their stop, with
 findings after each place. The diagnosis there, and one of all good hits that were planned, are
-compared. The others have four places and four hits at each, with the nominal model. Seeds 91000 and
-up; cases that are done are kept.
+compared. The others have four places and four hits at each, with the nominal model. A test ends
+where a place that is advised has no hit left. Seeds 91000 and up; cases that are done are kept.
 """
 
 import tempfile
@@ -163,7 +163,7 @@ class _Simulated:
         findings: list[Findings] = []
         sheet = self.test.judge()
         advice = advise(sheet, findings)
-        while not advice.stop:
+        while not advice.stop and self._is_left(advice):
             sheet = self._hit(advice)
             complete = len(sheet.complete)
             is_new = not findings or complete > len(findings[-1].places)
@@ -183,6 +183,13 @@ class _Simulated:
             row |= self._compare(sheet, advice)
         return row
 
+    def _is_left(self, advice: Advice) -> bool:
+        """Whether the place that is advised has a hit that was not made yet."""
+        place = advice.place
+        assert place is not None
+        kinds = self.struck.bad_hits[f"{place[0]}.npz", place[1]]
+        return self.hits[place] < len(kinds)
+
     def _hit(self, advice: Advice) -> Sheet:
         """Make the next hit at a place, judge it, and count."""
         place = advice.place
@@ -190,7 +197,6 @@ class _Simulated:
         file, number = f"{place[0]}.npz", self.hits[place]
         (records,), kinds = self.struck.records[file], self.struck.bad_hits[file, place[1]]
         self.hits[place] += 1
-        number %= len(kinds)  # a stream that is used up begins again, and says so by its copies
         path = self.test.source.parent / f"{place[0]}_{self.hits[place]:03}.npz"
         self.test.add(path, [(place[0], _one(records, number))])
         sheet = self.test.judge(self.predictor)
