@@ -110,18 +110,13 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
         )
     if settings.key not in (None, "home"):
         raise InputError(f"{source}: key names a keyframe; a blind test knows 'home' alone")
-    encoders = [str(output) for output in campaign.outputs if isinstance(output, Signal)]
-    if encoders:
-        raise InputError(
-            f"{source}: its tests read {', '.join(encoders)}, and a blind test repeats "
-            "accelerometers alone, at sites acc<node>: change the model by hand, play it by mbw "
-            "simulate --closed '*' and diagnose the record, or name a campaign of accelerometers"
-        )
     freq_hz = campaign.freq_hz
     moving = freq_hz > 0
-    stated = tuple(_state(source, test, moving) for test in campaign.tests)
     try:
         station = read_station(find_model(path), current_reading().without)
+        station = station.with_encoders(_find_encoders(source, station, campaign))
+        integrals = {sensor.site: sensor.integrals for _, sensor in station.sensors()}
+        stated = tuple(_state(source, test, moving, integrals) for test in campaign.tests)
         loops = tuple(_read_loop(source, station, *row) for row in settings.loop.items())
         station = replace(station, loops=loops)
         measured = locate_tests(station, freq_hz[moving], stated)
@@ -140,10 +135,35 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
     return UserTest(station, OwnTest(protocol, _tolerance(campaign)))
 
 
+def _find_encoders(
+    source: Path, station: Station, campaign: Campaign
+) -> dict[str, tuple[str, int]]:
+    """Return the joint that each encoder reads, and its time derivatives that it reads."""
+    joints = {
+        str(output): _find_joint(station, str(output), 2)
+        for output in campaign.outputs
+        if isinstance(output, Signal)
+    }
+    if strange := [label for label, (joint, _) in joints.items() if not joint]:
+        raise InputError(
+            f"{source}: its tests read {', '.join(strange)}, and a blind test repeats sensors "
+            "jointpos and jointvel, joints, and accelerometers at sites acc<node> alone: leave "
+            "these channels out"
+        )
+    return joints
+
+
 def _state(
-    source: Path, test: Test, moving: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    source: Path,
+    test: Test,
+    moving: np.ndarray[tuple[int], np.dtype[np.bool_]],
+    integrals: dict[str, int],
 ) -> StatedTest:
-    """Return one test with the noise of its accelerances."""
+    """Return one test with the noise of its accelerances.
+
+    Args:
+        integrals: of the acceleration that sensors read, by name.
+    """
     condition, estimate = test.condition, test.estimate
     if condition.spindle_speed:
         raise InputError(
@@ -151,13 +171,15 @@ def _state(
             "does not repeat: leave it out"
         )
     present = np.flatnonzero(estimate.measured[:, 0])
-    steps = {"receptance": 2, "mobility": 1, "accelerance": 0}[estimate.frf.quantity]
+    channels = tuple(str(estimate.frf.outputs[k]) for k in present)
+    shared = 2 - DERIVATIVE_ORDER[estimate.frf.quantity]  # a MuJoCo sensor reads its own quantity
+    steps = [integrals.get(label) or shared for label in channels]
     omega = 2 * np.pi * estimate.frf.freq_hz[moving, None]
     variance = estimate.variance[moving][:, present, 0]
     smallest = 1e-12 * np.abs(estimate.frf.values[moving][:, present, 0]).max(initial=1e-300)
     return StatedTest(
         reference=str(condition.reference),
-        channels=tuple(str(estimate.frf.outputs[k]) for k in present),
+        channels=channels,
         deviation=omega**steps * np.maximum(np.sqrt(variance), smallest),
         level=condition.level_n or 0.0,
         averages=estimate.averages or 0,
@@ -169,7 +191,8 @@ def _state(
 def _read_loop(source: Path, station: Station, name: str, table: CampaignLoopTable) -> ClosedLoop:
     """Return a loop that was closed in the test, from a joint to a motor."""
     key = f"loop.{name}"
-    joint, order = _find_joint(station, table)
+    order = DERIVATIVE_ORDER[table.quantity]
+    joint, order = ("", 0) if table.minus else _find_joint(station, table.output, order)
     if not joint:
         also = f" and subtracts {table.minus}" if table.minus else ""
         raise InputError(
@@ -191,11 +214,15 @@ def _read_loop(source: Path, station: Station, name: str, table: CampaignLoopTab
     return ClosedLoop(table.input, joint, stiffness, f"[loop.{toml_key(name)}]\n{rows}", files)
 
 
-def _find_joint(station: Station, table: CampaignLoopTable) -> tuple[str, int]:
-    """Return the joint that a loop reads, empty if none, and its time derivatives that it reads."""
-    if table.minus is None and table.output.startswith("joint:"):
-        return table.output.removeprefix("joint:"), DERIVATIVE_ORDER[table.quantity]
-    return ("", 0) if table.minus else station.find_sensed_joint(table.output)
+def _find_joint(station: Station, output: str, order: int) -> tuple[str, int]:
+    """Return the joint that an output reads, empty if none, and the derivatives that it reads.
+
+    Args:
+        order: time derivatives of a joint that is named itself.
+    """
+    if output.startswith("joint:"):
+        return output.removeprefix("joint:"), order
+    return station.find_sensed_joint(output)
 
 
 def _tolerance(campaign: Campaign) -> Tolerances:

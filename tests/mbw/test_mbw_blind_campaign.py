@@ -1,6 +1,7 @@
 """``mbw blind CAMPAIGN``: the user's channels, hits, motors, noise, tolerances and choice."""
 
 import json
+import re
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -9,17 +10,17 @@ import numpy as np
 import pytest
 from any_machines import SERVO_AXIS
 from browser import CHROMIUM, browse
-from servo_campaign import REFERENCES, noise_of, request, write_servo_campaign
+from servo_campaign import AVERAGES, FREQ, REFERENCES, noise_of, request, write_servo_campaign
 from typer.testing import CliRunner
 
-from identification.words import InputError
-from mbmodel import as_drawn, linearise, load_machine
+from identification.words import InputError, Signal
+from mbmodel import FrfRequest, as_drawn, linearise, load_machine
 from mbw.blind import case as blind_case
 from mbw.blind.case import BlindCase
 from mbw.blind.user_test import read_user_test
 from mbw.blind.verb import read_choice
 from mbw.command import app
-from truth import Choice, draw_case
+from truth import Choice, draw_case, write_campaign
 from truth.campaign.case_design import deal_cards
 from truth.campaign.draw import NO_TOLERANCE
 from truth.campaign.machine_on_test import TrueMachine
@@ -156,7 +157,7 @@ def test_a_place_or_effect_that_cannot_be_is_said_before_cases_are_drawn(
     ("channel", "said"),
     [
         ("acc5:+rz", r"acc5:\+rz"),
-        ("joint:drive", "joint:drive, and a blind test repeats accelerometers alone"),
+        ("hook", "its tests read hook, and a blind test repeats sensors jointpos and jointvel"),
     ],
 )
 def test_a_channel_that_the_virtual_test_lacks_is_refused(campaign, tmp_path, channel, said):
@@ -164,6 +165,8 @@ def test_a_channel_that_the_virtual_test_lacks_is_refused(campaign, tmp_path, ch
         (tmp_path / path.name).write_bytes(path.read_bytes())
     text = (tmp_path / "campaign.toml").read_text()
     (tmp_path / "campaign.toml").write_text(text.replace("acc5:+tz", channel))
+    hook = '<sensor><framepos name="hook" objtype="site" objname="hook_b"/></sensor></mujoco>'
+    (tmp_path / "axis.xml").write_text(SERVO_AXIS.replace("</mujoco>", hook))
     with pytest.raises(InputError, match=said):
         read_user_test(tmp_path, None)
 
@@ -248,6 +251,42 @@ def test_a_loop_that_a_virtual_test_cannot_repeat_is_refused(
 ):
     with pytest.raises(InputError, match=sentence):
         close_loop(campaign, tmp_path, output, motor)
+
+
+READINGS = ("ruler", "tacho", "joint:slide_rz")
+SENSORS = """<sensor><jointpos name="ruler" joint="drive"/><jointvel name="tacho" joint="frame_ry"/>
+</sensor></mujoco>"""
+
+
+@pytest.mark.parametrize("quantity", ["accelerance", "receptance"])
+def test_encoders_alone_are_repeated_in_what_they_read(tmp_path, quantity):
+    """No accelerometer: a position, a velocity, and a joint in the quantity of the test."""
+    path = tmp_path / "axis.xml"
+    path.write_text(re.sub(r'"acc(\d)"', r'"p\1x"', SERVO_AXIS).replace("</mujoco>", SENSORS))
+    model, ports = as_drawn(load_machine(path)), tuple(Signal(name) for name in READINGS)
+    exact = linearise(model, model.drawn, FrfRequest(FREQ, ports, (Signal("servo"),))).values
+    of_joint = (2j * np.pi * FREQ) ** 2 if quantity == "receptance" else np.ones(FREQ.size)
+    exact[:, 2, 0] /= of_joint
+    sd = 1e-3 * np.sqrt(np.mean(np.abs(exact) ** 2, axis=0))
+    coherence = np.abs(exact) ** 2 / (np.abs(exact) ** 2 + sd**2 * (AVERAGES - 1))
+    np.savez(tmp_path / "t.npz", freq_hz=FREQ, frf=exact, coherence=coherence)
+    (tmp_path / "campaign.toml").write_text(
+        f'model = "axis.xml"\n[[test]]\nfile = "t.npz"\naverages = {AVERAGES}\nchannels = '
+        f'{list(READINGS)}\nreferences = ["servo"]\nquantity = "{quantity}"\n'
+    )
+    test = read_user_test(tmp_path, (FREQ[0], FREQ[-1]))
+    protocol = test.repeated.protocol
+    machine = TrueMachine(test.station, hammers_of(test.station, protocol, NO_TOLERANCE, 1))
+    (result,) = hammer_tests(machine, protocol, takes(protocol, test.station, 1), 1)
+    result.frf[:, 2, 0] /= of_joint
+    error = np.sqrt(np.mean(np.abs(result.frf - exact) ** 2, axis=0)) / sd
+    np.testing.assert_allclose(error, 1, atol=0.15)
+    drawn = draw_case(
+        test.station, 1, 0, read_choice(["mass_error"], [], [2.0], None, 0.0), test.repeated
+    )
+    write_campaign(drawn.campaign, tmp_path / "drawn", sealed=True)
+    (virtual,) = open_campaign(tmp_path / "drawn")[2].tests
+    assert tuple(map(str, virtual.estimate.frf.outputs)) == READINGS
 
 
 PROBE = """<script>

@@ -21,6 +21,7 @@ from truth.effects import CATALOGUE, Scene
 from truth.errors import NoPlaceError, TruthError
 from truth.machine.random_tree import draw_tree
 from truth.machine.rig import Occasion, accelerance
+from truth.machine.springs import ClosedLoop, Motor
 from truth.random_streams import stream
 
 TOLERANCE = Tolerances()
@@ -130,6 +131,38 @@ def test_a_rigid_direction_has_the_right_slopes(two_bodies):
     expected = slope(*ends, machine, refit, 1e-2)
     by_mass_centre = columns(refit.slopes.tolerances, refit)[place]
     np.testing.assert_allclose(by_mass_centre, expected, atol=1e-5 * abs(expected).max())
+
+
+def test_the_slopes_of_an_encoder_in_a_loop_are_those_of_its_joint(two_bodies):
+    name = two_bodies.stages[1].joints[4].name
+    stiffer = two_bodies.stages[1].joints[4].stiffness
+    loop = ClosedLoop("drive", name, lambda s: stiffer * (1 + 2e-3 * s), "", {})
+    motors = (Motor("drive", ((name, 1.0),)),)
+    station = replace(two_bodies, motors=motors, loops=(loop,)).with_encoders({"ruler": (name, 0)})
+    machine = TrueMachine(station, draw_hammers(station, 1, TOLERANCE, 3))
+    refit = refit_of(machine, PROTOCOL, takes(PROTOCOL, station, 1), TOLERANCE)
+    slopes, upper, axis = columns(refit.slopes.tolerances, refit), station.stages[1], np.eye(3)[0]
+
+    def with_place(way):
+        shift = way * TOLERANCE.joint_position * axis
+        joints = [replace(joint, position=joint.position + shift) for joint in upper.joints]
+        return changed_stage(machine, 1, joints=tuple(joints))
+
+    def with_com(way):
+        return changed_stage(machine, 1, com=upper.com + way * TOLERANCE.com * axis)
+
+    for place, change in ((13 + 7, with_com), (13 + 8, with_place)):
+        expected = slope(change(-1e-2), change(1e-2), machine, refit, 1e-2)
+        for result, row in zip(slopes[place].swapaxes(0, 1), expected.swapaxes(0, 1), strict=True):
+            np.testing.assert_allclose(result, row, atol=1e-5 * np.abs(row).max())
+    weighted = frf(machine, refit.known.freq_hz) / refit.deviation
+    gain, *places = refit.slopes.of_sensors[-1].T[:3]
+    reading = np.zeros((2, len(weighted), 3, 3))
+    reading[:, :, 0] = TOLERANCE.sensor_gain * np.array(
+        [weighted[:, -3].real, weighted[:, -3].imag]
+    )
+    np.testing.assert_allclose(gain, reading.ravel(), rtol=1e-8, atol=1e-12)
+    assert not np.any(places)
 
 
 def test_the_normal_matrix_is_that_of_the_jacobian_written_out(refit):

@@ -89,13 +89,13 @@ def draw_background(
 
 
 def _delays(station: Station, _: float, random: np.random.Generator) -> Iterator[Effect]:
-    for _index, sensor in station.sensors():
+    for _index, sensor in station.accelerometers():
         first, second, third = random.uniform(0, 1, 3).tolist()
         yield ChannelDelays(size=CHANNEL_DELAY_S, node=sensor.node, shares=(first, second, third))
 
 
 def _mounts(station: Station, _: float, random: np.random.Generator) -> Iterator[Effect]:
-    for _index, sensor in station.sensors():
+    for _index, sensor in station.accelerometers():
         size = (REFERENCE_HZ / log_uniform(random, MOUNT_HZ)) ** 2
         yield MountResonance(
             size=size, node=sensor.node, damping=log_uniform(random, MOUNT_DAMPING)

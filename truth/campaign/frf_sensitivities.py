@@ -105,9 +105,12 @@ class _Solved:
         rig = machine.rig(Occasion())
         equations = rig.equations
         self.size, rigid = len(equations.mass), len(equations.rigid)
-        self.s = 2j * np.pi * freq_hz[:, None, None]
+        self.s: Complex = (2j * np.pi * freq_hz[:, None, None]).astype(np.complex128)
         matrix = np.zeros((freq_hz.size, self.size + rigid, self.size + rigid), np.complex128)
         inner = equations.stiffness + self.s * equations.damping + self.s**2 * equations.mass
+        self.loops = [law.stiffness(self.s) for law in rig.laws]
+        for stiffness, law in zip(self.loops, rig.laws, strict=True):
+            inner = inner + stiffness * np.outer(law.column, law.row)
         matrix[:, : self.size, : self.size] = inner
         self.scale = float(np.abs(equations.stiffness).max()) if rigid else 1.0
         matrix[:, : self.size, self.size :] = self.scale * equations.rigid.T
@@ -155,14 +158,16 @@ class _Solved:
         """Go through dL X + L A^-1 (dP - dA X) of some parameters; (n_line, n_out, n_in) each."""
         n_line, whole, n_in = self.motion.shape
         pushes = np.zeros((n_line, whole, len(slopes), n_in), np.complex128)
+        inside = self.motion[:, : self.size]
         for number, slope in enumerate(slopes):
             if slope.equations is not None:
                 pushes[:, :, number] = -self._force(slope.equations)
+            for stiffness, by in zip(self.loops, slope.loops, strict=bool(slope.loops)):
+                pushes[:, : self.size, number] -= stiffness * (by @ inside)
             if slope.hammers is not None:
                 pushes[:, : self.size, number] += slope.hammers
         read = self.left @ pushes.reshape(n_line, whole, -1)
         read = read.reshape(n_line, -1, len(slopes), n_in)
-        inside = self.motion[:, : self.size]
         for number, slope in enumerate(slopes):
             values = read[:, :, number]
             if slope.sensors is not None:
@@ -206,10 +211,12 @@ def _sensor_columns(solved: _Solved, station: Station, tolerance: Tolerances, we
     jacobians = []
     motion = solved.s**2 * solved.motion[:, : solved.size]
     for number, (index, sensor) in enumerate(station.sensors()):
-        place, stage = slice(6 * index, 6 * index + 6), station.stages[index]
-        rows = slice(3 * number, 3 * number + 3)
+        place = slice(None) if sensor.joint else slice(6 * index, 6 * index + 6)
+        stage, rows = station.stages[index], slice(3 * number, 3 * number + 3)
         drawn = solved.sensors[rows, place]
         along = np.array([point_row(stage, sensor.position, unit) for unit in sensor.axes])
+        if sensor.joint:
+            along = drawn / sensor.gain[:, None]
         late = solved.late[:, rows]
         columns = []
         for axis in np.eye(3):
@@ -218,11 +225,14 @@ def _sensor_columns(solved: _Solved, station: Station, tolerance: Tolerances, we
             lever = tolerance.sensor_position * axis
             angle = np.array([point_row(stage, sensor.position, unit) for unit in turned])
             shift = np.array([[0.0, 0.0, 0.0, *np.cross(lever, unit)] for unit in sensor.axes])
+            if sensor.joint:  # it has no place
+                angle = shift = np.zeros_like(along)
             for row in (gain, sensor.mixing @ angle, sensor.mixing @ shift):
                 columns.append(stack_parts(late * (row @ motion[:, place]) * weight[:, rows]))
         for first, second in ((0, 1), (0, 2), (1, 2)) if tolerance.sensor_cross else ():
             row = np.zeros_like(along)
-            row[first], row[second] = along[second], along[first]
+            if not sensor.joint:
+                row[first], row[second] = along[second], along[first]
             row *= tolerance.sensor_cross
             columns.append(stack_parts(late * (row @ motion[:, place]) * weight[:, rows]))
         for axis in np.eye(3) if tolerance.sensor_delay else ():

@@ -71,7 +71,7 @@ def find_further_test(station: Station, protocol: Protocol, name: str) -> Furthe
 def _nodes(station: Station) -> list[int]:
     """Return all nodes that a hammer can hit."""
     hits = [hit.node for stage in station.stages for hit in stage.hit_points]
-    return sorted({*hits, *(sensor.node for _, sensor in station.sensors())})
+    return sorted({*hits, *(sensor.node for _, sensor in station.accelerometers())})
 
 
 def _hit_name(station: Station, node: int) -> str:

@@ -42,7 +42,7 @@ class Measurement:
 
     Args:
         freq_hz: lines [Hz]; (n_freq,).
-        frf: H1, accelerance [m/s2/N]; (n_freq, n_out, n_in).
+        frf: H1, accelerance [m/s2/N], encoders in what they read; (n_freq, n_out, n_in).
         coherence: ordinary coherence, (n_freq, n_out, n_in); None if it was not kept.
         responses: node and direction 1, 2, 3 of each row.
         references: node and direction 1, 2, 3 of each column.
@@ -146,8 +146,8 @@ def _stated_test(
     (occasion,) = take_occasions(Protocol(), take)
     if known.on(occasion)[0].joints:
         raise NoPlaceError("FRFs of a user's test do not tell how hard each hit was")
-    points = [sensor.node for _, sensor in known.machine.station.sensors()]
-    rows = [3 * points.index(node) + axis - 1 for node, axis in test.channels]
+    sensors = {sensor.node: sensor for _, sensor in known.machine.station.sensors()}
+    rows = [3 * [*sensors].index(node) + axis - 1 for node, axis in test.channels]
     hits = max(test.stated.averages, 1)
     signs = test.sign * np.array(test.signs)
     motion = signs * linear_frfs(known, occasion, hits)[:, :, rows]
@@ -158,6 +158,8 @@ def _stated_test(
     channel = hammer.gain * np.exp(-2j * np.pi * known.freq_hz * hammer.delay)
     force = np.broadcast_to(1 / channel, (hits, len(channel)))
     frf, coherence = estimate_h1(force, reading)
+    integrals = [sensors[node].integrals for node, _ in test.channels]
+    frf = frf / (2j * np.pi * known.freq_hz[:, None]) ** integrals
     kept = coherence[:, :, None] if test.stated.averages > 1 else None
     node, axis = test.reference
     return Measurement(

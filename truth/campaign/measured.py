@@ -43,7 +43,7 @@ class MeasuredTest:
         file: name of its file in virtual campaigns.
         reference: node and axis 0..2 of the hit; a motor has a negative node.
         sign: of the reference.
-        channels: node and direction 1..3 of each channel.
+        channels: node and direction 1..3 of each channel; an encoder's is 1.
         signs: of the channels.
     """
 
@@ -95,9 +95,11 @@ def locate_tests(station: Station, freq_hz: Real, stated: Sequence[StatedTest]) 
         stated: tests in the user's words.
 
     Raises:
-        TruthError: a channel is no translation of a sensor, or a reference is no hit or motor.
+        TruthError: a channel is no encoder or translation of a sensor, or a reference is no hit or
+            motor.
     """
-    sensors = {sensor.site: sensor.node for _, sensor in station.sensors()}
+    sensors = {sensor.site: sensor.node for _, sensor in station.accelerometers()}
+    encoders = {sensor.site: sensor.node for _, sensor in station.sensors() if sensor.joint}
     hits = {f"hit{hit.node}": hit.node for stage in station.stages for hit in stage.hit_points}
     struck = {**{name: node for name, node in sensors.items() if node not in hits.values()}, **hits}
     motors = [motor.name for motor in station.motors]
@@ -108,7 +110,12 @@ def locate_tests(station: Station, freq_hz: Real, stated: Sequence[StatedTest]) 
         else:
             (node, axis), sign = _locate(test.reference, struck, "a hit along an axis, or a motor")
             reference = node, axis
-        places = [_locate(label, sensors, "a translation of a sensor") for label in test.channels]
+        places = [
+            ((encoders[label], 0), 1)
+            if label in encoders
+            else _locate(label, sensors, "a translation of a sensor")
+            for label in test.channels
+        ]
         tests.append(
             MeasuredTest(
                 test,

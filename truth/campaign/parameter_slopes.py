@@ -20,8 +20,10 @@ from truth.machine.dynamics import (
     joint_matrices,
     joint_rows,
     motion_row,
+    sensor_rows,
 )
-from truth.machine.station import Real, StageBody, Station
+from truth.machine.rig import Prepared, close_loop
+from truth.machine.station import Integer, Real, StageBody, Station
 
 _DIFFERENCE_STEP = 1e-3  # of a tolerance's standard deviation, for differences of matrices
 
@@ -49,11 +51,13 @@ class Slopes:
         equations: of M, C, K and G.
         sensors: of L: which rows, and their slopes; (n_row, n).
         hammers: of P; (n, n_hammer).
+        loops: of where each control loop acts times what it reads; (n, n) each.
     """
 
     equations: Equations | None = None
-    sensors: tuple[slice, Real] | None = None
+    sensors: tuple[Integer, Real] | None = None
     hammers: Real | None = None
+    loops: tuple[Real, ...] = ()
 
 
 def list_springs(station: Station) -> Springs:
@@ -115,32 +119,41 @@ def _places(machine: TrueMachine, index: int, tolerance: Tolerances) -> Iterator
     """By a stage's centre of mass and by the place that its joints share."""
     station, stage = machine.station, machine.station.stages[index]
     children = [i for i, child in enumerate(station.stages) if child.parent == index]
-    first = 3 * sum(len(body.sensors) for body in station.stages[:index])
-    own_rows = slice(first, first + 3 * len(stage.sensors))
     for axis in np.eye(3):
         shift = tolerance.com * axis
         ends = _ends(station, index, partial(_with_com, stage, shift))
         columns = [hammer_columns(end, machine.hammers) for end in ends]
         yield Slopes(
             _slope_of_joints(ends, (index, *children)),
-            (own_rows, _sensor_slopes(station, index, shift)),
+            _slope_of_readings(ends),
             (columns[0] - columns[1]) / (2 * _DIFFERENCE_STEP),
+            _slope_of_loops(ends),
         )
         if stage.joints:
             by = tolerance.joint_position * axis
+            ends = _ends(station, index, partial(_move_joints, stage, by))
             yield Slopes(
-                _slope_of_joints(_ends(station, index, partial(_move_joints, stage, by)), (index,))
+                _slope_of_joints(ends, (index,)),
+                _slope_of_readings(ends),
+                loops=_slope_of_loops(ends),
             )
 
 
-def _sensor_slopes(station: Station, index: int, shift: Real) -> Real:
-    """By a shift of a stage's centre of mass: the lever of each of its sensors; (n_row, n)."""
-    sensors = station.stages[index].sensors
-    rows = np.zeros((3 * len(sensors), 6 * len(station.stages)))
-    for number, sensor in enumerate(sensors):
-        levers = -np.cross(shift, sensor.axes)
-        rows[3 * number : 3 * number + 3, 6 * index + 3 : 6 * index + 6] = sensor.mixing @ levers
-    return rows
+def _slope_of_readings(ends: tuple[Station, Station]) -> tuple[Integer, Real]:
+    """Central difference of L: the rows that move, and their slopes; (n_row, n)."""
+    slopes = (sensor_rows(ends[0]) - sensor_rows(ends[1])) / (2 * _DIFFERENCE_STEP)
+    moving = np.flatnonzero(slopes.any(axis=1))
+    return moving, slopes[moving]
+
+
+def _slope_of_loops(ends: tuple[Station, Station]) -> tuple[Real, ...]:
+    """Central difference of the matrix by which each loop's stiffness acts; (n, n) each."""
+    laws = ([close_loop(Prepared(end, ()), loop) for loop in end.loops] for end in ends)
+    return tuple(
+        (np.outer(ahead.column, ahead.row) - np.outer(behind.column, behind.row))
+        / (2 * _DIFFERENCE_STEP)
+        for ahead, behind in zip(*laws, strict=True)
+    )
 
 
 def _with_com(stage: StageBody, shift: Real, way: float) -> StageBody:

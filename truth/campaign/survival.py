@@ -63,10 +63,12 @@ class Remainder:
 
     Args:
         noise: sd of each value by noise alone; (n_line, n_out, n_in).
+        reading: factor from acceleration to what the channel reads; (n_line, n_out, 1).
         excess: e0: 1 where nothing but noise is left, more beside a background.
     """
 
     noise: Real
+    reading: Real
     excess: float
 
 
@@ -236,8 +238,9 @@ class SurvivalRefit(LinearRefit):
         return known.on(Occasion(node=self.protocol.nodes[0]))[1]
 
     def _residual_ratio(self, left: Complex) -> float:
-        power = (np.abs(left) ** 2).sum(axis=0) / (self.without.noise**2).sum(axis=0)
-        counted = self.used[:, None] & np.isfinite(self.without.noise).all(axis=0)
+        reading, noise = self.without.reading, self.without.noise
+        power = (np.abs(reading * left) ** 2).sum(axis=0) / ((reading * noise) ** 2).sum(axis=0)
+        counted = self.used[:, None] & np.isfinite(noise).all(axis=0)
         return float(np.sqrt(power[counted].mean())) / self.without.excess
 
     def change(self, machine: TrueMachine) -> Complex:
@@ -304,9 +307,12 @@ def refit_of(
     deviation, excess = noise, 1.0
     points = [(sensor.node, axis) for _, sensor in plain.station.sensors() for axis in (1, 2, 3)]
     used = np.array([point != protocol.dead for point in points])
+    integrals = np.repeat([sensor.integrals for _, sensor in plain.station.sensors()], 3)
+    reading = ((2 * np.pi * lines[:, None]) ** -integrals.astype(float))[:, :, None]
     if background is not None:
         deviation = np.hypot(noise, background * np.abs(base))
-        power = background**2 * (np.abs(base) ** 2).sum(axis=0) / (noise**2).sum(axis=0)
+        read, heard = (np.sum(np.abs(reading * each) ** 2, axis=0) for each in (base, noise))
+        power = background**2 * read / heard
         counted = used[:, None] & np.isfinite(noise).all(axis=0)
         excess = float(np.sqrt(1 + power[counted].mean()))
     slopes = jacobian(plain, lines, tolerance, used[:, None] / deviation)
@@ -320,7 +326,7 @@ def refit_of(
         takes=takes,
         known=known,
         tolerance=tolerance,
-        without=Remainder(noise, excess),
+        without=Remainder(noise, reading, excess),
     )
     return replace(refit, normal=refit.normal + np.diag(refit.bounded.astype(float)))
 

@@ -41,8 +41,9 @@ def draw_at(
 
 
 def list_sensors(scene: Scene) -> dict[str, int]:
-    """Return the node of each sensor by its location."""
-    return {f"sensor:acc{sensor.node}": sensor.node for _, sensor in scene.station.sensors()}
+    """Return the node of each accelerometer by its location."""
+    sensors = scene.station.accelerometers()
+    return {f"sensor:acc{sensor.node}": sensor.node for _, sensor in sensors}
 
 
 def list_hammers(scene: Scene) -> dict[str, str]:

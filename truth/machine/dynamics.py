@@ -161,10 +161,13 @@ def sensor_rows(station: Station, flexes: tuple[Flex, ...] = ()) -> Real:
     """Return what the sensors read of the coordinates, with their gains; (3 n_sensors, n)."""
     rows = []
     for index, sensor in station.sensors():
-        along = np.array(
-            [motion_row(station, index, sensor.position, axis, flexes) for axis in sensor.axes]
-        )
-        if sensor.cross.any():
+        if sensor.joint:
+            along = np.tile(drive_column(station, ((sensor.joint, 1.0),), flexes), (3, 1))
+        else:
+            along = np.array(
+                [motion_row(station, index, sensor.position, axis, flexes) for axis in sensor.axes]
+            )
+        if sensor.cross.any() and not sensor.joint:
             rows += list(sensor.mixing @ along)
         else:
             rows += list(sensor.gain[:, None] * along)

@@ -9,7 +9,7 @@ from truth.machine.springs import Real, frozen
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """A triaxial accelerometer.
+    """A triaxial accelerometer, or an encoder, whose one reading counts as three alike.
 
     Args:
         node: number of the measuring point in the data file.
@@ -19,6 +19,8 @@ class Sensor:
         cross: what x reads of y and y of x, x and z, y and z; (3,).
         delay: of each reading [s]; (3,).
         name: of its site, ``acc<node>`` if empty.
+        joint: whose coordinate an encoder reads, wherever it is; empty for an accelerometer.
+        integrals: of the acceleration over time that it reads: 2 for a position.
     """
 
     node: int
@@ -28,6 +30,8 @@ class Sensor:
     cross: Real = field(default_factory=lambda: np.zeros(3))
     delay: Real = field(default_factory=lambda: np.zeros(3))
     name: str = ""
+    joint: str = ""
+    integrals: int = 0
 
     @property
     def site(self) -> str:

@@ -182,7 +182,7 @@ def build(tested: Prepared) -> Rig:
         ),
         sensor_rows(station, flexes),
         hammer_columns(station, tested.hammers, flexes),
-        laws=tuple(_close_loop(tested, loop) for loop in station.loops),
+        laws=tuple(close_loop(tested, loop) for loop in station.loops),
         filters=tuple(
             Filter((3 * number + axis,), partial(respond_late, float(sensor.delay[axis])))
             for number, (_, sensor) in enumerate(station.sensors())
@@ -192,7 +192,7 @@ def build(tested: Prepared) -> Rig:
     )
 
 
-def _close_loop(tested: Prepared, loop: ClosedLoop) -> FrequencyLaw:
+def close_loop(tested: Prepared, loop: ClosedLoop) -> FrequencyLaw:
     """Return a control loop as a stiffness between what it reads and what it drives."""
     station, flexes = tested.station, tested.flexes
     drives = {motor.name: motor.along for motor in station.motors}

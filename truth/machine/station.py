@@ -190,6 +190,29 @@ class Station:
         """Go through the sensors in the order of the stages, each with its stage's index."""
         return ((i, sensor) for i, stage in enumerate(self.stages) for sensor in stage.sensors)
 
+    def accelerometers(self) -> Iterator[tuple[int, Sensor]]:
+        """Go through the sensors at sites, each with its stage's index."""
+        return ((index, sensor) for index, sensor in self.sensors() if not sensor.joint)
+
+    def with_encoders(self, readings: Mapping[str, tuple[str, int]]) -> "Station":
+        """Return the station with encoders, whose nodes follow those of sites and hits.
+
+        Args:
+            readings: the joint that each reads and its time derivatives, by the encoder's name.
+        """
+        hits = [hit.node for stage in self.stages for hit in stage.hit_points]
+        first = 1 + max([0, *hits, *(sensor.node for _, sensor in self.sensors())])
+        encoders = [
+            Sensor(node, np.zeros(3), name=name, joint=joint, integrals=2 - order)
+            for node, (name, (joint, order)) in enumerate(readings.items(), start=first)
+        ]
+        stages = []
+        for stage in self.stages:
+            names = {joint.name for joint in stage.joints}
+            read = tuple(encoder for encoder in encoders if encoder.joint in names)
+            stages.append(replace(stage, sensors=(*stage.sensors, *read)))
+        return replace(self, stages=tuple(stages))
+
     def vary_joints(self, vary: Callable[[Joint], Joint]) -> "Station":
         """Return the station with every joint varied, in the order of the stages."""
         stages = tuple(
