@@ -27,6 +27,7 @@ from truth.campaign.machine_on_test import TrueMachine
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import takes
 from truth.campaign.virtual_test import Plan, draw_machines, hammers_of
+from truth.errors import NoPlaceError
 from tuning import open_campaign, open_session
 
 RUNNER = CliRunner()
@@ -285,6 +286,8 @@ def test_encoders_alone_are_repeated_in_what_they_read(tmp_path, quantity):
         test.station, 1, 0, read_choice(["mass_error"], [], [2.0], None, 0.0), test.repeated
     )
     write_campaign(drawn.campaign, tmp_path / "drawn", sealed=True)
+    with pytest.raises(NoPlaceError, match="has no hits"):
+        draw_case(test.station, 1, 1, read_choice(["friction"], [], [], None, 0.0), test.repeated)
     (virtual,) = open_campaign(tmp_path / "drawn")[2].tests
     assert tuple(map(str, virtual.estimate.frf.outputs)) == READINGS
 

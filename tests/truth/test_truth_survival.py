@@ -134,8 +134,8 @@ def test_a_rigid_direction_has_the_right_slopes(two_bodies):
 
 
 def test_the_slopes_of_an_encoder_in_a_loop_are_those_of_its_joint(two_bodies):
-    name = two_bodies.stages[1].joints[4].name
-    stiffer = two_bodies.stages[1].joints[4].stiffness
+    name = two_bodies.stages[1].joints[1].name
+    stiffer = two_bodies.stages[1].joints[1].stiffness
     loop = ClosedLoop("drive", name, lambda s: stiffer * (1 + 2e-3 * s), "", {})
     motors = (Motor("drive", ((name, 1.0),)),)
     station = replace(two_bodies, motors=motors, loops=(loop,)).with_encoders({"ruler": (name, 0)})

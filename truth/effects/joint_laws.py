@@ -9,6 +9,7 @@ import numpy as np
 
 from truth.effects.effect import Scene
 from truth.effects.places import AtDirection, StageDirection, draw_direction, log_uniform
+from truth.errors import NoPlaceError
 from truth.machine.rig import (
     Memoryless,
     NonlinearJoint,
@@ -223,10 +224,15 @@ def peak_stretch(scene: Scene, direction: StageDirection) -> float:
 
     A half sine of peak A and duration T has the momentum 2 A T / pi; the linear machine's answer
     is the inverse transform of its receptance times the spectrum of such a hit.
+
+    Raises:
+        NoPlaceError: motors alone drive the test.
     """
     levels = sorted(occasion.level for occasion in scene.occasions)
     level = levels[len(levels) // 2]
     nodes = sorted({occasion.node for occasion in scene.occasions if occasion.node >= 0})
+    if not nodes:
+        raise NoPlaceError("a test by motors has no hits, whose force would say how far joints go")
     aims = [(node, *scene.station.aim(node)) for node in nodes]
     hammers = tuple(
         Hammer(node, stage, point, axis)
