@@ -60,8 +60,8 @@ class Recorder:
         readout: readings per channel; (n_out, n_channel).
         rate_hz: samples per second [Hz].
         delays_s: of the readings [s]; (n_out,).
-        is_filtered: whether an anti-alias filter acts, as in a recorder; else a sample is the mean
-            of the two steps beside it.
+        is_filtered: whether an anti-alias filter acts, as in a recorder; else a sample is that
+            instant's, from the four steps beside it.
         fewest_steps: of the integration per sample.
     """
 
@@ -75,7 +75,9 @@ class Recorder:
         """Return the taps of every reading; (n_out, n)."""
         if self.is_filtered:
             return filter_taps(self.rate_hz, step_s, self.delays_s)
-        return np.full((len(self.readout), 2), 0.5)
+        # Values of a step are means of its ends, cos(w h / 2) times those in its middle: of fourth
+        # order for positions and velocities; accelerations keep an error of (w h)^2 / 12.
+        return np.tile([-1 / 8, 5 / 8, 5 / 8, -1 / 8], (len(self.readout), 1))
 
     def record(self, chunks: Iterable[Real], step_s: float) -> Real:
         """Return the readings at the recorder's rate; (n_record, n_out, n_sample).

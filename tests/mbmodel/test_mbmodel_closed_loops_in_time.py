@@ -227,6 +227,17 @@ def test_a_command_beside_the_control_shares_its_limit(machine):
     assert np.abs(limited.loops[0].measured - plain.watched[:, 0]).max() < 5e-3 * size
 
 
+def test_an_encoder_is_read_at_the_instant(machine):
+    loop = loop_of(machine, controller_from_roots([], [], 0.0, PERIOD_S))
+    time_s = np.arange(COUNT) * PERIOD_S
+    force = np.sin(2 * np.pi * 0.15 / PERIOD_S * time_s)[:, None]
+    drive = (parse_drive(machine, "drive"),)
+    readings = (parse_reading(machine, "joint:head_tx"),)
+    response = simulate(machine, drive, readings, time_s, force, watched=[loop.measured])
+    error = np.abs(response.outputs - response.watched)
+    assert error.max() < 1e-4 * np.abs(response.watched).max()
+
+
 @pytest.mark.parametrize(
     "limits", [[0.1, 1.0, 50.0], [0.1, 1.0, 50.0, 1e4], [10.0, 90.0, 1e3, 1e6]]
 )
