@@ -107,13 +107,15 @@ def estimate_continuous_frf(
             spectra.force[:, 0, 0].real, spectra.motion, spectra.cross[:, :, 0], int(spectra.count)
         )
         values = estimate_frf(single, settings.estimator)
+    bias, bias_variance = spectra.window_bias(freq)
+    values, variance = values - bias, variance + bias_variance
     remarks = [
         *period_remarks,
         _describe(records, blocks),
         *_drop_sentence(records, freq, spectra.force[:, 0, 0].real, inputs),
     ]
     if blocks.kind == "random":
-        leakage = _leakage(records, blocks, lines, values, variance)
+        leakage = _leakage(records, blocks, lines, freq, values, variance)
         remarks += _leakage_sentence(records, freq, values, leakage, variance)
         variance = variance + leakage
     if spectra.distortion is not None:
@@ -174,12 +176,18 @@ def _refuse_dependent(records: Records, blocks: ContinuousBlocks, spectra: Force
 
 
 def _leakage(
-    records: Records, blocks: ContinuousBlocks, lines: Mask, values: Complex, variance: Real
+    records: Records,
+    blocks: ContinuousBlocks,
+    lines: Mask,
+    freq_hz: Real,
+    values: Complex,
+    variance: Real,
 ) -> Real:
     """Return the square of the error by leakage; (n_freq, n_out)."""
     coarse = average_blocks(records, blocks.half()).select(np.flatnonzero(lines) // 2)
-    noise = variance + coarse.variance()[:, :, 0]
-    square = np.abs(coarse.values[:, :, 0] - values) ** 2
+    bias, bias_variance = coarse.window_bias(freq_hz)
+    noise = variance + coarse.variance()[:, :, 0] + bias_variance
+    square = np.abs(coarse.values[:, :, 0] - bias - values) ** 2
     return np.asarray(np.maximum(square - noise, 0.0) / 9)
 
 

@@ -28,6 +28,9 @@ _USABLE_SHARE = 0.8  # of half the sampling rate: anti-aliasing filters act abov
 _MIN_LINE_POWER = 1e-6  # of the strongest line, of a periodic force: it has no power between lines
 _MIN_STRENGTH = 10.0  # of instruments over noise in the forces (Stock and Yogo 2005: F of 10)
 _NEIGHBOURS = 9  # lines whose median strength counts
+_MIN_SLOPE_LINES = 2  # by which an FRF has a slope
+_MAX_BIAS = 0.2  # of an FRF, by a window: beyond it the first order is not enough
+_MIN_SEEN = 3.0  # bias by a window over the standard deviation of its correction
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +45,8 @@ class ForcedSpectra:
         noise: E|noise|^2 of S_yy's average where blocks repeat; (n_freq, n_out), else None.
         distortion: variance between realisations over that between periods; (n_out,), else None.
         weak: power of the noise in the forces' part that counts; (n_freq, n_in, n_in), else None.
+        sloped: as cross, of the forces in the slope of the window [1/s]; (n_freq, n_in, n_in), else
+            None.
     """
 
     force: Complex
@@ -51,11 +56,15 @@ class ForcedSpectra:
     noise: Real | None = None
     distortion: Real | None = None
     weak: Complex | None = None
+    sloped: Complex | None = None
 
     @property
     def values(self) -> Complex:
         """H1; (n_freq, n_out, n_in)."""
-        solved = np.linalg.solve(self.force.swapaxes(1, 2), self.cross.swapaxes(1, 2))
+        return self._per_force(self.cross)
+
+    def _per_force(self, cross: Complex) -> Complex:
+        solved = np.linalg.solve(self.force.swapaxes(1, 2), cross.swapaxes(1, 2))
         return np.asarray(solved.swapaxes(1, 2))
 
     def variance(self) -> Real:
@@ -73,8 +82,33 @@ class ForcedSpectra:
         """Return the averages on these lines alone."""
         noise = None if self.noise is None else self.noise[lines]
         weak = None if self.weak is None else self.weak[lines]
+        sloped = None if self.sloped is None else self.sloped[lines]
         kept = self.force[lines], self.cross[lines], self.motion[lines]
-        return ForcedSpectra(*kept, self.count, noise, self.distortion, weak)
+        return ForcedSpectra(*kept, self.count, noise, self.distortion, weak, sloped)
+
+    def window_bias(self, freq_hz: Real) -> tuple[Complex, Real]:
+        r"""Return what the slope of the window adds to the FRFs of the first force.
+
+        A machine answers to a force in a window w(t) by H w x + i dH/domega w' x, to first order:
+        it remembers the force of an instant at which the window was another. In blocks that overlap
+        the slopes cancel, but not for what is excited at an end of the record alone, as by a sweep.
+
+        Args:
+            freq_hz: frequencies of the lines [Hz]; (n_freq,).
+
+        Returns:
+            The bias, 0 where noise hides it, and the variance of its correction; (n_freq, n_out).
+        """
+        if self.sloped is None or len(freq_hz) < _MIN_SLOPE_LINES:
+            return np.zeros(self.motion.shape, np.complex128), np.zeros(self.motion.shape)
+        omega, share = 2 * np.pi * freq_hz, self._per_force(self.sloped)[:, :, :1]
+        values = self.values
+        bias = (1j * np.gradient(values, omega, axis=0) @ share)[:, :, 0]
+        spread = (np.abs(share) ** 2)[:, :, 0] / (2 * np.gradient(omega)[:, None] ** 2)
+        noise = np.einsum("foi,fi->fo", self.variance(), spread)
+        is_seen = np.abs(bias) ** 2 > _MIN_SEEN**2 * noise
+        is_seen &= np.abs(bias) < _MAX_BIAS * np.abs(values[:, :, 0])
+        return bias * is_seen, noise * is_seen
 
 
 def average_blocks(records: Records, blocks: ContinuousBlocks) -> ForcedSpectra:
@@ -88,14 +122,21 @@ def average_blocks(records: Records, blocks: ContinuousBlocks) -> ForcedSpectra:
     """
     if blocks.kind == "periodic":
         return _average_periods(records, blocks)
-    if len(records.set_points):
-        return _average_by_set_points(records, blocks)
-    return _average(records, blocks)
+    average = _average_by_set_points if len(records.set_points) else _average
+    spectra, n_out = average(records, blocks), len(records.outputs)
+    return replace(
+        spectra,
+        cross=spectra.cross[:, :n_out],
+        motion=spectra.motion[:, :n_out],
+        noise=None if spectra.noise is None else spectra.noise[:, :n_out],
+        sloped=spectra.cross[:, n_out:] if blocks.kind == "random" else None,
+    )
 
 
 def _average(records: Records, blocks: ContinuousBlocks) -> ForcedSpectra:
     """Average the spectra of all blocks, block after block."""
-    n_freq, n_in, n_out = blocks.length // 2 + 1, count_inputs(records), len(records.outputs)
+    n_freq, n_in = blocks.length // 2 + 1, count_inputs(records)
+    n_out = n_in + len(records.outputs)
     force: Complex = np.zeros((n_freq, n_in, n_in), np.complex128)
     cross: Complex = np.zeros((n_freq, n_out, n_in), np.complex128)
     motion, count = np.zeros((n_freq, n_out)), 0
@@ -116,7 +157,7 @@ def _average_by_set_points(records: Records, blocks: ContinuousBlocks) -> Forced
             f"{records.test}: {n_set} references for {n_in} motors: record a reference or an "
             "injected disturbance for each motor"
         )
-    n_freq, n_all = blocks.length // 2 + 1, n_in + n_set + len(records.outputs)
+    n_freq, n_all = blocks.length // 2 + 1, 2 * n_in + n_set + len(records.outputs)
     whole: Complex = np.zeros((n_freq, n_all, n_all), np.complex128)
     count = 0
     for record in range(len(records.force)):
@@ -124,7 +165,7 @@ def _average_by_set_points(records: Records, blocks: ContinuousBlocks) -> Forced
         for start, (x, y) in zip(
             blocks.starts, _block_spectra(records, blocks, record), strict=True
         ):
-            z = _spectrum(set_points[:, start : start + blocks.length], blocks)
+            z = _spectrum(set_points[:, start : start + blocks.length], blocks.window)
             signals = np.hstack([x, z, y])
             whole += signals[:, :, None] * signals[:, None, :].conj()
             count += 1
@@ -211,11 +252,17 @@ def _average_periods(records: Records, blocks: ContinuousBlocks) -> ForcedSpectr
 def _block_spectra(
     records: Records, blocks: ContinuousBlocks, record: int
 ) -> Iterator[tuple[Complex, Complex]]:
-    """Yield the spectra of forces (n_freq, n_in) and motions (n_freq, n_out) of each block."""
+    """Yield the spectra of each block: of forces (n_freq, n_in), and (n_freq, n_out + n_in).
+
+    The latter are those of the motions, and then of the forces in the slope of the window.
+    """
     forces = np.vstack([records.force[record][None], records.further_forces[:, record]])
+    slope = np.gradient(blocks.window) * records.rate_hz
     for start in blocks.starts:
         part = slice(start, start + blocks.length)
-        yield _spectrum(forces[:, part], blocks), _spectrum(records.motion[record][:, part], blocks)
+        motion = _spectrum(records.motion[record][:, part], blocks.window)
+        sloped = _spectrum(forces[:, part], slope)
+        yield _spectrum(forces[:, part], blocks.window), np.hstack([motion, sloped])
 
 
 def count_inputs(records: Records) -> int:
@@ -223,10 +270,10 @@ def count_inputs(records: Records) -> int:
     return 1 + len(records.further_references)
 
 
-def _spectrum(signals: Real, blocks: ContinuousBlocks) -> Complex:
+def _spectrum(signals: Real, window: Real) -> Complex:
     """Return the spectra of signals without their means; (n_freq, n_signal)."""
     centred = signals - signals.mean(axis=1, keepdims=True)
-    return np.asarray(scipy.fft.rfft(centred * blocks.window, axis=1).T)
+    return np.asarray(scipy.fft.rfft(centred * window, axis=1).T)
 
 
 def choose_lines(spectra: ForcedSpectra, blocks: ContinuousBlocks, records: Records) -> Mask:

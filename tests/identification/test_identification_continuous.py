@@ -16,6 +16,7 @@ from identification.words import Dof, InputError, Records
 from tests.helpers.shaken_machine import (
     OUTPUTS,
     RATE_HZ,
+    SETTLING,
     exact,
     multisine,
     random_force,
@@ -62,6 +63,17 @@ def test_the_error_is_that_which_the_variance_says(name):
     frf = result.estimate.frf
     band = (frf.freq_hz > 4) & (frf.freq_hz < 60)
     assert np.median((result.estimate.variance / np.abs(frf.values) ** 2)[band]) < 0.1
+
+
+def test_a_sweep_that_stops_with_the_record_does_not_bend_the_last_lines():
+    sweep = scipy.signal.chirp(np.arange(40_000) / RATE_HZ, 3, 156.25, 38)
+    records = shake(np.concatenate([np.zeros(SETTLING), sweep])[None, None])
+    frf = estimate_continuous_frf(records).estimate.frf
+    for low, high, largest in ((35, 37, 0.01), (37, 37.8, 0.05)):  # 0.055 and 0.106 by H1 alone
+        band = (frf.freq_hz > low) & (frf.freq_hz < high)
+        right = exact(frf.freq_hz[band])[:, :, 0]
+        error = np.abs(frf.values[band, :, 0] - right) / np.abs(right).max(axis=0)
+        assert error.max() < largest
 
 
 def test_each_force_has_its_own_column():
