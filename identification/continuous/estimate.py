@@ -107,7 +107,7 @@ def estimate_continuous_frf(
             spectra.force[:, 0, 0].real, spectra.motion, spectra.cross[:, :, 0], int(spectra.count)
         )
         values = estimate_frf(single, settings.estimator)
-    bias, bias_variance = spectra.window_bias(freq)
+    bias, bias_variance = spectra.window_bias(2 * np.pi * freq / records.rate_hz, blocks)
     values, variance = values - bias, variance + bias_variance
     remarks = [
         *period_remarks,
@@ -184,8 +184,9 @@ def _leakage(
     variance: Real,
 ) -> Real:
     """Return the square of the error by leakage; (n_freq, n_out)."""
-    coarse = average_blocks(records, blocks.half()).select(np.flatnonzero(lines) // 2)
-    bias, bias_variance = coarse.window_bias(freq_hz)
+    half = blocks.half()
+    coarse = average_blocks(records, half).select(np.flatnonzero(lines) // 2)
+    bias, bias_variance = coarse.window_bias(2 * np.pi * freq_hz / records.rate_hz, half)
     noise = variance + coarse.variance()[:, :, 0] + bias_variance
     square = np.abs(coarse.values[:, :, 0] - bias - values) ** 2
     return np.asarray(np.maximum(square - noise, 0.0) / 9)

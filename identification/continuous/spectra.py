@@ -30,7 +30,7 @@ _MIN_STRENGTH = 10.0  # of instruments over noise in the forces (Stock and Yogo 
 _NEIGHBOURS = 9  # lines whose median strength counts
 _MIN_SLOPE_LINES = 2  # by which an FRF has a slope
 _MAX_BIAS = 0.2  # of an FRF, by a window: beyond it the first order is not enough
-_MIN_SEEN = 3.0  # bias by a window over the standard deviation of its correction
+_MIN_SEEN = 3.0  # bias by a window, and its share, over their standard deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +45,8 @@ class ForcedSpectra:
         noise: E|noise|^2 of S_yy's average where blocks repeat; (n_freq, n_out), else None.
         distortion: variance between realisations over that between periods; (n_out,), else None.
         weak: power of the noise in the forces' part that counts; (n_freq, n_in, n_in), else None.
-        sloped: as cross, of the forces in the slope of the window [1/s]; (n_freq, n_in, n_in), else
-            None.
+        sloped: as cross, of the forces in the slope of the window, per sample; (n_freq, n_in,
+            n_in), else None.
     """
 
     force: Complex
@@ -86,7 +86,7 @@ class ForcedSpectra:
         kept = self.force[lines], self.cross[lines], self.motion[lines]
         return ForcedSpectra(*kept, self.count, noise, self.distortion, weak, sloped)
 
-    def window_bias(self, freq_hz: Real) -> tuple[Complex, Real]:
+    def window_bias(self, omega: Real, blocks: ContinuousBlocks) -> tuple[Complex, Real]:
         r"""Return what the slope of the window adds to the FRFs of the first force.
 
         A machine answers to a force in a window w(t) by H w x + i dH/domega w' x, to first order:
@@ -94,20 +94,24 @@ class ForcedSpectra:
         the slopes cancel, but not for what is excited at an end of the record alone, as by a sweep.
 
         Args:
-            freq_hz: frequencies of the lines [Hz]; (n_freq,).
+            omega: angular frequencies of the lines [rad per sample]; (n_freq,).
+            blocks: how the records were cut.
 
         Returns:
-            The bias, 0 where noise hides it, and the variance of its correction; (n_freq, n_out).
+            The bias, 0 where noise or the chance of a random force hides it, and the variance of
+            its correction; (n_freq, n_out).
         """
-        if self.sloped is None or len(freq_hz) < _MIN_SLOPE_LINES:
+        if self.sloped is None or len(omega) < _MIN_SLOPE_LINES:
             return np.zeros(self.motion.shape, np.complex128), np.zeros(self.motion.shape)
-        omega, share = 2 * np.pi * freq_hz, self._per_force(self.sloped)[:, :, :1]
-        values = self.values
+        values, share = self.values, self._per_force(self.sloped)[:, :, :1]
         bias = (1j * np.gradient(values, omega, axis=0) @ share)[:, :, 0]
         spread = (np.abs(share) ** 2)[:, :, 0] / (2 * np.gradient(omega)[:, None] ** 2)
         noise = np.einsum("foi,fi->fo", self.variance(), spread)
+        slope = np.gradient(blocks.window)
+        chance = float(slope @ slope) / float(blocks.window @ blocks.window) / self.count
         is_seen = np.abs(bias) ** 2 > _MIN_SEEN**2 * noise
         is_seen &= np.abs(bias) < _MAX_BIAS * np.abs(values[:, :, 0])
+        is_seen &= np.abs(share).max(axis=1) > _MIN_SEEN * np.sqrt(chance)
         return bias * is_seen, noise * is_seen
 
 
@@ -257,7 +261,7 @@ def _block_spectra(
     The latter are those of the motions, and then of the forces in the slope of the window.
     """
     forces = np.vstack([records.force[record][None], records.further_forces[:, record]])
-    slope = np.gradient(blocks.window) * records.rate_hz
+    slope = np.gradient(blocks.window)
     for start in blocks.starts:
         part = slice(start, start + blocks.length)
         motion = _spectrum(records.motion[record][:, part], blocks.window)

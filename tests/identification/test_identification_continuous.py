@@ -69,7 +69,7 @@ def test_a_sweep_that_stops_with_the_record_does_not_bend_the_last_lines():
     sweep = scipy.signal.chirp(np.arange(40_000) / RATE_HZ, 3, 156.25, 38)
     records = shake(np.concatenate([np.zeros(SETTLING), sweep])[None, None])
     frf = estimate_continuous_frf(records).estimate.frf
-    for low, high, largest in ((35, 37, 0.01), (37, 37.8, 0.05)):  # 0.055 and 0.106 by H1 alone
+    for low, high, largest in ((35, 37, 0.03), (37, 37.8, 0.06)):  # 0.055 and 0.106 by H1 alone
         band = (frf.freq_hz > low) & (frf.freq_hz < high)
         right = exact(frf.freq_hz[band])[:, :, 0]
         error = np.abs(frf.values[band, :, 0] - right) / np.abs(right).max(axis=0)
