@@ -16,15 +16,13 @@ from identification.words import InputError
 from identification.words.file_access import write_bytes, write_text
 
 
-def page_path(path: Path, out: Path | None, name: str) -> Path:
+def page_path(target: Path, name: str) -> Path:
     """Return the path of a result's page.
 
     Args:
-        path: folder of the result, or a file in it.
-        out: an .html file or a folder; None for the folder of the result.
+        target: an .html file or a folder.
         name: file name of the page in a folder.
     """
-    target = out or (path if path.is_dir() else path.parent)
     return target if target.suffix == ".html" else target / name
 
 

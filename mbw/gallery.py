@@ -57,7 +57,8 @@ def resolve_names(values: Iterable[Any], part: GalleryPart) -> tuple[list[Any], 
         part: what a name stands for.
 
     Returns:
-        The values, and paths in the current folder, beside which results go, by campaign and model.
+        The values, and paths in the current folder: beside which results go, by campaign and model,
+        and into which, by the diagnosis.
 
     Raises:
         InputError: the gallery has no such machine.
@@ -77,6 +78,7 @@ def resolve_names(values: Iterable[Any], part: GalleryPart) -> tuple[list[Any], 
             raise typer.Exit
         for source in ("campaign", "model"):
             stems[find_part(name, source)] = Path.cwd() / name
+        stems[find_part(name, "diagnosed")] = Path.cwd() / f"{name}-diagnosed"
         return type(value)(find_part(name, part))
 
     return [resolve(value) for value in values], stems

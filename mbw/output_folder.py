@@ -168,13 +168,20 @@ def results_beside(stems: Mapping[Path, Path]) -> Iterator[None]:
     """Let results of some campaigns and models lie beside other paths.
 
     Args:
-        stems: these paths, by the absolute path of the campaign's folder or of the model.
+        stems: these paths, by the absolute path of the campaign's folder or of the model; of a
+            folder of results, where its page goes.
     """
     token = _STEMS.set(stems)
     try:
         yield
     finally:
         _STEMS.reset(token)
+
+
+def page_folder(result: Path) -> Path:
+    """Return the folder into which the page of a result goes: its own, unless it is built in."""
+    folder = result if result.is_dir() else result.parent
+    return _STEMS.get().get(Path(os.path.abspath(folder)), folder)
 
 
 def folder_beside(source: Path, suffix: str) -> Path:

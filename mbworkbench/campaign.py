@@ -16,16 +16,18 @@ from identification import read_campaign as read_tests
 from identification import select_band as select_campaign_band
 from identification.modal import ModeCriteria, modal_state_space
 from identification.modal import identify as identify_campaign
+from identification.readers.campaign_toml import model_file
 from identification.result.collect import check_measurement, collect_result
 from identification.result.parts import no_reference_modes
 from identification.result.remarks import list_findings
 from identification.roving_hammer import shape_points
 from identification.words import Campaign, ModalModel, Real, UsageError, shorten_names
-from mbmodel import load_machine
+from mbmodel import as_drawn, load_machine
 from mbworkbench.labels import AnyPath, as_path, check_band
 from mbworkbench.model import MachineModel
 from mbworkbench.tables import Shown, Table
-from tuning import Checkpoint, Session, open_session
+from tuning import Checkpoint, Session, find_wrong_exports, open_session
+from tuning.session import prepare_machine
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,6 +275,7 @@ def identify(
     if not isinstance(campaign, MeasuredCampaign):
         campaign = read_campaign(campaign)
     chosen = select_band(campaign, band)
+    wrong = _find_wrong_exports(campaign.source, chosen)
     if variant is not None:
         if variant not in chosen.variants:
             raise UsageError(f"{variant!r} is no variant of the campaign: {chosen.variants} are")
@@ -291,5 +294,15 @@ def identify(
         (float(chosen.freq_hz[0]), float(chosen.freq_hz[-1])),
         identified[0],
         len(result.summary.modes),
-        tuple(list_findings(result)),
+        (*wrong, *list_findings(result)),
     )
+
+
+def _find_wrong_exports(source: Path, campaign: Campaign) -> list[str]:
+    """Return sentences on files that differ from the nominal model as a whole, as by a unit."""
+    _, settings = read_settings(source)
+    if settings.layout is not None:
+        return []
+    nominal = load_machine(model_file(source, settings), key=settings.key)
+    model = as_drawn(prepare_machine(source, settings, nominal)[0])
+    return [finding.sentence for finding in find_wrong_exports(source, model, campaign)]

@@ -39,7 +39,7 @@ from diagnosis.next_test.experiments import (
 from diagnosis.next_test.unexplained import list_first_mended, propose_unexplained_test
 from diagnosis.refits.refit import Refit
 from diagnosis.settings import DiagnosisSettings
-from identification.words import Campaign, Output, Real
+from identification.words import Campaign, Output, Real, rounded_text
 from tuning import Misfit, mean_channel_variance, predict_tests, thin_lines
 from tuning.assessment.parameter_confidence import posterior_precision
 
@@ -62,7 +62,7 @@ def propose_experiment(diagnosis: Diagnosis) -> str | None:
         (first, _, _), (second, _, _), *_ = rivals
         if gain > settings.twin_nats:
             pair = f"{_name_difference(first, second)} from {_name_difference(second, first)}"
-            return f"{best.words}: expected to tell {pair} by {gain:.2g} nats"
+            return f"{best.words}: expected to tell {pair} by {rounded_text(gain, 2)} nats"
     return _confirm_cause(causes[0][0])
 
 

@@ -57,6 +57,7 @@ from identification.words.names import (
     count_noun,
     percent_text,
     read_number,
+    rounded_text,
     shorten_names,
 )
 from identification.words.ports import (
@@ -138,6 +139,7 @@ __all__ = [
     "percent_text",
     "poles_in_s",
     "read_number",
+    "rounded_text",
     "sampling_period",
     "settle_port",
     "shorten_names",

@@ -22,6 +22,11 @@ def count_noun(count: int, noun: str, plural: str = "") -> str:
     return f"{count} {noun if count == 1 else plural or noun + 's'}"
 
 
+def rounded_text(value: float, digits: int) -> str:
+    """Return a number with some significant digits, separated thousands and no exponent."""
+    return f"{float(f'{value:.{digits}g}'):,.15g}"
+
+
 def capitalise(text: str) -> str:
     """Return a text with a capital first letter."""
     return text[:1].upper() + text[1:]

@@ -46,6 +46,8 @@ def advise(sheet: Sheet, findings: Sequence[Findings]) -> Advice:
         if count := len(sheet.list_accepted(place)):
             reason = f"{count} of {MIN_HITS} hits there are accepted"
             return Advice(place, MIN_HITS - count, False, reason)
+    if not sheet.places:
+        return Advice(None, 0, False, "a record of hits in time is awaited; none is there yet")
     if not waiting:
         return Advice(None, 0, True, "all planned places have enough hits")
     if (agreement := find_reason_to_stop(findings)) is not None:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from identification.readers.campaign_toml import model_file, read_settings
 from identification.readers.result_files import FORMAT
-from identification.words import InputError, WorkbenchError
+from identification.words import InputError, WorkbenchError, rounded_text
 from mbmodel import load_machine
 from mbw.live.advice import Advice, advise
 from mbw.live.findings import Findings, FindingsWorker, FullRefits, write_accepted
@@ -213,8 +213,8 @@ class LiveSession:
     def describe_advice(self) -> str:
         """Return what to do next in one sentence."""
         advice = self.advice
-        if advice.stop or advice.place is None:
-            return f"STOP: {advice.reason}"
+        if advice.place is None:
+            return f"{'STOP' if advice.stop else 'NEXT'}: {advice.reason}"
         return f"NEXT: hit {advice.place[1]}, {advice.missing} more ({advice.reason})"
 
     def _write_log(self, row: dict[str, Any]) -> None:
@@ -240,7 +240,9 @@ def describe_findings(result: Findings, now: float) -> str:
     excess = "" if result.excess is None else f", excess {result.excess:.3g}"
     if not result.is_gap_visible:
         return f"provisional ({age}): the tuned model explains them{excess}"
-    causes = ", ".join(f"{cause.site} {cause.gain:.3g} nats" for cause in result.causes[:3])
+    causes = ", ".join(
+        f"{cause.site} {rounded_text(cause.gain, 3)} nats" for cause in result.causes[:3]
+    )
     return f"provisional ({age}{excess}): {causes or 'no effect explains the gap'}"
 
 

@@ -121,7 +121,10 @@ class LiveTest:
                 for each in read_records(self.source, named, self.settings.sensor, naming):
                     records.append((number, each))
         if not records:
-            raise InputError("it holds FRFs, no time records: export force and motion in time")
+            raise InputError(
+                "it holds FRFs, and a live test needs the records of hits in time: export force "
+                "and motion over time, or give the FRFs to mbw diagnose"
+            )
         for number, each in records:
             judge_hits([self._to_judge(number, each)])  # refuses a force without hits
         return records

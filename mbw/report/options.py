@@ -11,7 +11,10 @@ from mbw.options import Json, Overwrite, Quiet, SingleJob
 
 def report(
     result: Annotated[
-        Path, typer.Argument(help="Folder that another verb wrote, or the result file in it.")
+        Path,
+        typer.Argument(
+            help="Folder that another verb wrote, the result file in it, or gallery:NAME."
+        ),
     ],
     *,
     out: Annotated[
@@ -27,4 +30,4 @@ def report(
 ) -> None:
     """Write the page of a result as one self-contained HTML file."""
     del jobs
-    run_verb("mbw.report.verb", **locals())
+    run_verb("mbw.report.verb", gallery="diagnosed", **locals())

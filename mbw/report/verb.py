@@ -18,7 +18,7 @@ from mbw.identify.page import render_result as modes_page
 from mbw.match import result as matched
 from mbw.match.page import render as match_page
 from mbw.messages import SCREEN
-from mbw.output_folder import OutputRequest, open_output_folder, source_of
+from mbw.output_folder import OutputRequest, open_output_folder, page_folder, source_of
 from mbw.predict import page as predicted
 from mbw.results import diagnosed_files as diagnosed
 from mbw.tune import page as tuned
@@ -83,7 +83,8 @@ def run(
 
     Args:
         result: folder of the result, or its JSON file in it.
-        out: an .html file or a folder; None for the folder of the result.
+        out: an .html file or a folder; None for the folder of the result, or for one of its name in
+            the current folder if it is built in.
         json: file that gets a copy of its JSON; None for none.
         overwrite: whether a page of another campaign or model may be replaced.
 
@@ -95,7 +96,7 @@ def run(
     """
     kind = _kind(result)
     folder = result if result.is_dir() else result.parent
-    target = page_path(result, out, kind.page)
+    target = page_path(out or page_folder(result), kind.page)
     text = _render(kind, result)
     source = source_of(folder, kind.files[0])
     # A result without a record was copied or made by an earlier version: its page may be renewed.

@@ -108,6 +108,7 @@ def test_a_verb_takes_a_machine_by_name_and_writes_into_the_current_folder(tmp_p
         "tune": "gallery:servo-axis --no-pictures",
         "predict": "gallery:tower --no-pictures",
         "blind": "gallery:servo-axis --smallest --effect mass_error --place body:slide",
+        "report": "gallery:tower",
     }
     for verb, options in words.items():
         done = CliRunner().invoke(app, [verb, *options.split(), "--quiet"])
@@ -115,6 +116,7 @@ def test_a_verb_takes_a_machine_by_name_and_writes_into_the_current_folder(tmp_p
     assert {path.name for path in tmp_path.iterdir()} == {
         "servo-axis-tuned",
         "servo-axis-smallest",
+        "tower-diagnosed",
     }
     assert sorted(GALLERY.rglob("*")) == before
     tuned = open_subject(tmp_path / "servo-axis-tuned", None, None)

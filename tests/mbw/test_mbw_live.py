@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 import tomllib
 
 import numpy as np
@@ -11,10 +12,11 @@ from typer.testing import CliRunner
 
 from diagnosis.next_test.provisional import ProvisionalCause
 from identification.words import Dof, InputError
+from mbw.assets import asset_path
 from mbw.command import app
 from mbw.live.advice import advise
 from mbw.live.findings import Findings, FindingsWorker, FullRefits
-from mbw.live.session import LiveSession
+from mbw.live.session import LiveSession, describe_findings
 from mbw.live.test import MIN_HITS, HitRow, Sheet
 from mbw.live.watcher import REST_S, FolderWatch
 from tuning import open_session
@@ -216,6 +218,19 @@ def test_other_verbs_say_what_a_pattern_of_hits_is_for(played):
     result = CliRunner().invoke(app, ["identify", str(played)])
     assert result.exit_code == 3
     assert "mbw live reads them" in " ".join(result.output.split())
+
+
+def test_a_folder_of_frfs_is_told_what_a_live_test_needs(tmp_path):
+    shutil.copytree(asset_path("two_bodies"), tmp_path / "c")
+    words = ["live", str(tmp_path / "c"), "--idle", "2", "--terminal"]
+    said = " ".join(CliRunner().invoke(app, words).output.split())
+    assert "STOP" not in said
+    assert "it holds FRFs, and a live test needs the records of hits in time" in said
+
+
+def test_scores_of_provisional_causes_have_no_exponent():
+    text = describe_findings(findings((), ("mass_error", "body:lid", 5.64e4)), 0.0)
+    assert "mass_error@body:lid 56,400 nats" in text
 
 
 def test_a_campaign_without_a_model_is_refused(tmp_path):

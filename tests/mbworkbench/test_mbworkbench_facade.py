@@ -189,6 +189,14 @@ def test_identified_modes_have_the_sentences_of_the_command(every_result, tmp_pa
     assert repr(modes).splitlines()[1:] == [f"  {text}" for text in modes.remarks[:9]]
 
 
+def test_a_wrong_unit_is_said_with_the_modes(tmp_path):
+    shutil.copytree(CAMPAIGN, tmp_path / "c")
+    toml = tmp_path / "c" / "campaign.toml"
+    toml.write_text(toml.read_text("utf-8").replace("averages", 'unit = "g/N"\naverages'), "utf-8")
+    remarks = mb.identify(tmp_path / "c").remarks
+    assert any("nominal model's, as if values in m/s^2/N were read as g/N" in r for r in remarks)
+
+
 def test_a_tuned_model_has_parameters_and_a_gap_and_can_be_written(tuned, tmp_path):
     assert tuned.gap.tuned.error < 0.2 * tuned.gap.as_drawn.error
     assert {"table_tx.stiffness", "stage.mass"} <= {row.name for row in tuned.parameters}
