@@ -29,7 +29,7 @@ from identification.modal.shape_fit import (
     shape_deviations,
 )
 from identification.modal.user_choices import ModeChoices, apply_choices
-from identification.words import Mask, Real
+from identification.words import Complex, Mask, Real
 
 # Roots of the highest model order, over all inputs; some ten times the modes of a usual band.
 _N_ROOTS = 120
@@ -104,11 +104,8 @@ def identify_modes(
             residue_sd=transposed.residue_sd.transpose(1, 0, 2),
         )
     whole, data = data, compress_channels(data)
-    values, n_in = data.values, data.values.shape[2]
-    size = np.sqrt((np.abs(values) ** 2).mean(axis=(0, 2)))
-    chosen = _rows_for_poles(data, size)
-    rows = values[:, chosen] / size[chosen, None]
-    highest = min(-(-roots // n_in), len(freq_hz) // 2 - 1)
+    rows, n_in = _rows_for_poles(data), data.values.shape[2]
+    highest = min(-(-roots // rows.shape[2]), len(freq_hz) // 2 - 1)
     orders = lscf(freq_hz, rows, highest)
     band = (float(freq_hz[0]), float(freq_hz[-1]))
     clusters = cluster_poles(orders, band, criteria)
@@ -116,7 +113,8 @@ def identify_modes(
     clusters = (*clusters, *growing)
     # An exponential window moves the poles that the polynomials see by its own decay.
     poles = np.array([cluster.pole for cluster in clusters]) + data.laplace[0].real
-    participation = np.array([cluster.participation for cluster in clusters]).T.reshape(n_in, -1)
+    participation = np.array([cluster.participation for cluster in clusters]).T
+    participation = np.broadcast_to(participation.reshape(rows.shape[2], -1), (n_in, len(poles)))
     if is_quick:
         fitted, matrix = refine(data, poles, participation, max_steps=_QUICK_STEPS)
     else:
@@ -152,17 +150,22 @@ def identify_modes(
     )
 
 
-def _rows_for_poles(data: WeightedFrfs, size: Real) -> Mask:
-    """Return the outputs that start the search for poles: those measured from every input.
+def _rows_for_poles(data: WeightedFrfs) -> Complex:
+    """Return the scaled FRFs that start the search for poles: outputs measured from every input.
 
     The zero of a cell that was not measured would be a second shape at each pole, and so a second
-    mode. All outputs count where fewer than the inputs are complete.
+    mode. Where fewer outputs than inputs are complete, each measured cell is an output of one.
 
-    Args:
-        size: root mean square of each output; (n_out,).
+    Returns:
+        (n_freq, n_row, n_in), or (n_freq, n_cell, 1).
     """
-    complete: Mask = (size > 0) & (data.cells > 0).all(axis=1)
-    return complete if complete.sum() >= data.cells.shape[1] else size > 0
+    values, is_measured = data.values, data.cells > 0
+    complete = is_measured.all(axis=1)
+    if complete.sum() < is_measured.shape[1]:
+        values, complete = values[:, is_measured][:, :, None], np.ones(is_measured.sum(), bool)
+    size = np.sqrt((np.abs(values) ** 2).mean(axis=(0, 2)))
+    complete &= size > 0
+    return np.asarray(values[:, complete] / size[complete, None], np.complex128)
 
 
 def _meets_phase_criteria(fitted: ModalFit, criteria: ModeCriteria) -> Mask:

@@ -5,12 +5,14 @@ Gauss-Newton step is therefore taken in poles and participation alone, with the 
 the Schur complement (variable projection, Golub and Pereyra 1973). This is exact, since the normal
 equations of an output are sums over lines of products of kernels.
 
-The largest participation of each mode is fixed, since phi_r c and l_r / c are the same mode.
+The largest participation of each mode is fixed, since phi_r c and l_r / c are the same mode. Where
+inputs share no output, as in tests with other sensors, it is fixed for each of these groups.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from identification.modal.shape_fit import (
     LinearFit,
@@ -47,7 +49,7 @@ class _FreeParameters:
 
 
 def _free_parameters(
-    participation: Complex, moving_poles: Mask, moving_rows: Mask
+    data: WeightedFrfs, participation: Complex, moving_poles: Mask, moving_rows: Mask
 ) -> _FreeParameters:
     """List the parameters that vary.
 
@@ -55,8 +57,12 @@ def _free_parameters(
         moving_poles: modes whose poles vary; (n_mode,).
         moving_rows: modes whose participation varies; (n_mode,).
     """
-    largest = np.abs(participation).argmax(axis=0)
-    inputs, modes = np.nonzero((np.arange(len(participation))[:, None] != largest) & moving_rows)
+    is_measured = data.cells > 0
+    count, groups = connected_components(is_measured.T.astype(int) @ is_measured)
+    is_fixed, every = np.zeros(participation.shape, bool), np.arange(participation.shape[1])
+    for members in (np.flatnonzero(groups == group) for group in range(count)):
+        is_fixed[members[np.abs(participation[members]).argmax(axis=0)], every] = True
+    inputs, modes = np.nonzero(~is_fixed & moving_rows)
     return _FreeParameters(np.flatnonzero(moving_poles), inputs, modes)
 
 
@@ -195,7 +201,7 @@ def refine(
     if not len(poles):
         return fitted, np.zeros((0, 0))
     damping = 1e-6
-    free = _free_parameters(participation, moving_poles, moving_rows)
+    free = _free_parameters(data, participation, moving_poles, moving_rows)
     matrix, right = _schur_complement(data, fitted, linear, free)
     for _ in range(max_steps if free.size else 0):
         scaled = matrix + damping * np.diag(np.diag(matrix))
@@ -207,7 +213,7 @@ def refine(
                 data, refit
             )
             fitted, damping = refit, damping / 10
-            free = _free_parameters(fitted.participation, moving_poles, moving_rows)
+            free = _free_parameters(data, fitted.participation, moving_poles, moving_rows)
             matrix, right = _schur_complement(data, fitted, linear, free)
             if has_converged:
                 break

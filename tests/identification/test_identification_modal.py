@@ -104,7 +104,7 @@ def test_the_normal_matrix_is_that_of_the_jacobian_written_out(full):
     data = data_of(case, full=full)
     fitted, linear = fit_shapes_with_sums(data, *start_of(case, 3, off=0.02))
     every = np.ones(3, bool)
-    free = _free_parameters(fitted.participation, every, every)
+    free = _free_parameters(data, fitted.participation, every, every)
     matrix, right = _schur_complement(data, fitted, linear, free)
     weight = np.sqrt(data.weights * data.cells)
 

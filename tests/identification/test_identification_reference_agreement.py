@@ -151,6 +151,17 @@ def test_a_channel_that_one_run_lacks_is_not_compared():
     assert identify_rightly(replace(campaign, tests=(first, second))) == ()
 
 
+@pytest.mark.parametrize("parts", [([0, 1, 2], [3, 4, 5]), ([0, 1, 2, 3], [3, 4, 5])])
+def test_runs_with_other_sensors_have_the_same_modes(parts):
+    shapes = draw_shapes(9)
+    campaign = campaign_of([accelerance(shapes, 0), accelerance(shapes, 3)], [0, 3])
+    tests = [
+        replace(test, estimate=test.estimate.select_outputs(rows))
+        for test, rows in zip(campaign.tests, parts, strict=True)
+    ]
+    assert identify_rightly(replace(campaign, tests=tuple(tests))) == ()
+
+
 def test_a_reference_without_any_response_is_refused_by_name():
     shapes = draw_shapes(8)
     columns = [accelerance(shapes, 0), np.zeros((len(FREQ), 6))]
