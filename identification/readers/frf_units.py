@@ -31,6 +31,7 @@ _TRANSLATION, _ROTATION, _FORCE, _TORQUE, _SIGNAL = (
     "torques",
     "signals",
 )
+_CONTROL_UNIT = "control"  # unit of a motor in the files of mbw: what its actuator takes
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +187,9 @@ def labelled_unit(
     label = str(arrays.get("unit_label", ""))
     if stated is not None or not label:
         return stated, ()
+    motion, _, drive = label.rpartition("/")
+    if drive == _CONTROL_UNIT and (_motion(motion, quantity) or ("", 0.0))[1] == 1:
+        return None, ()  # as the drive's own unit is not known, nothing is read otherwise
     if parse_frf_unit(label, quantity) is None:
         return None, (
             f"{path.name}: its headings name {label}, which is no single unit of {quantity}, so "

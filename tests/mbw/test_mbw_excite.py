@@ -161,6 +161,13 @@ def frf(machine, measured):
     return Evaluator(model, request).at(model.drawn).values
 
 
+def test_the_control_of_a_motor_is_no_unknown_unit(tmp_path):
+    write_axis(tmp_path / "axis.xml")
+    arguments = ("--limit", "drive:force=70,stroke=1e-4", "--output", "encoder", "--no-pictures")
+    run("excite", tmp_path / "axis.xml", *arguments, *SHORT)
+    assert not [r for r in open_campaign(tmp_path / "axis-excited")[2].remarks if "headings" in r]
+
+
 def test_mujoco_plays_the_signal_into_the_campaign(model, folder, tmp_path):
     """The response takes the place of the expected record: columns have the same headings."""
     copy = tmp_path / "played"
