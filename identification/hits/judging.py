@@ -9,7 +9,7 @@ becomes a remark.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -67,6 +67,7 @@ class JudgedHit:
     Args:
         record, number, time_s, peak_n: as for ``Hit``.
         reason: reason to refuse it; None if it is accepted.
+        is_cut_off: whether its block leaves the record.
     """
 
     record: int
@@ -74,6 +75,7 @@ class JudgedHit:
     time_s: float
     peak_n: float
     reason: str | None
+    is_cut_off: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +137,8 @@ def judge_hits(tests: Sequence[HitsToJudge], predict: PredictPlaces | None = Non
             kept, rejected = reject_hits(blocks, spectra, checks)
             refused = (*left_out, *rejected)
         reasons = {rejection.hit: rejection.reason for rejection in refused}
-        judged.append(tuple(_describe_hit(blow, reasons.get(blow.number), rate) for blow in hits))
+        cut_off = {rejection.hit for rejection in left_out}
+        judged.append(tuple(_describe_hit(blow, reasons, cut_off, rate) for blow in hits))
         dof = test.records.reference
         if kept.blows and isinstance(dof, Dof):
             measured.setdefault(dof, []).extend(each.select(kept))
@@ -146,10 +149,12 @@ def judge_hits(tests: Sequence[HitsToJudge], predict: PredictPlaces | None = Non
     return Judgement(tuple(judged), tuple(dict.fromkeys(remarks)))
 
 
-def _describe_hit(blow: Blow, reason: str | None, rate_hz: float) -> JudgedHit:
-    return JudgedHit(
-        blow.main.record + 1, blow.number, blow.onset / rate_hz, blow.main.height, reason
-    )
+def _describe_hit(
+    blow: Blow, reasons: Mapping[int, str], cut_off: set[int], rate_hz: float
+) -> JudgedHit:
+    number, main = blow.number, blow.main
+    where = main.record + 1, number, blow.onset / rate_hz, main.height
+    return JudgedHit(*where, reasons.get(number), number in cut_off)
 
 
 def _find_weak(blocks: Blocks, peak_n: float | None) -> Reasons:

@@ -112,7 +112,7 @@ class FindingsWorker:
 
     def ask(self, test: LiveTest, sheet: Sheet) -> None:
         """Compute findings about the places with enough hits, unless this is done or under way."""
-        places = sheet.complete
+        places = [place for place in sheet.complete if place in sheet.estimates]
         keys = tuple(hit.key for place in places for hit in sheet.list_accepted(place))
         if not keys or self._running is not None or keys == self._asked:
             return
@@ -232,7 +232,7 @@ class FullRefits:
 
     def ask(self, test: LiveTest, sheet: Sheet) -> None:
         """Diagnose the places with enough hits, unless this was asked for; jobs need no Windows."""
-        places = sheet.complete
+        places = [place for place in sheet.complete if place in sheet.estimates]
         keys = tuple(hit.key for place in places for hit in sheet.list_accepted(place))
         if os.name == "nt" or keys == self._asked:
             return

@@ -81,7 +81,7 @@ function show() {
   const options = [new Option("the last hit's point", ""), ...places.map((place, k) => new Option(place.place, k))], chosen = byId("place").value;
   if (byId("place").options.length !== options.length) { byId("place").replaceChildren(...options); byId("place").value = chosen; }
   say(state.sentences[state.sentences.length - 1] ?? "");
-  byId("remarks").querySelector("ul").replaceChildren(...[...state.remarks, ...state.sentences.toReversed()].map(textContent => create("li", {textContent})));
+  byId("remarks").querySelector("ul").replaceChildren(...[...state.remarks, ...state.sentences.filter(text => !state.remarks.includes(text)).toReversed()].map(textContent => create("li", {textContent})));
 }
 
 function showAge() {
@@ -110,7 +110,7 @@ async function showResponse() {
 function writeReadout(frequency, values, coherence, line) {
   const {deviation} = frame.arrays;
   if (!deviation) { byId("readout").replaceChildren(create("tbody", {}, create("tr", {}, cell("no accepted hit at this point yet")))); return; }
-  const row = (key, name, ...texts) => create("tr", {}, create("th", {scope: "row"}, create("i", {className: "key " + key}), name), ...texts.map(cell), ...(texts.length < 2 ? [cell("")] : []));
+  const row = (key, name, ...texts) => create("tr", {}, create("th", {scope: "row"}, ...(key ? [create("i", {className: "key " + key})] : []), name), ...texts.map(cell), ...(texts.length < 2 ? [cell("")] : []));
   const curve = (key, name) => row(key, name, fourDigits(values[key].size), values[key].angle.toFixed(1) + "°");
   const title = text => create("th", {scope: "col", textContent: text}), head = create("tr", {}, ...[frequency.toFixed(2) + " Hz", "|H| / (" + frame.unit + ")", "phase"].map(title));
   const rows = [curve("measured", "measured"), row("", "95 %", "± " + fourDigits(QUANTILE_95 * deviation[line] / Math.SQRT2))];

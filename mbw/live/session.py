@@ -58,6 +58,7 @@ class LiveSession:
         self.sentences: deque[str] = deque(maxlen=_N_SENTENCES)
         self.last_change = time.monotonic()
         self._judged: dict[str, bool] = {}
+        self._said: set[str] = set()
         for row in _read_log(self.folder / LOG):
             if row.get("decision", "") is None:
                 self.test.decisions.pop(row["hit"], None)
@@ -110,9 +111,12 @@ class LiveSession:
                 self._tell(sentence)
             if changes.read or changes.gone or result is not None:
                 self._judge()
-            self._worker.ask(self.test, self.sheet)
-            if self.advice.stop and self.findings:
-                self._refits.ask(self.test, self.sheet)
+            try:
+                self._worker.ask(self.test, self.sheet)
+                if self.advice.stop and self.findings:
+                    self._refits.ask(self.test, self.sheet)
+            except (OSError, WorkbenchError) as error:  # a full disk stops no test
+                self._tell(f"no findings about these hits: {error}")
 
     def decide(self, key: str, decision: bool | None) -> None:
         """Take a refused hit back, withdraw an accepted one, or leave it to the judgement.
@@ -122,11 +126,14 @@ class LiveSession:
             decision: whether it counts; None for the judgement.
 
         Raises:
-            InputError: there is no such hit.
+            InputError: there is no such hit, or it is cut off.
         """
         with self._changed:
-            if key not in {hit.key for hit in self.sheet.hits}:
+            hit = next((hit for hit in self.sheet.hits if hit.key == key), None)
+            if hit is None:
                 raise InputError(f"there is no hit {key}: look at the list again")
+            if decision and hit.is_cut_off:
+                raise InputError(f"{key} gives no FRF, since {hit.reason}: hit again")
             if decision is None:
                 self.test.decisions.pop(key, None)
             else:
@@ -172,6 +179,10 @@ class LiveSession:
         except WorkbenchError as error:  # of the hits together, such as two sampling rates
             self._tell(str(error))
             return
+        for remark in self.sheet.remarks:
+            if remark not in self._said:
+                self._said.add(remark)
+                self._tell(remark)
         before, self.advice = self.advice, advise(self.sheet, self.findings)
         for hit in self.sheet.hits:
             is_new = hit.key not in self._judged

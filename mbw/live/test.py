@@ -4,6 +4,7 @@ The folder of the test is only read. All hits are judged together whenever one h
 (``identification.hits.judging``); the sheet is a function of files, decisions and model.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -13,7 +14,7 @@ import numpy as np
 
 from identification.campaign_reader import name_sites
 from identification.hits import estimate_hit_frfs
-from identification.hits.judging import HitsToJudge, JudgedHit, PredictPlaces, judge_hits
+from identification.hits.judging import HitsToJudge, PredictPlaces, judge_hits
 from identification.readers.campaign_toml import CampaignSettings, TestSettings
 from identification.readers.channel_labels import parse_references
 from identification.record_tests import hit_settings, read_records
@@ -29,11 +30,12 @@ class HitRow:
     """A hit on the sheet.
 
     Args:
-        key: name by which it is taken back or withdrawn: its file, and its number there.
+        key: name by which it is taken back or withdrawn: its file, and its number there from 2 on.
         place: where it belongs.
         peak_n: largest force of the hit, signed [N].
         reason: why it was refused; None if nothing speaks against it.
         decision: what the user decided; None for nothing.
+        is_cut_off: whether its block leaves the record, so that it cannot count.
     """
 
     key: str
@@ -41,11 +43,13 @@ class HitRow:
     peak_n: float
     reason: str | None
     decision: bool | None
+    is_cut_off: bool = False
 
     @property
     def is_accepted(self) -> bool:
         """Whether it counts."""
-        return self.reason is None if self.decision is None else self.decision
+        decision = self.reason is None if self.decision is None else self.decision
+        return decision and not self.is_cut_off
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +117,10 @@ class LiveTest:
         Raises:
             InputError: the file cannot be used.
         """
-        records = []
+        records, file = [], path.relative_to(self.source.parent)
         for number, entry in enumerate(self.settings.test):
-            if path in set(self.source.parent.glob(entry.file)):
-                named = entry.model_copy(update={"file": str(path.relative_to(self.source.parent))})
+            if len(file.parts) == len(Path(entry.file).parts) and file.match(entry.file):
+                named = entry.model_copy(update={"file": str(file)})
                 naming = partial(name_sites, self.layout)
                 for each in read_records(self.source, named, self.settings.sensor, naming):
                     records.append((number, each))
@@ -150,24 +154,28 @@ class LiveTest:
         tests = [self._to_judge(place[0], records) for place, (records, _) in series.items()]
         judgement = judge_hits(tests, predict)
         rows: dict[Place, list[HitRow]] = {}
+        of_files: dict[Path, list[HitRow]] = {path: [] for path in self._files}
         for (place, (_, files)), hits in zip(series.items(), judgement.hits, strict=True):
-            keys = _name_hits(files, hits)
-            rows[place] = [
-                HitRow(key, place, hit.peak_n, hit.reason, self.decisions.get(key))
-                for key, hit in zip(keys, hits, strict=True)
-            ]
+            rows[place] = []
+            for hit in hits:
+                path = files[hit.record - 1]
+                # The first one keeps its name when the file grows, and with it what was decided.
+                key = path.relative_to(self.source.parent).as_posix()
+                key += f"#{len(of_files[path]) + 1}" if of_files[path] else ""
+                decision = self.decisions.get(key)
+                row = HitRow(key, place, hit.peak_n, hit.reason, decision, hit.is_cut_off)
+                rows[place].append(row)
+                of_files[path].append(row)
         chosen = [
             (place, test, rows[place])
             for place, test in zip(series, tests, strict=True)
             if any(hit.is_accepted for hit in rows[place])
         ]
         estimates, failures = _estimate(chosen)
-        sheet_hits = [hit for of_place in rows.values() for hit in of_place]
-        order = {path.name: number for number, path in enumerate(self._files)}
-        sheet_hits.sort(key=lambda hit: order[hit.key.partition("#")[0]])
+        sheet_hits = tuple(row for of_file in of_files.values() for row in of_file)
         joined = {place: records for place, (records, _) in series.items()}
         remarks = [*remarks, *judgement.remarks, *failures]
-        return Sheet(places, tuple(sheet_hits), estimates, joined, tuple(dict.fromkeys(remarks)))
+        return Sheet(places, sheet_hits, estimates, joined, tuple(dict.fromkeys(remarks)))
 
     def _to_judge(self, number: int, records: Records) -> HitsToJudge:
         entry = self.settings.test[number]
@@ -179,10 +187,17 @@ class LiveTest:
         Longer records are cut to the shortest one; a record far shorter than usual does not count.
         """
         groups: dict[Place, list[tuple[Path, Records]]] = {}
+        rates = Counter(each.rate_hz for of_file in self._files.values() for _, each in of_file)
+        series: dict[Place, tuple[Records, list[Path]]] = {}
+        remarks: list[str] = []
         for path, contents in self._files.items():
             for number, records in contents:
-                groups.setdefault((number, records.reference), []).append((path, records))
-        series, remarks = {}, []
+                remarks += records.remarks
+                if records.rate_hz == (rate := rates.most_common(1)[0][0]):
+                    groups.setdefault((number, records.reference), []).append((path, records))
+                else:
+                    sampled = f"it was sampled at {records.rate_hz:g} Hz, others at {rate:g} Hz"
+                    remarks.append(f"{path.name} is not counted: {sampled}")
         for place, members in groups.items():
             lengths = [records.force.shape[1] for _, records in members]
             usual, first = float(np.median(lengths)), members[0][1]
@@ -209,20 +224,11 @@ class LiveTest:
 
 def _differs(records: Records, first: Records, usual: float) -> str | None:
     """Return why a record cannot stand beside others of its place, or None."""
-    if records.outputs != first.outputs or records.rate_hz != first.rate_hz:
-        return "its channels or sampling rate are not those of the first hit there"
+    if records.outputs != first.outputs:
+        return "its channels are not those of the first hit there"
     if records.force.shape[1] < _MIN_LENGTH_SHARE * usual:
         return f"it has {records.force.shape[1]} samples, others {usual:.0f}"
     return None
-
-
-def _name_hits(files: list[Path], hits: tuple[JudgedHit, ...]) -> list[str]:
-    """Return the key of each hit: its file, and its number in it where it has several."""
-    names = [files[hit.record - 1].name for hit in hits]
-    return [
-        name if names.count(name) == 1 else f"{name}#{names[: k + 1].count(name)}"
-        for k, name in enumerate(names)
-    ]
 
 
 def _estimate(
