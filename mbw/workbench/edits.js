@@ -1,6 +1,7 @@
 // What if: masses, springs, struts, appendages and delays, each with sliders for its sizes.
 
-import {create, fourDigits} from "./sliders.js";
+import {warn} from "./exchange.js";
+import {create, fourDigits, readNumber} from "./sliders.js";
 
 const STEPS = 400, SPAN = 10;  // a slider reaches from a tenth of a size to ten times as much
 const AXES = {x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1]};
@@ -60,14 +61,19 @@ export function createEdits(place, adders, session, onPut, onPreview, onRemove) 
     return line;
   }
 
+  function restore(field, value) {
+    warn(`${field.getAttribute("aria-label")} cannot be "${field.value}": give a number`);
+    field.value = fourDigits(value);
+  }
+
   function addPoint(line, edit, key, origin) {
     const fields = edit[key].map((value, k) => {
       const field = create("input", {type: "text", inputMode: "decimal", value: fourDigits(value), autocomplete: "off"});
       field.setAttribute("aria-label", `${edit.name}, ${key}: ${"xyz"[k]} in ${origin}`);
       field.onchange = () => {
-        const number = Number(field.value.replace(",", "."));
+        const number = readNumber(field.value);
         if (Number.isFinite(number)) onPut({...edit, [key]: edit[key].map((v, n) => n === k ? number : v)});
-        else field.value = fourDigits(value);
+        else restore(field, value);
       };
       return create("label", {}, "xyz"[k] + " ", field);
     });
@@ -89,9 +95,9 @@ export function createEdits(place, adders, session, onPut, onPreview, onRemove) 
     };
     slider.onchange = () => onPut({...edit, [name]: Number(valueAt(slider.value).toPrecision(6))});
     field.onchange = () => {
-      const value = Number(field.value.replace(",", "."));
-      if (field.value.trim() && Number.isFinite(value)) onPut({...edit, [name]: value});
-      else field.value = fourDigits(edit[name]);
+      const value = readNumber(field.value);
+      if (Number.isFinite(value)) onPut({...edit, [name]: value});
+      else restore(field, edit[name]);
     };
     const track = create("div", {className: "track"}, slider);
     return create("div", {className: "row"}, create("label", {textContent: name, htmlFor: id}), track, field, create("span", {className: "unit soft", textContent: unit}));

@@ -1,6 +1,6 @@
 // Exchange with the server: one request at a time; of previews, the newest wins.
 
-let revision = 0, busy = false, preview = null, isRefused = false, show = () => {}, say = () => {}, restore = () => {};
+let revision = 0, told = 0, busy = false, preview = null, isRefused = false, show = () => {}, say = () => {}, restore = () => {};
 const actions = [];
 
 export async function load(path) {
@@ -15,15 +15,16 @@ export async function begin(onFrame, onMessage, onRefusal) {
   show = onFrame; say = onMessage; restore = onRefusal;
   await renew();
   const events = new EventSource("/events");
-  let results = null;
+  let results = null, isGone = false;
   events.onmessage = event => {
     const [newest, brought] = event.data.split(" ");
     if (results !== null && brought !== results) location.reload();  // a job has brought curves or modes
     results = brought;
-    if (Number(newest) !== revision && !busy) renew();
+    told = Number(newest);
+    if (told !== revision && !busy) renew();
   };
-  events.onerror = () => say("The workbench has ended or cannot be reached: run mbw open again, then reload this page.", true);
-  events.onopen = () => say("");
+  events.onerror = () => { isGone = true; say("The workbench has ended or cannot be reached: run mbw open again, then reload this page.", true); };
+  events.onopen = () => { if (isGone) say(""); isGone = false; };
 }
 
 export function act(action) {
@@ -55,6 +56,7 @@ async function work() {
         if (answer.ok) { await take(answer, false); if (isRefused) say(""); isRefused = false; }
         else await refuse(answer);
       } else {
+        if (told > revision) await renew();  // another window acted meanwhile
         const change = preview;
         preview = null;
         const answer = await post("/preview", change);
@@ -62,8 +64,14 @@ async function work() {
         else await refuse(answer);
       }
     }
+    if (told > revision) await renew();
   } catch { say("The workbench does not answer: run mbw open again, then reload this page.", true); }
   busy = false;
+}
+
+export function warn(text) {  // what was typed cannot be; the next action takes the sentence away
+  say(text, true);
+  isRefused = true;
 }
 
 async function refuse(answer) {

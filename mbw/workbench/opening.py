@@ -6,6 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from diagnosis.corrections import find_correction
+from diagnosis.verdict.schema import CauseRow
+from identification import Fault
 from identification.readers.campaign_toml import find_campaign_file
 from identification.readers.result_files import read_result_json
 from identification.result.stored_result import MODES_JSON
@@ -51,8 +54,12 @@ def open_subject(path: Path, band: tuple[float, float] | None, key: str | None) 
     Raises:
         InputError: the path is none of these, or cannot be read.
     """
+    if not path.exists():
+        raise InputError(f"{path} does not exist: name a campaign, model or folder of results")
     if path.is_file() and path.suffix != ".toml":
         return _open_model(path, band, key)
+    if key is not None:
+        raise InputError(f"--key is for a model alone: state key in the campaign.toml of {path}")
     file = next((f for f in _RESULT_FILES.values() if (path / f).is_file()), None)
     if file is None:
         if path.suffix != ".toml" and not (path / "campaign.toml").is_file():
@@ -164,6 +171,9 @@ def show_results(subject: WorkbenchSubject, folders: Mapping[str, Path]) -> Work
             remarks.append(
                 f"{folders[name]} has other frequency lines, and its curves are not shown"
             )
+        elif name == "diagnosed":
+            causes = read_diagnosis(folders[name]).verdict.causes
+            stored[name] = _as_recorded(frfs, subject, causes)
         else:
             stored[name] = frfs
     if "tuned" in folders:
@@ -208,6 +218,42 @@ def _read_frfs(result: HeldOutResult, subject: WorkbenchSubject) -> StoredFrfs |
     test_of = dict(zip(names, shown, strict=True))
     labels = zip(map(test_of.__getitem__, frfs.tests), frfs.outputs, strict=True)
     return StoredFrfs({label: column for column, label in enumerate(labels)}, frfs.tuned)
+
+
+def _as_recorded(
+    frfs: StoredFrfs, subject: WorkbenchSubject, causes: Iterable[CauseRow]
+) -> StoredFrfs:
+    """Return FRFs with the channels exchanged and turned as in the records.
+
+    A diagnosis corrects the records for such a fault; the same correction takes it back.
+    """
+    faults = [
+        Fault(cause.effect, cause.location, cause.dof, 1.0, {}, 0.0)
+        for cause in causes
+        if cause.effect in ("sensor_swap", "sensor_polarity")
+    ]
+    if not faults or subject.campaign is None:
+        return frfs
+    tests = []
+    for name, test in zip(subject.tests, subject.campaign.tests, strict=True):
+        values = test.estimate.frf.values.copy()
+        for row, output in enumerate(test.estimate.frf.outputs):
+            if (name, str(output)) in frfs.column:
+                values[:, row, 0] = frfs.values[:, frfs.column[name, str(output)]]
+        frf = replace(test.estimate.frf, values=values)
+        tests.append(replace(test, estimate=replace(test.estimate, frf=frf)))
+    campaign = replace(subject.campaign, tests=tuple(tests))
+    for fault in faults:
+        correct = find_correction(fault, campaign)
+        campaign = campaign if correct is None else correct(campaign)
+    recorded = {
+        (name, str(output)): test.estimate.frf.values[:, row, 0]
+        for name, test in zip(subject.tests, campaign.tests, strict=True)
+        for row, output in enumerate(test.estimate.frf.outputs)
+        if (name, str(output)) in frfs.column
+    }
+    columns = {label: column for column, label in enumerate(recorded)}
+    return StoredFrfs(columns, np.stack(list(recorded.values()), axis=1))
 
 
 def _changed_files(then: Iterable[InputRow], now: Iterable[InputRow]) -> list[str]:

@@ -69,5 +69,6 @@ def describe_wrong_request(error: ValidationError) -> tuple[int, str]:
     place = [str(part) for part in first["loc"]]
     if "edit" in place and place[-1] != "edit":
         what = first["msg"].removeprefix("Input ").removesuffix(".")
-        return 422, f"{place[-1]}: the value {what}"
+        size = place[-1] if len(place[-1]) > 1 else f"{place[-2]} {'xyz'[int(place[-1])]}"
+        return 422, f"{size}: the value {what}"
     return 400, "the request is none of this version's page: open the page again"

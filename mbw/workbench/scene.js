@@ -1,6 +1,7 @@
 // The machine in 3-D: surfaces are sent once, and its modes move in the browser.
 
 const PERIOD_MS = 1800, FIELD = 0.5;  // period of the shown motion; half the height of the picture over the distance
+const GROUND = 2, MARGIN = 1.06;  // the ground is in the picture up to so many times the size of the machine
 const SLOW_MS = 12, REST_MS = 150;  // a picture that takes longer (no graphics card) waits until sliders rest
 const VERTEX = `#version 300 es
 uniform mat4 camera; uniform vec3 shift, turn; in vec3 place; out vec3 world;
@@ -37,7 +38,7 @@ export function createScene(canvas, marks, onPick) {
 
   const buffer = (kind, array) => { const b = gl.createBuffer(); gl.bindBuffer(kind, b); gl.bufferData(kind, array, gl.STATIC_DRAW); return b; };
   const loose = gl.createBuffer();  // lines whose ends move apart
-  let data = {stages: [], points: [], marks: []}, centres = new Float32Array(0), meshes = [], lines = [], dots = [], middle = [0, 0, 0], size = 0;
+  let data = {stages: [], points: [], marks: []}, centres = new Float32Array(0), meshes = [], lines = [], dots = [], places = [], middle = [0, 0, 0], size = 0;
 
   function setMachine(next) {
     for (const mesh of meshes) for (const name of ["vertices", "triangles", "edges"]) gl.deleteBuffer(mesh[name]);
@@ -61,14 +62,16 @@ export function createScene(canvas, marks, onPick) {
     shape = new Float32Array(12 * data.stages.length);
     isSlow = null;  // measured at the next picture, which has this machine in it
     if (size) return;  // the picture stays where the user has turned it
-    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-    const include = p => p.forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
-    const solid = meshes.filter(m => m.stage >= 0);
-    for (const m of solid.length ? solid : meshes) for (let k = 0; k < m.places.length; k += 3) include(m.places.subarray(k, k + 3));
-    for (const p of data.points) if (p.stage >= 0) include(p.place);
-    middle = low.map((v, k) => (v + high[k]) / 2);
-    size = Math.hypot(...low.map((v, k) => high[k] - v)) || 1;
-    distance = 0.92 * size;
+    const moving = boxOf(meshes.filter(m => m.stage >= 0)), whole = boxOf(meshes);
+    ({places, middle, size} = moving.size && whole.size > GROUND * moving.size ? moving : whole);
+    distance = 0;
+  }
+
+  function boxOf(list) {  // about surfaces, sensors and hits
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity], places = data.points.filter(p => p.stage >= 0).map(p => p.place);
+    for (const m of list) for (let k = 0; k < m.places.length; k += 3) places.push(m.places.subarray(k, k + 3));
+    for (const p of places) for (let k = 0; k < 3; k++) { low[k] = Math.min(low[k], p[k]); high[k] = Math.max(high[k], p[k]); }
+    return {places, middle: low.map((v, k) => (v + high[k]) / 2), size: places.length ? Math.hypot(...low.map((v, k) => high[k] - v)) || 1 : 0};
   }
 
   let azimuth = -0.94, elevation = 0.48, distance = 0, shape = new Float32Array(0), factor = 0;
@@ -97,10 +100,16 @@ export function createScene(canvas, marks, onPick) {
     factor = largest ? amplitude / 100 * size / largest : 0;
   }
 
+  function fittingDistance(right, up, back, aspect) {  // at which the whole machine is in the picture
+    const half = FIELD * Math.max(1, 1 / aspect), needed = p => dot(p, back) + Math.max(Math.abs(dot(p, up)), Math.abs(dot(p, right)) / aspect) / half;
+    return MARGIN * places.reduce((largest, p) => Math.max(largest, needed(middle.map((v, k) => p[k] - v))), 0.2 * size);
+  }
+
   function camera() {
     const back = [Math.cos(elevation) * Math.cos(azimuth), Math.cos(elevation) * Math.sin(azimuth), Math.sin(elevation)];
-    const right = unit(cross([0, 0, 1], back)), up = cross(back, right), eye = add(middle, back, distance);
-    const aspect = canvas.width / canvas.height, near = distance / 50, far = distance + 4 * size, f = 1 / (FIELD * Math.max(1, 1 / aspect));
+    const right = unit(cross([0, 0, 1], back)), up = cross(back, right), aspect = canvas.width / canvas.height;
+    if (!distance) distance = size ? fittingDistance(right, up, back, aspect) : 1;
+    const eye = add(middle, back, distance), near = distance / 50, far = distance + 4 * size, f = 1 / (FIELD * Math.max(1, 1 / aspect));
     const a = (far + near) / (near - far), b = 2 * far * near / (near - far);
     const row = (axis, s) => [...axis.map(v => v * s), -s * dot(axis, eye)];
     const [x, y, z] = [row(right, f / aspect), row(up, f), row(back, 1)];
@@ -157,7 +166,7 @@ export function createScene(canvas, marks, onPick) {
   }
 
   const letters = [..."xyz"].map(text => { const e = document.createElement("b"); e.textContent = text; marks.append(e); return e; });
-  const names = ["reference", "channel"].map(kind => { const e = document.createElement("span"); e.className = kind; marks.append(e); return e; });
+  const reach = [0, 0], names = ["reference", "channel"].map(kind => { const e = document.createElement("span"); e.className = kind; marks.append(e); return e; });
 
   function mark(look) {
     const move = (element, [x, y]) => { element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`; };
@@ -171,8 +180,9 @@ export function createScene(canvas, marks, onPick) {
       const spot = point ? point.at : centre ? project(look.matrix, centre) : null;
       name.hidden = !spot;
       if (!spot) return;
-      name.textContent = (k ? "out " : "in ") + place + " " + direction;
-      move(name, [spot[0] + 8, spot[1] + sign * 14 - 9]);
+      const label = (k ? "out " : "in ") + place + " " + direction;
+      if (name.textContent !== label) { name.textContent = label; reach[k] = name.offsetWidth; }
+      move(name, [Math.min(spot[0] + 8, canvas.clientWidth - reach[k]), spot[1] + sign * 14 - 9]);
     });
   }
 

@@ -1,5 +1,7 @@
 // Parameters as sliders, with drawing, tolerance and interval on each track.
 
+import {warn} from "./exchange.js";
+
 const LOG_SPAN = Math.log(10), FREE_SPAN = 4;  // nats about the drawing; standard deviations where no bound is near
 const STEPS = 1000;
 
@@ -10,12 +12,19 @@ export function fourDigits(value) {
   return text.includes("e") || Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(3).replace("e+", "e") : text;
 }
 
+export const readNumber = text => text.trim() ? Number(text.replace(",", ".")) : NaN;
+
 export const valueAt = (row, x) => row.log ? row.drawn * Math.exp(row.scale * x) : row.drawn + row.scale * x;
 const placeOf = (row, value) => row.log ? Math.log(value / row.drawn) / row.scale : (value - row.drawn) / row.scale;
 
 function change(row, x) {  // in the words of an engineer: a factor, or standard deviations
   if (Math.abs(x) < 5e-13) return "as drawn";
   return row.log && !row.tolerance ? "× " + Math.exp(row.scale * x).toPrecision(3) : (x > 0 ? "+" : "−") + Math.abs(x).toFixed(2) + " sd";
+}
+
+function bounds(row) {  // where a value may lie, in words
+  const [low, high] = [row.low, row.high].map(x => x === null ? "" : fourDigits(valueAt(row, x)));
+  return (low ? ` from ${low}` : row.log ? " above 0" : "") + (high ? `${low ? " to" : ", at most"} ${high}` : "") + " " + row.unit;
 }
 
 export function createSliders(place, rows, tuned, onInput, onCommit) {
@@ -57,11 +66,13 @@ export function createSliders(place, rows, tuned, onInput, onCommit) {
     group.append(line);
     const item = {row, line, slider, field, note, reset, x: 0, isHeld: false};
     slider.addEventListener("input", () => { item.isHeld = true; write(item, Number(slider.value), false); onInput(row.name, item.x); });
+    for (const end of ["pointerup", "blur"]) slider.addEventListener(end, () => { item.isHeld = false; });  // no change where it began
     slider.addEventListener("change", () => { item.isHeld = false; onCommit({[row.name]: Number(slider.value)}); });
     field.addEventListener("change", () => {
-      const x = placeOf(row, Number(field.value.replace(",", ".")));
-      if (Number.isFinite(x)) onCommit({[row.name]: Math.abs(x) < 1e-12 ? 0 : x});
-      else write(item, item.x);
+      const x = placeOf(row, readNumber(field.value));
+      if (x >= (row.low ?? -Infinity) && x <= (row.high ?? Infinity) && Number.isFinite(x)) { onCommit({[row.name]: Math.abs(x) < 1e-12 ? 0 : x}); return; }
+      warn(`${row.name} cannot be "${field.value}": give a number${bounds(row)}`);
+      write(item, item.x);
     });
     reset.addEventListener("click", () => onCommit({[row.name]: 0}));
     write(item, 0);
