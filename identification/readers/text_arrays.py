@@ -28,6 +28,7 @@ _TIME_WORDS = {"time", "t"}
 _FREQUENCY_WORDS = {"frequency", "freq", "hz", "khz"}
 _FORCE_WORDS, _FORCE_UNITS = {"force", "hammer"}, {"n", "newton", "lbf"}
 _MAX_TIME_STEP_SPREAD = 1e-2  # relative: what six printed digits leave of steps of a long record
+_FLOAT_ERROR = 1e-9  # relative: of the step of times in double precision
 _RATES_HZ = (0.01, 1e9)  # of records of machines; others are times in another unit
 
 _UNIT_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]{1,20})[\])]\s*$")
@@ -158,7 +159,7 @@ def rate_of_times(path: Path, heading: str, times: Real, unit: str | None = None
 
 
 def read_rate(path: Path, times: Real, unit_s: float) -> float:
-    """Return the samples per second by the times of samples.
+    """Return the samples per second by the times of samples, rounded as their digits allow.
 
     Args:
         times: of the samples; (n_sample,).
@@ -179,7 +180,10 @@ def read_rate(path: Path, times: Real, unit_s: float) -> float:
             f"{path}: its times give {1 / mean:.3g} samples per second: head them with their unit, "
             'such as ms, or state time_unit = "ms" under [log]'
         )
-    return 1 / mean
+    # Printed digits leave an error of the last time, by which files of one rate would differ.
+    error = float(np.abs(steps - mean).max()) / (len(steps) * mean) + _FLOAT_ERROR
+    rounded = (round(1 / mean, digits) for digits in range(3))
+    return next((rate for rate in rounded if abs(rate * mean - 1) <= error), 1 / mean)
 
 
 def _frfs(table: TextTable) -> Arrays:

@@ -1,6 +1,7 @@
 """FRFs and time records from text files: cells, headings, LabVIEW, refusals."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from text_files import labview
 from identification.readers.array_files import load_arrays
 from identification.readers.array_frfs import read_arrays
 from identification.readers.array_records import read_array_records
+from identification.readers.text_arrays import read_rate
 from identification.readers.text_tables import parse_number
 from identification.words import InputError
 
@@ -330,3 +332,12 @@ def test_a_block_of_another_program_within_a_labview_file_is_passed_over(tmp_pat
     path = tmp_path / "t.lvm"
     path.write_text(text.replace("Channels", special + "Channels", 1))
     np.testing.assert_allclose(load_arrays(path)["force"], records()[:, 1], rtol=1e-8)
+
+
+def test_files_of_one_rate_have_one_rate_whatever_their_printed_times_begin_with():
+    samples = np.arange(4096)
+    for start in (0.0, 0.0123457, 1234.567891):
+        assert read_rate(Path("a.csv"), np.round(start + samples / 1024, 6), 1.0) == 1024.0
+    rate = read_rate(Path("a.csv"), np.round(samples / 1024.01, 6), 1.0)
+    assert rate == pytest.approx(1024.01, rel=1e-6)
+    assert rate != 1024.0
