@@ -11,7 +11,7 @@ class LiveHit(ResultRow):
     """A hit.
 
     Args:
-        hit: its file, and its number in it where it has several.
+        hit: its file, and its number in it from 2 on.
         place: label of where it belongs.
         peak: largest force, signed [N].
         accepted: whether it counts.
