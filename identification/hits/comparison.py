@@ -17,6 +17,7 @@ has that of the other one.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -90,7 +91,7 @@ class ComparedHit:
         """FRFs of this hit alone; (n_freq, n_out)."""
         return np.asarray(self.motion / self.force[:, None], np.complex128)
 
-    @property
+    @cached_property
     def is_excited(self) -> Mask:
         """Lines with enough force; (n_freq,)."""
         size = np.abs(self.force)

@@ -1,7 +1,8 @@
 """Estimation of FRFs from records: hits are found, cut, checked, windowed and averaged."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 import scipy.fft
@@ -49,6 +50,20 @@ from identification.words import (
 )
 
 _MIN_DIFFERENCE_VARIANCE = 1e-3  # of 20: bounds the correction for very short windows
+_Key = tuple[Records, HitSettings, BlockPlan]
+
+
+@dataclass(eq=False)
+class KeptEstimates:
+    """What records of one reference determine alone, for the next call with the same object.
+
+    Args:
+        residuals: residual response of records with their settings and blocks.
+        estimates: estimates of the same with one exponential window.
+    """
+
+    residuals: dict[_Key, float] = field(default_factory=dict)
+    estimates: dict[tuple[_Key, float], HitEstimate] = field(default_factory=dict)
 
 
 def estimate_hit_frf(records: Records, settings: HitSettings | None = None) -> HitEstimate:
@@ -58,7 +73,9 @@ def estimate_hit_frf(records: Records, settings: HitSettings | None = None) -> H
 
 
 def estimate_hit_frfs(
-    records: Sequence[Records], settings: Sequence[HitSettings]
+    records: Sequence[Records],
+    settings: Sequence[HitSettings],
+    kept: KeptEstimates | None = None,
 ) -> tuple[HitEstimate, ...]:
     """Estimate the FRFs of all references, on one frequency axis and with one exponential window.
 
@@ -73,6 +90,7 @@ def estimate_hit_frfs(
     Args:
         records: records of each reference; a reference may appear several times.
         settings: settings of each of the records.
+        kept: of the call before, while a test runs; it becomes that of this call.
 
     Returns:
         One estimate for each of the records.
@@ -83,18 +101,30 @@ def estimate_hit_frfs(
     """
     blows = [find_blows(reference) for reference in records]
     plan = plan_blocks(records, blows, settings)
-    usable = [
-        _select_hits(reference, hits, plan, setting)
-        for reference, hits, setting in zip(records, blows, settings, strict=True)
-    ]
+    kept = KeptEstimates() if kept is None else kept
+    keys: list[_Key] = [(*pair, plan) for pair in zip(records, settings, strict=True)]
+    blows_of = dict(zip(keys, blows, strict=True))
+
+    @cache
+    def select(key: _Key) -> _UsableHits:
+        reference, setting, _ = key
+        return _select_hits(reference, blows_of[key], plan, setting)
+
+    kept.residuals = {
+        key: select(key).residual_response
+        if (residual := kept.residuals.get(key)) is None
+        else residual
+        for key in keys
+    }
     tau = common_setting(records, settings, "exponential_tau")
     if tau is None:
-        tau = choose_tau(
-            [hits.blocks for hits in usable], [hits.residual_response for hits in usable]
-        )
-    return tuple(
-        _estimate(hits, setting, tau) for hits, setting in zip(usable, settings, strict=True)
-    )
+        length_s = (plan.block - plan.pretrigger) / records[0].rate_hz
+        tau = choose_tau(length_s, list(kept.residuals.values()))
+    kept.estimates = {
+        (key, tau): kept.estimates.get((key, tau)) or _estimate(select(key), key[1], tau)
+        for key in keys
+    }
+    return tuple(kept.estimates[key, tau] for key in keys)
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,7 +134,7 @@ def _max_noise(blocks: Blocks, impulse: Real, length: int) -> Real:
     return factor * length * (before**2).mean(axis=1) / impulse[0] ** 2
 
 
-def choose_tau(blocks: Sequence[Blocks], residuals: Sequence[float]) -> float:
+def choose_tau(length_s: float, residuals: Sequence[float]) -> float:
     """Choose the time constant that reduces the response at the end of the blocks to 0.05 %.
 
     It solves exp(-T / tau) r = 0.0005, with ``r`` the largest residual response and T the time from
@@ -142,17 +142,16 @@ def choose_tau(blocks: Sequence[Blocks], residuals: Sequence[float]) -> float:
     far below those of sensors (1 % of gain).
 
     Args:
-        blocks: blocks of every reference of the campaign.
+        length_s: T [s].
         residuals: residual response of each reference (``residual_response``).
 
     Returns:
         Common time constant tau [s]; 0 for no window.
     """
-    plan, rate = blocks[0].plan, blocks[0].records.rate_hz
     largest = max(residuals)
     if largest <= _NEGLIGIBLE_RESPONSE:
         return 0.0
-    return float((plan.block - plan.pretrigger) / rate / np.log(largest / _NEGLIGIBLE_RESPONSE))
+    return float(length_s / np.log(largest / _NEGLIGIBLE_RESPONSE))
 
 
 _N_NOISE_CHUNKS = 12  # chunks of the force after the pulse, whose noise is compared

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.campaign_reader import name_sites
-from identification.hits import estimate_hit_frfs
+from identification.hits.hit_frfs import KeptEstimates, estimate_hit_frfs
 from identification.hits.judging import HitsToJudge, PredictPlaces, judge_hits
 from identification.readers.campaign_toml import CampaignSettings, TestSettings
 from identification.readers.channel_labels import parse_references
@@ -94,6 +94,8 @@ class LiveTest:
     layout: Layout
     decisions: dict[str, bool] = field(default_factory=dict)
     _files: dict[Path, list[tuple[int, Records]]] = field(default_factory=dict)
+    _joined: dict[tuple[str, tuple[Records, ...]], Records] = field(default_factory=dict)
+    _estimates: KeptEstimates = field(default_factory=KeptEstimates)
 
     @property
     def patterns(self) -> list[str]:
@@ -171,7 +173,7 @@ class LiveTest:
             for place, test in zip(series, tests, strict=True)
             if any(hit.is_accepted for hit in rows[place])
         ]
-        estimates, failures = _estimate(chosen)
+        estimates, failures = _estimate(chosen, self._estimates)
         sheet_hits = tuple(row for of_file in of_files.values() for row in of_file)
         joined = {place: records for place, (records, _) in series.items()}
         remarks = [*remarks, *judgement.remarks, *failures]
@@ -185,10 +187,12 @@ class LiveTest:
         """Return the records of each place with the file of each record, and remarks.
 
         Longer records are cut to the shortest one; a record far shorter than usual does not count.
+        Where nothing came or went, the records are the same object as before.
         """
         groups: dict[Place, list[tuple[Path, Records]]] = {}
         rates = Counter(each.rate_hz for of_file in self._files.values() for _, each in of_file)
         series: dict[Place, tuple[Records, list[Path]]] = {}
+        joined: dict[tuple[str, tuple[Records, ...]], Records] = {}
         remarks: list[str] = []
         for path, contents in self._files.items():
             for number, records in contents:
@@ -210,16 +214,23 @@ class LiveTest:
                     kept.append((path, records))
             if not kept:
                 continue
-            size = min(records.force.shape[1] for _, records in kept)
             files = [path for path, records in kept for _ in range(len(records.force))]
-            joined = replace(
-                kept[0][1],
-                force=np.concatenate([records.force[:, :size] for _, records in kept]),
-                motion=np.concatenate([records.motion[:, :, :size] for _, records in kept]),
-                test=self.settings.test[place[0]].file,
-            )
-            series[place] = joined, files
+            key = self.settings.test[place[0]].file, tuple(records for _, records in kept)
+            joined[key] = self._joined.get(key) or _concatenate(*key)
+            series[place] = joined[key], files
+        self._joined = joined
         return series, remarks
+
+
+def _concatenate(name: str, members: tuple[Records, ...]) -> Records:
+    """Return the records of one place as one, cut to the shortest."""
+    size = min(records.force.shape[1] for records in members)
+    return replace(
+        members[0],
+        force=np.concatenate([records.force[:, :size] for records in members]),
+        motion=np.concatenate([records.motion[:, :, :size] for records in members]),
+        test=name,
+    )
 
 
 def _differs(records: Records, first: Records, usual: float) -> str | None:
@@ -232,7 +243,7 @@ def _differs(records: Records, first: Records, usual: float) -> str | None:
 
 
 def _estimate(
-    chosen: list[tuple[Place, HitsToJudge, list[HitRow]]],
+    chosen: list[tuple[Place, HitsToJudge, list[HitRow]]], kept: KeptEstimates
 ) -> tuple[dict[Place, HitEstimate], list[str]]:
     """Return the FRFs of the accepted hits, and sentences on what they cannot be estimated of."""
     settings = [
@@ -246,7 +257,7 @@ def _estimate(
     if not chosen:
         return {}, []
     try:
-        estimates = estimate_hit_frfs([test.records for _, test, _ in chosen], settings)
+        estimates = estimate_hit_frfs([test.records for _, test, _ in chosen], settings, kept)
     except WorkbenchError as error:
         return {}, [str(error)]
     return {place: hits for (place, *_), hits in zip(chosen, estimates, strict=True)}, []

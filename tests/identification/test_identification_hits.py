@@ -7,6 +7,7 @@ import pytest
 from hammer_records import Hammer, a_system, strike
 
 from identification.hits import HitSettings, estimate_hit_frf, estimate_hit_frfs, find_blows
+from identification.hits.hit_frfs import KeptEstimates
 from identification.hits.remarks import window_remarks
 from identification.words import Dof, InputError
 
@@ -262,6 +263,23 @@ def test_references_of_one_campaign_share_block_and_window():
     np.testing.assert_array_equal(one.estimate.frf.freq_hz, other.estimate.frf.freq_hz)
     assert one.estimate.window_tau == other.estimate.window_tau > 0
     assert other.reference == Dof.parse("11:+x")
+
+
+def test_estimates_are_kept_where_records_settings_block_and_window_are_those_of_before(noisy):
+    second, kept = replace(noisy, test="other.uff"), KeptEstimates()
+    plain, fewer = HitSettings(), HitSettings(left_out=frozenset({2}))
+    before = estimate_hit_frfs([noisy, second], [plain, plain], kept)
+    same, changed = estimate_hit_frfs([noisy, second], [plain, fewer], kept)
+    assert same is before[0]
+    assert len(changed.kept) == len(before[1].kept) - 1
+    alone = estimate_hit_frfs([noisy, second], [plain, fewer])[1]
+    np.testing.assert_array_equal(changed.estimate.frf.values, alone.estimate.frf.values)
+    renewed = replace(noisy, motion=2 * noisy.motion)
+    of_renewed, still = estimate_hit_frfs([renewed, second], [plain, fewer], kept)
+    assert still is changed
+    np.testing.assert_array_equal(of_renewed.estimate.frf.values, 2 * same.estimate.frf.values)
+    windowed = [replace(setting, exponential_tau=0.3) for setting in (plain, fewer)]
+    assert estimate_hit_frfs([noisy, second], windowed, kept)[0].tau_s == 0.3
 
 
 @pytest.mark.parametrize("key", ["block_s", "pretrigger_s", "exponential_tau"])

@@ -142,6 +142,15 @@ def test_hits_are_judged_one_by_one_before_the_next(played, alone, tmp_path):
         last = session.sheet.hits[-1]
         assert last.key == path.name
         assert last.is_accepted is (path.name not in bad)
+    at_once = LiveSession.open(folder, lambda text: None)
+    look(at_once, Clock())
+    assert at_once.sheet.hits == session.sheet.hits
+    assert list(at_once.sheet.estimates) == list(session.sheet.estimates) != []
+    for place, hits in at_once.sheet.estimates.items():
+        of_session = session.sheet.estimates[place]
+        np.testing.assert_array_equal(hits.estimate.frf.values, of_session.estimate.frf.values)
+        np.testing.assert_array_equal(hits.estimate.variance, of_session.estimate.variance)
+        assert hits.remarks == of_session.remarks
 
 
 def test_a_decision_counts_against_the_judgement_and_outlives_the_session(played, alone):
