@@ -37,9 +37,11 @@ from tuning import find_wrong_exports, open_campaign, open_session
 from tuning.checks.data_against_model import (
     _closest_faults,
     _CurveAgreement,
+    _is_shown_by_column,
     compare_with_model,
 )
-from tuning.checks.export_faults import StatedExport, list_faults
+from tuning.checks.export_faults import ExportFault, StatedExport, list_faults
+from tuning.checks.export_finding import ExportFinding
 
 AXIS = """
 <mujoco model="axis">
@@ -402,3 +404,26 @@ def test_units_of_a_quantity_tell_the_quantity(folder):
     assert parse_frf_units("a.mat", "receptance", "um/lbf").scalar == pytest.approx(
         1e-6 / 4.4482216
     )
+
+
+def find(factor, name="mm"):
+    """A finding whose fault is a unit."""
+    return ExportFinding("log.csv", factor, (ExportFault(name, ""),), is_certain=True)
+
+
+@pytest.mark.parametrize(
+    ("found", "is_certain"),
+    [
+        ({("a", "x"): find(4.2)}, True),  # alone in its file
+        ({("a", "x"): find(4.2), ("b", "y"): None}, False),  # a way across, drawn too stiff
+        ({("a", "x"): find(4.2), ("a", "y"): find(4.4)}, True),  # all of an encoder
+        ({("a", "x"): find(4.2), ("b", "x"): find(4.4)}, True),  # all of a motor
+        ({("a", "x"): find(4.2), ("b", "x"): find(0.2, "lbf")}, False),  # another fault each
+        ({("a", "x"): find(4.2), ("b", "x"): None, ("a", "y"): None}, False),
+        ({("a", "x"): find(1e3), ("b", "x"): None}, True),  # no machine makes that difference
+    ],
+)
+def test_a_unit_of_a_column_is_certain_where_all_of_its_frfs_show_it(found, is_certain):
+    of_file = {("log.csv", *names): finding for names, finding in found.items()}
+    of_file["other.csv", "a", "x"] = None
+    assert _is_shown_by_column(of_file, ("log.csv", "a", "x")) is is_certain

@@ -10,6 +10,7 @@ without a fault is at most 0.6 (a factor of 1.9). A loss far above, which one fa
 fault. For frequency axes the correlation of the curves without their trends must agree too.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -34,6 +35,8 @@ from tuning.checks.level_curves import (
     split_by_scale,
     strong_cells,
 )
+
+_Scale = tuple[str, str, str]  # file, encoder and motor
 
 
 @dataclass(frozen=True)
@@ -92,18 +95,44 @@ def compare_with_model(
 
     Returns:
         One finding for each file, and each encoder and motor, that differs by more than wrong
-        stiffness explains. Of these two a unit alone is certain: a motor in counts may look like
-        another quantity.
+        stiffness explains.
     """
-    findings = []
-    for (file, encoder, drive), tests in split_by_scale(campaign).items():
-        if file in stated:
-            finding = _compare_file(model, tests, stated[file])
-            clause = _name_columns(stated[file], encoder, drive)
-            if finding is not None:
-                is_certain = finding.is_certain and (not clause or finding.is_level)
-                findings.append(replace(finding, columns=clause, is_certain=is_certain))
-    return findings
+    findings = {
+        scale: _compare_file(model, tests, stated[scale[0]])
+        for scale, tests in split_by_scale(campaign).items()
+        if scale[0] in stated
+    }
+    rows = []
+    for (file, encoder, drive), finding in findings.items():
+        clause = _name_columns(stated[file], encoder, drive)
+        if finding is not None:
+            is_certain = finding.is_certain
+            if clause:
+                is_certain &= finding.is_level and _is_shown_by_column(
+                    findings, (file, encoder, drive)
+                )
+            rows.append(replace(finding, columns=clause, is_certain=is_certain))
+    return rows
+
+
+def _is_shown_by_column(findings: Mapping[_Scale, ExportFinding | None], scale: _Scale) -> bool:
+    """Return whether all FRFs of an encoder, or all of a motor, show a fault of their column.
+
+    Of columns a unit alone is certain: a motor in counts may look like another quantity. Its factor
+    is in every FRF of the column. In a single one of them it may be that of a way across the
+    machine that the drawing hardly has, unless no machine makes that difference.
+    """
+    finding, of_file = findings[scale], [each for each in findings if each[0] == scale[0]]
+    if finding is None:
+        return False
+    if len(of_file) == 1 or abs(np.log(finding.factor)) >= _EXPORT_LIMITS.min_refused_narrow_loss:
+        return True
+    for column in (1, 2):
+        alike = [findings[each] for each in of_file if each[column] == scale[column]]
+        shared = [each for each in alike if each and {*each.faults} & {*finding.faults}]
+        if len(shared) == len(alike) > 1:
+            return True
+    return False
 
 
 def _name_columns(stated: StatedExport, encoder: str, drive: str) -> str:
