@@ -78,6 +78,7 @@ class _ExportLimits:
     min_median_decibels: float = 5.0
     decibel: float = float(np.log(10) / 20)  # ln of a magnitude per decibel
     min_bins: int = 12
+    max_cell_lines: int = 400  # on which the model tells strong channels by their medians
 
 
 _EXPORT_LIMITS = _ExportLimits()
@@ -322,7 +323,8 @@ def _curves(
     span = _EXPORT_LIMITS.max_shift + 2 * _EXPORT_LIMITS.nominal_step
     if low - span < np.log(MIN_FREQUENCY_HZ) or high + span > np.log(MAX_FREQUENCY_HZ):
         return None  # no machine has such frequencies
-    near = predict_on_lines(model, campaign, freq / axis, theta)
+    few = freq[:: 1 + len(freq) // _EXPORT_LIMITS.max_cell_lines]
+    near = predict_on_lines(model, campaign, few / axis, theta)
     cells = tuple(a & b for a, b in zip(strong_cells(campaign), strong_cells(near), strict=True))
     grid = np.exp(np.arange(low - span, high + span, _EXPORT_LIMITS.nominal_step))
     measured = level_curve(campaign, cells)
