@@ -5,7 +5,7 @@ one. The checks are those of every test (``rejection``), with three more between
 weaker than planned, another place or direction, and channels (``comparison``). A fault of a channel
 counts against a hit if most comparisons show it, with the model and with each other hit there.
 What the model shows in most hits of the test is no fault of a hit but of model or sensor, and
-becomes a remark.
+becomes a remark. So does another place that it shows in most of three hits at a place.
 """
 
 from collections import Counter
@@ -41,6 +41,7 @@ from identification.words import Dof, Output, Real, Records
 # window has few samples, in which two hits differ by when they began between two of them.
 _MODEL_TAU_WIDTHS, _HITS_TAU_WIDTHS = 0.5, 2.0
 _MIN_PLANNED_PEAK_HITS = 3  # with fewer hits, they are weak against the planned peak
+_MIN_COMMON_HITS = 3  # that agree at a place, against the model
 
 PredictPlaces = Callable[[CompareWindow, tuple[Output, ...]], Places]
 
@@ -118,7 +119,7 @@ def judge_hits(tests: Sequence[HitsToJudge], predict: PredictPlaces | None = Non
         outputs = each.blocks.records.outputs
         quiet[outputs] = np.vstack([quiet.get(outputs, each.quiet[:0]), each.quiet])
     measured: dict[Dof, list[ComparedHit]] = {}
-    judged = []
+    judged, remarks = [], []
     for test, each, (blocks, left_out), hits in zip(tests, series, cut, blows, strict=True):
         elsewhere = {
             dof: np.mean([hit.frf for hit in group], axis=0)
@@ -142,7 +143,12 @@ def judge_hits(tests: Sequence[HitsToJudge], predict: PredictPlaces | None = Non
         dof = test.records.reference
         if kept.blows and isinstance(dof, Dof):
             measured.setdefault(dof, []).extend(each.select(kept))
-    remarks = [
+        if (place := each.find_common_place(kept)) is not None:
+            remarks.append(
+                f"hits at {dof} look like hits at {place}: see where they are, or the "
+                "model lacks something"
+            )
+    remarks += [
         f"{describe_fault(fault, outputs)} in most hits: a sensor, or what the model lacks"
         for outputs, fault in common
     ]
@@ -220,13 +226,33 @@ class _Series:
         """Return the spectra of some blocks."""
         return [self.hits[row] for row in self._rows(blocks)]
 
+    def _find_places_alone(self, blocks: Blocks) -> list[Dof | None]:
+        """Return where the model sees each hit, if not at the stated place."""
+        stated = self.blocks.records.reference
+        if not isinstance(stated, Dof):
+            return [None] * len(blocks.blows)
+        return [
+            find_other_place((self.for_model[row], self.hits[row]), stated, self.model, (), {})
+            for row in self._rows(blocks)
+        ]
+
+    def find_common_place(self, blocks: Blocks) -> Dof | None:
+        """Return where the model sees most of several hits, if not at the stated place.
+
+        Whoever was told so twice and hits there again means it: the model may lack something.
+        """
+        seen = self._find_places_alone(blocks)
+        common, count = Counter(seen).most_common(1)[0] if seen else (None, 0)
+        return common if count >= max(_MIN_COMMON_HITS, len(seen) // 2 + 1) else None
+
     def find_places(self, blocks: Blocks, elsewhere: Places) -> Reasons:
         """Return why hits were made at another place or along another direction."""
         stated = self.blocks.records.reference
         if not isinstance(stated, Dof):
             return [None] * len(blocks.blows)
         hits = [(self.for_model[row], self.hits[row]) for row in self._rows(blocks)]
-        alone = [find_other_place(hit, stated, self.model, (), {}) is None for hit in hits]
+        seen = self._find_places_alone(blocks)
+        alone = [place in (None, self.find_common_place(blocks)) for place in seen]
         reasons: Reasons = []
         for number, hit in enumerate(hits):
             companions = [each.frf for k, (_, each) in enumerate(hits) if alone[k] and k != number]

@@ -104,6 +104,29 @@ def test_the_first_hit_at_another_place_is_named_by_a_nominal_model(records, pre
     assert reason.endswith(f":{PLACES[struck].direction}, not at {PLACES[said]}")
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, HITS])
+def test_another_place_that_a_model_shows_in_most_of_three_hits_is_a_remark(
+    records, predict, count
+):
+    struck = replace(
+        records[1],
+        reference=PLACES[0],
+        force=records[1].force[:count],
+        motion=records[1].motion[:count],
+    )
+    (judged,), remarks = reasons([struck], predict)
+    if count < 3:
+        assert all(reason.endswith(":+ty, not at acc1:+tx") for reason in judged)
+        assert remarks == ()
+        return
+    assert judged == [None] * count
+    (remark,) = remarks
+    assert remark.startswith("hits at acc1:+tx look like hits at acc")
+    (mixed,), _ = reasons(spoil([struck], 0, 1, lambda f, m: (f, -m)), predict)
+    is_refused = [reason is not None for reason in mixed]
+    assert is_refused == ([False, True, False, False] if count > 3 else [True] * 3)
+
+
 def test_a_hit_from_the_other_side_is_named(records, predict):
     bad = spoil(records, 0, 2, lambda force, motion: (force, -motion))
     found, _ = reasons(bad, predict)

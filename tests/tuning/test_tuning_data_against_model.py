@@ -72,7 +72,7 @@ HINGE = {"joint": "hinge", "axis": "0 1 0", "stiffness": "2e4", "damping": "0.5"
         (SLIDE, {"Pos": 1e6}, ["enc (column 'Pos')", "1e+06", "um/N"]),
         (SLIDE, {"Beam": 1e6}, ["beam (column 'Beam')", "um/N"]),
         (SLIDE, {"Cmd": 1e-3}, ["enc (column 'Pos')", "m/kN"]),
-        (HINGE, {"Beam": 180 / np.pi}, ["beam (column 'Beam')", "deg/(N m)"]),
+        (HINGE, {"Beam": 1e3}, ["beam (column 'Beam')", "mrad/(N m)"]),
         (SLIDE, {}, None),
         (HINGE, {}, None),
     ],
@@ -93,6 +93,13 @@ def test_a_column_of_a_log_in_another_unit_is_named(tmp_path, spring, factors, s
     file = tmp_path / "campaign.toml"
     file.write_text(file.read_text() + "as_stated = true\n")
     assert any("as if values in" in remark for remark in open_session(tmp_path).campaign.remarks)
+
+
+def test_degrees_of_one_encoder_beside_another_are_a_remark(tmp_path):
+    write_log(tmp_path, HINGE, {"Beam": 180 / np.pi})
+    remarks = " ".join(open_session(tmp_path).campaign.remarks)
+    assert "beam (column 'Beam')" in remarks
+    assert "deg/(N m)" in remarks
 
 
 def test_counts_of_an_encoder_are_a_remark(tmp_path):
@@ -420,6 +427,7 @@ def find(factor, name="mm"):
         ({("a", "x"): find(4.2), ("b", "x"): find(4.4)}, True),  # all of a motor
         ({("a", "x"): find(4.2), ("b", "x"): find(0.2, "lbf")}, False),  # another fault each
         ({("a", "x"): find(4.2), ("b", "x"): None, ("a", "y"): None}, False),
+        ({("a", "x"): find(55.0), ("b", "x"): None}, False),
         ({("a", "x"): find(1e3), ("b", "x"): None}, True),  # no machine makes that difference
     ],
 )
