@@ -55,7 +55,7 @@ _Key = tuple[Records, HitSettings, BlockPlan]
 
 @dataclass(eq=False)
 class KeptEstimates:
-    """What records of one reference determine alone, for the next call with the same object.
+    """Results of one reference's records alone, for the next call with the same object.
 
     Args:
         residuals: residual response of records with their settings and blocks.

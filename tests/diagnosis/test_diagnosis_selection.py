@@ -167,7 +167,7 @@ def test_where_a_free_force_explains_much_each_effect_is_refitted_whatever_its_s
     assert not acts_at(Hypothesis("joint_coupling", "joint:b"), None)
     along = Hypothesis("mass_error", "body:b", "tx")
     assert acts_along(along, force)
-    assert not any(acts_along(along, other) for other in (None, *push(0.9, 0.1)[:1]))
+    assert not any(acts_along(along, elsewhere) for elsewhere in (None, push(0.9, 0.1)[0]))
     assert not acts_along(Hypothesis("mass_error", "body:b", "ty"), force)
 
 

@@ -9,7 +9,7 @@ _MAX_REASONS = 2  # that a sentence names
 
 @dataclass(frozen=True)
 class ExportFinding:
-    """What the comparison of one file with the nominal model shows.
+    """Difference of one file or column from the nominal model as a whole.
 
     Args:
         file: name of the file, as campaign.toml gives it.
@@ -33,7 +33,7 @@ class ExportFinding:
 
     @property
     def sentence(self) -> str:
-        """What is wrong, why, and the key that corrects it."""
+        """Sentence with the fault, its reason, and the key that corrects it."""
         where = f"{self.file}{self.columns}"
         table = "under [log]" if self.columns else "in its [[test]]"
         named = self.faults[:_MAX_REASONS]
