@@ -117,6 +117,9 @@ class Hypothesis:
         is_modelled: whether a fit with the Parts, or the corrected campaign, contains the effect.
         spring: joint direction of a law that depends on the level: its Parts are scored, but a
             refit fits the law itself (``diagnosis.levels``).
+        member: of a family of hypotheses that are scored together, returns the one to refit, which
+            begins where the step of the score ends; None if there is none. It is scored by its
+            family's gain.
         movable: how its fitted values start the same effect at other bodies; None if they do not.
         state: returns the parameters of the verdict from the fitted ones.
         along: returns the direction of the verdict from the fitted parameters, if a fit finds it.
@@ -142,6 +145,7 @@ class Hypothesis:
     valid_below_bound: tuple[str, ...] = ()
     is_modelled: bool = True
     spring: "JointDirection | None" = None
+    member: "Callable[[Real], Hypothesis | None] | None" = None
     movable: Movable | None = None
     state: Callable[[Mapping[str, float]], dict[str, Value]] = state_nothing
     along: Callable[[Mapping[str, float]], str | None] = find_no_direction

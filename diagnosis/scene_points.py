@@ -15,6 +15,7 @@ from identification.words import (
     node_number,
 )
 from mbmodel import WORLD, ChannelPart, Machine, parent_bodies
+from mbmodel.ports.ports import find_ports
 
 
 def list_varying_names(scene: Scene) -> set[str]:
@@ -48,6 +49,26 @@ def hits(scene: Scene) -> tuple[Dof, ...]:
         for reference in list_references(scene)
         if isinstance(reference, Dof) and not reference.is_rotation
     )
+
+
+def list_hidden_bodies(scene: Scene) -> list[str]:
+    """Return the bodies that a test of motors or encoders moves, and that no channel shows.
+
+    Nothing is read or pushed at them, nor at what they carry. A test at points alone has none.
+    """
+    machine, campaign = scene.model.machine, scene.session.campaign
+    ports = find_ports(machine, campaign.outputs, campaign.inputs)
+    if ports.further is not None or not (ports.joint_readout.any() or ports.motor.any()):
+        return []
+    is_shown = (ports.readout.any(axis=0) | ports.force.any(axis=1)).reshape(-1, 6).any(axis=1)
+    parents, bodies = parent_bodies(machine), machine.layout.bodies
+    shown: set[str | None] = set()
+    for number in np.flatnonzero(is_shown):
+        body: str | None = bodies[number]
+        while body is not None and body not in shown:
+            shown.add(body)
+            body = parents.get(body)
+    return [body for body in bodies if body in parents and body not in shown]
 
 
 def name_vector(prefix: str) -> tuple[str, ...]:
@@ -113,6 +134,20 @@ def find_middle_frequency(scene: Scene) -> float:
     """Return the geometric middle of the band [rad/s]."""
     band = scene.session.campaign.freq_hz
     return 2 * np.pi * float(np.sqrt(band[band > 0].min() * band[-1]))
+
+
+def scan_resonances(scene: Scene, step: float) -> list[float]:
+    """Return the natural frequencies that score tests scan [Hz], from lowest to highest.
+
+    Args:
+        scene: its band and its settings give the ends.
+        step: between neighbours, of the logarithm.
+    """
+    band = scene.session.campaign.freq_hz
+    lowest, highest = (share * float(band[-1]) for share in scene.settings.appendage_ends)
+    lowest = max(float(band[band > 0].min()), lowest)
+    count = max(1, round(float(np.log(highest / lowest)) / step)) + 1
+    return list(np.geomspace(lowest, highest, count).tolist())
 
 
 def find_sprung_stages(machine: Machine) -> list[str]:

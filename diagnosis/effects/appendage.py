@@ -32,6 +32,7 @@ from diagnosis.effects.body_box import (
 from diagnosis.effects.scales import ARM_UNIT_M, LOG_FREQUENCY_UNIT, LOG_UNIT, MASS_SHARE_UNIT
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.movable import Movable
+from diagnosis.scene_points import scan_resonances
 from diagnosis.stated_values import Vague, Value, state_shown
 from identification.words import Mask, Real
 from mbmodel import Machine
@@ -40,11 +41,8 @@ from mbmodel import Machine
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each body, shape and frequency of the scan."""
     machine, jacobian = scene.model.machine, find_jacobian(scene)
-    band = scene.session.campaign.freq_hz
-    lowest, highest = (share * float(band[-1]) for share in scene.settings.appendage_ends)
-    lowest = max(float(band[band > 0].min()), lowest)
-    steps = max(0, round(float(np.log(highest / lowest)) / LOG_FREQUENCY_UNIT))
-    frequencies = np.geomspace(lowest, highest, steps + 1).tolist()
+    frequencies = scan_resonances(scene, LOG_FREQUENCY_UNIT)
+    lowest, highest = frequencies[0], frequencies[-1]
     for number, body in enumerate(machine.layout.bodies):
         place = _Place.find(machine, jacobian, number)
         if not (machine.body_mass[6 * number, 6 * number] > 0 and place.moved.any()):

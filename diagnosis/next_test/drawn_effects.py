@@ -24,7 +24,8 @@ def propose_linear(scene: Scene) -> list[Hypothesis]:
         hypothesis
         for effect in load_catalogue().values()
         for hypothesis in effect(scene)
-        if hypothesis.spring is None and (hypothesis.correct is None or is_sign(hypothesis))
+        if hypothesis.spring is None and hypothesis.member is None
+        if hypothesis.correct is None or is_sign(hypothesis)
     ]
 
 

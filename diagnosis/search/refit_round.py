@@ -141,15 +141,16 @@ def _select_promising(
 ) -> list[Hypothesis]:
     """Return the most promising hypotheses, one for each effect and place, and those of a force.
 
-    The laws of one joint count as one, since they have one score. Tuned stiffness may have made up
-    for a strong effect, so that it scores below the same effect in another direction.
+    The laws of one joint count as one, since they have one score. Members of families count as
+    none: their gain is that of many free sizes. Tuned stiffness may have made up for a strong
+    effect, so that it scores below the same effect in another direction.
     """
     chosen: list[Hypothesis] = []
     slots: set[tuple[str, str]] = set()
     for score in select_best_of_sites(ranked):
         hypothesis = score.hypothesis
         effect = hypothesis.effect if hypothesis.spring is None else "law"
-        slots.add((effect, hypothesis.location))
+        slots |= set() if score.is_of_family else {(effect, hypothesis.location)}
         if len(slots) > settings.max_refits:
             break
         chosen.append(hypothesis)

@@ -39,12 +39,14 @@ class Score:
         gain: predicted decrease of the cost at the model-error floor [nats].
         step: step of its coordinates; (n_coordinate,).
         order: its number in the order of proposal, along which shapes are scanned.
+        is_of_family: whether the gain is that of a family, of which the hypothesis is a member.
     """
 
     hypothesis: Hypothesis
     gain: float
     step: Real
     order: int = 0
+    is_of_family: bool = False
 
 
 def scores(
@@ -67,7 +69,7 @@ def scores(
 def rank_scores(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[Score]:
     """Return the scores of hypotheses, the largest gain first; ties in the order of proposal."""
     scored = [
-        Score(hypothesis, gain, step, order)
+        _select_member(Score(hypothesis, gain, step, order))
         for order, (hypothesis, (gain, step)) in enumerate(zip(hypotheses, gained, strict=True))
     ]
     best: dict[Key, float] = {}
@@ -79,6 +81,17 @@ def rank_scores(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> l
         return most if row.gain >= (1 - row.hypothesis.tie_share) * most else row.gain
 
     return sorted(scored, key=lambda row: -rank_gain(row))
+
+
+def _select_member(score: Score) -> Score:
+    """Return the score of the member of a family where its step ends; without one, no gain."""
+    if score.hypothesis.member is None:
+        return score
+    member = score.hypothesis.member(score.step)
+    if member is None:
+        return replace(score, gain=0.0)
+    step = np.array([member.begin[name] for name in member.coordinates])
+    return replace(score, hypothesis=member, step=step, is_of_family=True)
 
 
 def compute_gains(
@@ -122,6 +135,7 @@ def _reduce_to_parts(hypothesis: Hypothesis) -> Hypothesis:
         correct=None,
         reform=None,
         movable=None,
+        member=None,
         state=state_nothing,
         along=find_no_direction,
     )

@@ -12,6 +12,7 @@ from diagnosis.estimates.held_out_gap import HeldOutGap, estimate_jackknife, est
 from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.levels.free_levels import LAW_EFFECTS, list_levels
 from diagnosis.next_test.discriminating import propose_experiment
+from diagnosis.scene_points import list_hidden_bodies
 from diagnosis.verdict.schema import (
     CauseRow,
     GapSteps,
@@ -201,9 +202,11 @@ def _list_fixed_effects(diagnosis: Diagnosis) -> list[str]:
 
 
 def _has_bare_body(diagnosis: Diagnosis) -> bool:
-    """Return whether a body carries no sensor, so that no data check tests it."""
+    """Return whether neither data checks nor score tests tell whether some body bends."""
+    tested = {check.body for check in diagnosis.checks.bodies}
     return set(diagnosis.session.campaign.layout.bodies) > {
-        check.body for check in diagnosis.checks.bodies
+        *tested,
+        *list_hidden_bodies(diagnosis.scene),
     }
 
 

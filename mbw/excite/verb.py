@@ -192,6 +192,7 @@ def _propose(excitation: Excitation, causes: Sequence[CauseRow]) -> Iterator[Hyp
             if hypothesis.location == row.location
             and hypothesis.coordinates
             and hypothesis.reform is None
+            and hypothesis.member is None
         ]
         along = [hypothesis for hypothesis in shapes if hypothesis.dof == row.dof]
         if along or shapes:
