@@ -7,7 +7,7 @@ Where motors or encoders test a body, and no channel shows the body itself, a mo
 momentum along the joints alone (``held_mode.py``). Score tests then scan its frequency.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial, reduce
 
@@ -18,12 +18,12 @@ from diagnosis.effects.held_mode import (
     MAX_SIZE,
     START_DAMPING_RATIO,
     HeldMode,
-    build_family,
-    find_leading_mode,
+    ModeFamily,
     find_momenta,
 )
 from diagnosis.effects.scales import LOG_FREQUENCY_UNIT, LOG_UNIT, MASS_SHARE_UNIT, MAX_LOG_STEPS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.movable import Movable
 from diagnosis.scene_points import list_hidden_bodies, scan_resonances
 from diagnosis.stated_values import Value
 from identification import Fault, estimate_bending_shape
@@ -45,52 +45,76 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine, jacobian = scene.model.machine, find_jacobian(scene)
     if has_moved_stages(machine):
         return
-    frequencies = scan_resonances(scene, 2 * LOG_FREQUENCY_UNIT)
-    ends = frequencies[0], frequencies[-1]
     for body in list_hidden_bodies(scene):
         span = find_momenta(machine, body, jacobian)
         if not span.size:
             continue  # nothing moves it
-        for at, frequency in enumerate(frequencies):
-            what = f"{body}.mode{at}", f"body:{body}", frequency, span
-            begin_mode = partial(_begin_mode, partial(HeldMode, *what), ends)
-            parts = (build_family(*what),)
-            yield Hypothesis("flexible_body", f"body:{body}", parts=parts, member=begin_mode)
+        for at, frequency in enumerate(scan_resonances(scene, 2 * LOG_FREQUENCY_UNIT)):
+            family = ModeFamily(f"{body}.mode{at}", f"body:{body}", frequency, span)
+            highest = float(scene.session.campaign.freq_hz[-1])
+            yield Hypothesis(
+                "flexible_body",
+                family.location,
+                parts=(family.build(),),
+                member=partial(_begin_mode, family, highest),
+                movable=_make_movable(family, None),
+            )
 
 
-def _begin_mode(
-    mode: Callable[[Real], HeldMode], ends: tuple[float, float], step: Real
-) -> Hypothesis | None:
+def _begin_mode(family: ModeFamily, highest: float, step: Real) -> Hypothesis | None:
     """Return the mode where a step of its family ends; None if there is none.
 
     Args:
-        mode: of a direction.
-        ends: lowest and highest frequency [Hz].
+        family: modes of one frequency.
+        highest: line of the test [Hz].
         step: entries of size v v'.
     """
-    size, direction = find_leading_mode(step)
+    size, direction = family.find_leading(step)
     if size <= 0:
         return None
-    held = mode(direction)
-    name, frequency, damping, *_ = held.names
-    low, high = (np.log(np.array(ends) / held.frequency) / LOG_FREQUENCY_UNIT).tolist()
+    mode = HeldMode(family, direction)
+    name, frequency, damping, *_ = mode.names
     widest = float(np.log(np.sqrt(0.5) / START_DAMPING_RATIO)) / LOG_UNIT
     most = MAX_SIZE / MASS_SHARE_UNIT
     return Hypothesis(
         "flexible_body",
-        held.location,
-        parts=(held.build(),),
+        family.location,
+        parts=(mode.build(),),
         scored=(name,),
         begin={name: min(size, most / 2)},
-        bounds={name: (0.0, most), frequency: (low, high), damping: (-widest, widest)},
-        state=partial(_state_held_mode, held),
+        bounds={
+            name: (0.0, most),
+            frequency: (-MAX_LOG_STEPS, MAX_LOG_STEPS),
+            damping: (-widest, widest),
+        },
+        movable=_make_movable(family, mode),
+        state=partial(_state_held_mode, mode, highest),
     )
 
 
-def _state_held_mode(held: HeldMode, fitted: Mapping[str, float]) -> dict[str, Value]:
-    """Return frequency [Hz] and damping of the free body."""
-    frequency, damping = held.find_free_resonance(np.array([fitted[name] for name in held.names]))
-    return {"frequency": frequency, "damping": damping}
+def _make_movable(family: ModeFamily, mode: HeldMode | None) -> Movable:
+    """Return how a mode moves to another body: with its momenta, as far as that may have them."""
+
+    def read(fitted: Mapping[str, float]) -> dict[str, Real]:
+        if mode is None:
+            return {}
+        theta = np.array([fitted[name] for name in mode.names])
+        return {"momenta": mode.find_momentum(theta), "resonance": theta[1:3]}
+
+    def start(values: Mapping[str, Real]) -> dict[str, float]:
+        names = [f"{family.name}.{what}" for what in ("frequency", "damping")]
+        resonance = dict(zip(names, values["resonance"].tolist(), strict=True))
+        return family.find_products(values["momenta"]) | resonance
+
+    return Movable((family.location.partition(":")[2],), read, start, family.name.partition(".")[2])
+
+
+def _state_held_mode(
+    mode: HeldMode, highest: float, fitted: Mapping[str, float]
+) -> dict[str, Value]:
+    """Return frequency [Hz] and damping of the free body; none above the highest line [Hz]."""
+    frequency, damping = mode.find_free_resonance(np.array([fitted[name] for name in mode.names]))
+    return {"frequency": frequency, "damping": damping} if frequency <= highest else {}
 
 
 def build_bending_hypothesis(

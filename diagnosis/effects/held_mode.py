@@ -32,7 +32,7 @@ from diagnosis.effects.resonator import build_resonator, build_resonator_slope
 from diagnosis.effects.scales import LOG_FREQUENCY_UNIT, LOG_UNIT, MASS_SHARE_UNIT
 from diagnosis.effects.spring_laws import Shape
 from diagnosis.settings import HALF_PRECISION
-from identification.words import Real
+from identification.words import Integers, Real
 from mbmodel import AddedPart, Change, Machine, Parameter, parent_bodies
 
 START_DAMPING_RATIO = 0.01  # of a structure without joints
@@ -69,28 +69,82 @@ def _find_basis(columns: Real) -> Real:
 
 
 @dataclass(frozen=True, eq=False)
-class HeldMode:
-    """Mode of a body: size, frequency and damping with all joints held, direction of its momenta.
+class ModeFamily:
+    """All modes of a body that have one frequency.
 
     Args:
-        name: prefix of its parameters, which begins with the body.
+        name: prefix of the parameters: the body and the number of the frequency.
         location: place in the verdict.
-        frequency: where its parameter is zero [Hz].
+        frequency: with all joints held [Hz].
         span: L U; (6 n_body, n_span).
-        start: v where the parameters of the direction are zero; (n_span,).
     """
 
     name: str
     location: str
     frequency: float
     span: Real
+
+    @property
+    def _entries(self) -> tuple[Integers, Integers]:
+        return np.triu_indices(self.span.shape[1])
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the entries of size v v' from the diagonal on; n_span (n_span + 1) / 2."""
+        pairs = zip(*(numbers.tolist() for numbers in self._entries), strict=True)
+        return [f"{self.name}.product_{i}_{j}" for i, j in pairs]
+
+    def build(self) -> AddedPart:
+        """Return the Part, linear in the entries."""
+        count, (rows, columns) = self.span.shape[1], self._entries
+        numbers = np.arange(len(rows))
+        core = np.zeros((len(rows), count, count))
+        core[numbers, rows, columns] = core[numbers, columns, rows] = MASS_SHARE_UNIT
+        parameters = tuple(
+            Parameter(name, 0.0, f"{MASS_SHARE_UNIT:.0%}", positive=False) for name in self.names
+        )
+        resonator = build_resonator(2 * np.pi * self.frequency, START_DAMPING_RATIO)
+        changes = tuple(_add_inertia(self.span, core, resonator))
+        return AddedPart.linear(self.location, parameters, changes)
+
+    def find_leading(self, products: Real) -> tuple[float, Real]:
+        """Return size [units] and v of the mode that is nearest to some entries."""
+        count = self.span.shape[1]
+        matrix = np.zeros((count, count))
+        matrix[self._entries] = products
+        values, vectors = np.linalg.eigh(matrix, UPLO="U")
+        return float(values[-1]), vectors[:, -1]
+
+    def find_products(self, momentum: Real) -> dict[str, float]:
+        """Return the entries for the momenta of all bodies, as far as these modes have them.
+
+        Args:
+            momentum: p; (6 n_body,).
+        """
+        v = np.linalg.lstsq(self.span, momentum, rcond=None)[0]
+        products = np.outer(v, v)[self._entries] / MASS_SHARE_UNIT
+        return dict(zip(self.names, products.tolist(), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class HeldMode:
+    """Mode of a body: size, frequency and damping with all joints held, direction of its momenta.
+
+    Args:
+        family: its span, and the frequency where its parameter is zero.
+        start: unit vector v where the parameters of the direction are zero; (n_span,).
+    """
+
+    family: ModeFamily
     start: Real
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of size, frequency and damping, then of the direction."""
         across = (f"direction_{k}" for k in range(1, len(self.start)))
-        return tuple(f"{self.name}.{what}" for what in ("size", "frequency", "damping", *across))
+        return tuple(
+            f"{self.family.name}.{what}" for what in ("size", "frequency", "damping", *across)
+        )
 
     def build(self) -> AddedPart:
         """Return the Part."""
@@ -100,11 +154,12 @@ class HeldMode:
             Parameter(name, 0.0, unit, positive=False)
             for name, unit in zip(self.names, units, strict=True)
         )
-        return AddedPart(self.location, parameters, self.compute_change, self.compute_slopes)
+        location = self.family.location
+        return AddedPart(location, parameters, self.compute_change, self.compute_slopes)
 
     def find_resonance(self, theta: Real) -> tuple[float, float]:
         """Return the natural frequency [rad/s] and the damping ratio, all joints held."""
-        omega = 2 * np.pi * self.frequency * float(np.exp(LOG_FREQUENCY_UNIT * theta[1]))
+        omega = 2 * np.pi * self.family.frequency * float(np.exp(LOG_FREQUENCY_UNIT * theta[1]))
         return omega, START_DAMPING_RATIO * float(np.exp(LOG_UNIT * theta[2]))
 
     def find_free_resonance(self, theta: Real) -> tuple[float, float]:
@@ -115,6 +170,11 @@ class HeldMode:
         omega, zeta = self.find_resonance(theta)
         bending = 1 - min(MASS_SHARE_UNIT * float(theta[0]), MAX_SIZE)
         return omega / (2 * np.pi * bending**0.5), zeta / bending**0.5
+
+    def find_momentum(self, theta: Real) -> Real:
+        """Return p of the mode; (6 n_body,)."""
+        size = MASS_SHARE_UNIT * float(theta[0])
+        return np.asarray(np.sqrt(size) * self.family.span @ self._find_direction(theta)[0])
 
     @cached_property
     def _across(self) -> Real:
@@ -132,7 +192,9 @@ class HeldMode:
         """Return the dynamic stiffness of the mode."""
         v, _ = self._find_direction(theta)
         core = MASS_SHARE_UNIT * theta[0] * np.outer(v, v)
-        return tuple(_add_inertia(self.span, core, build_resonator(*self.find_resonance(theta))))
+        return tuple(
+            _add_inertia(self.family.span, core, build_resonator(*self.find_resonance(theta)))
+        )
 
     def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
         """Return the slopes by size and direction, then by frequency and by damping."""
@@ -141,7 +203,7 @@ class HeldMode:
         core = np.zeros((len(theta), *unit.shape))
         half = MASS_SHARE_UNIT * theta[0] * turns[:, :, None] * v
         core[0], core[3:] = unit, half + half.swapaxes(1, 2)
-        changes = [*_add_inertia(self.span, core, build_resonator(omega, zeta))]
+        changes = [*_add_inertia(self.family.span, core, build_resonator(omega, zeta))]
         if theta[0]:
             rates = np.array([[2 * zeta * omega, 2 * omega**2], [2 * zeta * omega, 0.0]])
             rates *= [[LOG_FREQUENCY_UNIT], [LOG_UNIT]]
@@ -149,40 +211,8 @@ class HeldMode:
                 slope = np.zeros_like(core)
                 slope[place] = theta[0] * unit
                 shape = build_resonator_slope(omega, zeta, (linear, constant))
-                changes.append(_build_change(self.span, slope, shape))
+                changes.append(_build_change(self.family.span, slope, shape))
         return tuple(changes)
-
-
-def build_family(name: str, location: str, frequency: float, span: Real) -> AddedPart:
-    """Return all modes of one frequency, linear in the entries of size v v'.
-
-    Args:
-        name, location, frequency, span: as for ``HeldMode``.
-    """
-    count = span.shape[1]
-    rows, columns = np.triu_indices(count)
-    numbers = np.arange(len(rows))
-    core = np.zeros((len(rows), count, count))
-    core[numbers, rows, columns] = core[numbers, columns, rows] = MASS_SHARE_UNIT
-    parameters = tuple(
-        Parameter(f"{name}.product_{i}_{j}", 0.0, f"{MASS_SHARE_UNIT:.0%}", positive=False)
-        for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
-    )
-    resonator = build_resonator(2 * np.pi * frequency, START_DAMPING_RATIO)
-    return AddedPart.linear(location, parameters, tuple(_add_inertia(span, core, resonator)))
-
-
-def find_leading_mode(products: Real) -> tuple[float, Real]:
-    """Return size [1 %] and v of the mode that is nearest to a member of a family.
-
-    Args:
-        products: parameters of the family; (n_span (n_span + 1) / 2,).
-    """
-    count = round(np.sqrt(2 * len(products) + 0.25) - 0.5)
-    matrix = np.zeros((count, count))
-    matrix[np.triu_indices(count)] = products
-    values, vectors = np.linalg.eigh(matrix, UPLO="U")
-    return float(values[-1]), vectors[:, -1]
 
 
 def _add_inertia(span: Real, core: Real, resonator: Shape) -> Iterator[Change]:

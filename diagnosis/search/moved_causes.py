@@ -104,17 +104,29 @@ def _list_moved(scene: Scene, fitted: Refit, cause: Hypothesis) -> Iterator[Hypo
     shapes: dict[str, list[Hypothesis]] = {}
     for hypothesis in load_catalogue()[cause.effect](move_scene(scene, fitted)):
         shapes.setdefault(hypothesis.site, []).append(hypothesis)
-    names = [hypothesis.coordinates for hypothesis in shapes.get(cause.site, ())]
-    if cause.coordinates not in names:
+    names = [_name_shape(hypothesis) for hypothesis in shapes.get(cause.site, ())]
+    if _name_shape(cause) not in names:
         return
-    shape = names.index(cause.coordinates)
+    shape = names.index(_name_shape(cause))
     values = cause.movable.read(map_values(fitted.session.parametrisation, fitted.fit.theta))
     for site, rivals in shapes.items():
         rival = rivals[min(shape, len(rivals) - 1)]
         if site in present or rival.movable is None:
             continue
         if _are_neighbours(scene.model.machine, cause.movable.bodies, rival.movable.bodies):
-            yield replace(rival, begin=_limit(rival, rival.movable.start(values)))
+            begin = rival.movable.start(values)
+            if rival.member is not None:
+                member = rival.member(np.array([begin[name] for name in rival.coordinates]))
+                if member is None:
+                    continue
+                rival, begin = member, {**begin, **member.begin}
+            yield replace(rival, begin=_limit(rival, begin))
+
+
+def _name_shape(hypothesis: Hypothesis) -> str | tuple[str, ...]:
+    """Return what tells the shape of a hypothesis from others of its scan."""
+    shape = "" if hypothesis.movable is None else hypothesis.movable.shape
+    return shape or hypothesis.coordinates
 
 
 def _are_neighbours(machine: Machine, bodies: tuple[str, ...], moved: tuple[str, ...]) -> bool:

@@ -177,6 +177,34 @@ def test_only_a_body_with_three_sensors_bends(two_bodies):
         draw_flexible_body(random_of(1), few, "body:head")
 
 
+def test_encoders_have_no_place_on_a_body():
+    """Those of a chain read its joints: with and without them all is drawn alike."""
+    station = chain()
+    names = [joint.name for stage in station.stages for joint in stage.joints]
+    read = station.with_encoders({f"enc_{name}": (name, 0) for name in names})
+    for draw in (draw_mass_error, draw_flexible_body):
+        for seed in range(5):
+            assert draw(random_of(seed), scene_of(read), None) == draw(
+                random_of(seed), scene_of(station), None
+            )
+    bending = (0.5, -0.7, 0.4)
+    assert bend_of(read, 1, bending).drift == bend_of(station, 1, bending).drift
+
+
+def test_a_body_bends_where_encoders_alone_measure():
+    station = chain()
+    bare = replace(station, stages=tuple(replace(s, sensors=()) for s in station.stages))
+    assert draw_flexible_body(random_of(1), scene_of(bare), None) is None
+    names = [joint.name for stage in station.stages for joint in stage.joints]
+    read = bare.with_encoders({f"enc_{name}": (name, 0) for name in names})
+    effect = draw_flexible_body(random_of(1), scene_of(read), "body:arm")
+    bend = bend_of(read, 1, effect.bending)
+    ends = np.array([read.stages[1].com, *(read.stages[i].joints[0].position for i in (1, 2))])
+    assert bend.reach == pytest.approx(np.ptp(ends, axis=0).max() / 2)
+    # The joints move by no rigid motion, but each turns: so encoders feel the mode.
+    assert max(np.abs(bend(point)[3:]).max() for point in ends[1:]) > 0.1
+
+
 def rotor(h: float = 40.0) -> Gyroscopic:
     return Gyroscopic("table", 4.0, (0.0, 0.0, 1.0), size=h / 4.0)
 

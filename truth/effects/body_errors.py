@@ -69,7 +69,7 @@ def draw_mass_error(
         return None
     stage = stages[index]
     gyration = np.sqrt(np.trace(stage.inertia) / 2 / stage.mass)
-    away = [np.abs(sensor.position - stage.com) for sensor in stage.sensors]
+    away = np.abs(stage.measured_places - stage.com)
     reach = np.clip(np.max([np.zeros(3), *away], axis=0), *(np.array(MASS_EXTENT) * gyration))
     position = reach * random.uniform(-1, 1, 3)
     return MassError(

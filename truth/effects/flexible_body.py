@@ -8,7 +8,7 @@ from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_stage, log_uniform, unit_vector
 from truth.machine.dynamics import Flex
 from truth.machine.rig import Occasion, Prepared
-from truth.machine.station import Real, StageBody, Station
+from truth.machine.station import Real, Station
 
 AMPLITUDE = (0.3, 1.5)
 FREQUENCY_HZ = (60.0, 300.0)
@@ -22,9 +22,10 @@ NO_DRIFT = (0.0,) * 6
 class Bend:
     r"""A plate's bending: translation and rotation of its points per modal coordinate.
 
-    The plate lies through the centre of mass, its normal n the axis along which the sensors reach
-    least. With x, y the position along the two other axes over the half extent L and z the height
-    above the plate's middle, straight normals give (Kirchhoff)
+    The plate lies through the centre of mass, its normal n the axis along which the places where it
+    is measured reach least; without such places, those where it is held. With x, y the position
+    along the two other axes over the half extent L and z the height above the plate's middle,
+    straight normals give (Kirchhoff)
 
         w = a x^2 + b x y + c y^2,   u = w n - z grad w,   rotation = curl u / 2 = grad w x n
 
@@ -62,9 +63,9 @@ class Bend:
 def bend_of(station: Station, index: int, bending: tuple[float, ...]) -> Bend:
     """Return a stage's bending, without the rigid motion of its sensors and joints."""
     stage = station.stages[index]
-    extent = np.ptp([sensor.position for sensor in stage.sensors], axis=0)
+    extent = np.ptp(_find_ends(station, index), axis=0)
     bent = Bend(stage.com, int(extent.argmin()), float(extent.max()) / 2, bending)
-    points = _points(station, stage, index)
+    points = np.unique([*stage.measured_places, *_list_held(station, index)], axis=0)
     rows = []
     for away in points - stage.com:
         # phi x away = -away x phi
@@ -74,11 +75,19 @@ def bend_of(station: Station, index: int, bending: tuple[float, ...]) -> Bend:
     return replace(bent, drift=tuple(drift.tolist()))
 
 
-def _points(station: Station, stage: StageBody, index: int) -> Real:
-    """Return where the stage is measured and held, each place once; (n, 3)."""
+def _list_held(station: Station, index: int) -> list[Real]:
+    """Return where joints hold a stage, below and above."""
     above = [child for child in station.stages if child.parent == index]
-    joints = [joint.position for body in (stage, *above) for joint in body.joints]
-    return np.unique([*(sensor.position for sensor in stage.sensors), *joints], axis=0)
+    bodies = station.stages[index], *above
+    return [joint.position for body in bodies for joint in body.joints]
+
+
+def _find_ends(station: Station, index: int) -> Real:
+    """Return places that span a stage: where it is measured, else its centre and joints; (n, 3)."""
+    stage = station.stages[index]
+    if len(stage.measured_places):
+        return stage.measured_places
+    return np.array([stage.com, *_list_held(station, index)])
 
 
 @dataclass(frozen=True)
@@ -122,9 +131,9 @@ class FlexibleBody(Sized):
 def draw_flexible_body(
     random: np.random.Generator, scene: Scene, place: str | None
 ) -> FlexibleBody | None:
-    """Draw a body with enough sensors to show it, its shape, frequency and damping."""
+    """Draw a body that its test shows, the shape of its mode, frequency and damping."""
     stages = scene.station.stages
-    choices = [i for i, stage in enumerate(stages) if _shows(stage)]
+    choices = [i for i in range(len(stages)) if _shows(scene.station, i)]
     index = draw_stage(random, scene.station, place, "body", choices)
     if index is None:
         return None
@@ -137,6 +146,12 @@ def draw_flexible_body(
     )
 
 
-def _shows(stage: StageBody) -> bool:
-    places = np.array([sensor.position for sensor in stage.sensors])
-    return len(places) >= LEAST_SENSORS and bool(np.ptp(places, axis=0).max() > 0)
+def _shows(station: Station, index: int) -> bool:
+    """Return whether sensors on a stage show its mode, or encoders where nothing else measures."""
+    stage = station.stages[index]
+    above = (child for child in station.stages if child.parent == index)
+    is_read = any(sensor.joint for body in (stage, *above) for sensor in body.sensors)
+    is_shown = len(stage.measured_places) >= LEAST_SENSORS or (
+        is_read and not any(station.accelerometers())
+    )
+    return is_shown and bool(np.ptp(_find_ends(station, index), axis=0).max() > 0)

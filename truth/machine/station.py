@@ -135,6 +135,12 @@ class StageBody:
             )
         object.__setattr__(self, "inertia", inertia)
 
+    @property
+    def measured_places(self) -> Real:
+        """Where accelerometers stand on it [m]; an encoder stands nowhere; (n, 3)."""
+        places = [sensor.position for sensor in self.sensors if not sensor.joint]
+        return np.reshape(places, (-1, 3))
+
 
 @dataclass(frozen=True, eq=False)
 class Station:
