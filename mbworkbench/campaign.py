@@ -27,6 +27,7 @@ from mbworkbench.labels import AnyPath, as_path, check_band
 from mbworkbench.model import MachineModel
 from mbworkbench.tables import Shown, Table
 from tuning import Checkpoint, Session, find_wrong_exports, open_session
+from tuning.checks.export_finding import describe_wrong_exports
 from tuning.session import prepare_machine
 
 
@@ -305,4 +306,4 @@ def _find_wrong_exports(source: Path, campaign: Campaign) -> list[str]:
         return []
     nominal = load_machine(model_file(source, settings), key=settings.key)
     model = as_drawn(prepare_machine(source, settings, nominal)[0])
-    return [finding.sentence for finding in find_wrong_exports(source, model, campaign)]
+    return describe_wrong_exports(find_wrong_exports(source, model, campaign))

@@ -22,7 +22,7 @@ from tuning.attached_instruments import attach_instruments
 from tuning.campaign_machine import close_loops, refuse_unknown_ports, state_machine
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
-from tuning.checks.export_finding import ExportFinding
+from tuning.checks.export_finding import ExportFinding, describe_wrong_exports
 from tuning.control_loops.stability import growing_pole_of_model
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
@@ -168,9 +168,7 @@ def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Cam
                 f"{source}: {finding.sentence}; if file and campaign.toml are right, set "
                 "as_stated = true there"
             )
-    return replace(
-        campaign, remarks=(*campaign.remarks, *(finding.sentence for finding in findings))
-    )
+    return replace(campaign, remarks=(*campaign.remarks, *describe_wrong_exports(findings)))
 
 
 def _read_specification(path: Path) -> UserSpecification:

@@ -29,6 +29,7 @@ def score_hypotheses(
     """Score all hypotheses about a refit, the most promising first.
 
     Against a state before a change, fits in dynamic stiffness score them where the tests allow it.
+    Families are left out there: a matrix of free sizes explains any change of a square matrix.
     Where a law of a joint direction is a cause, no other law of it is sought, and no effect whose
     Part the machine before a change has.
     """
@@ -47,7 +48,7 @@ def score_hypotheses(
     campaign = inner.session.campaign
     is_after = all(test.condition.state == "after" for test in campaign.tests)
     if is_after and has_square_matrix(campaign):
-        hypotheses = [hypothesis for hypothesis in hypotheses if hypothesis.spring is None]
+        hypotheses = [each for each in hypotheses if each.spring is None and each.member is None]
         return rank_by_stiffness(inner, base, hypotheses, settings.score_stride)
     return scores(inner, base.fit, hypotheses, base.floor, settings.score_stride)
 

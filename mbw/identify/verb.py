@@ -39,6 +39,7 @@ from mbw.identify.tips import TIPS_PAGE, TipComparison, compare_tips, write_tips
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
 from tuning import find_wrong_exports
+from tuning.checks.export_finding import describe_wrong_exports
 
 _MODEL_BAND_FACTOR = 1.3  # highest compared frequency of the model, over the band's highest line
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9.=_]+")  # of folders
@@ -107,7 +108,7 @@ def run(
         whole = whole.leave_out_after()
         if machine is not None:  # the modes are right in any unit, their masses are not
             exports = find_wrong_exports(source, as_drawn(machine), whole)
-            remarks = (*whole.remarks, *(finding.sentence for finding in exports))
+            remarks = (*whole.remarks, *describe_wrong_exports(exports))
             whole = replace(whole, remarks=remarks)
     first, *further = [
         TestsOfMachine.of_variant(machine, whole, name) for name in sorted(whole.variants, key=bool)

@@ -1,5 +1,7 @@
 """Columns of a log against the nominal model before any fit: units of encoders and motors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine
 from tuning import find_wrong_exports, open_campaign, open_session
 from tuning.checks.data_against_model import _is_shown_by_column
 from tuning.checks.export_faults import ExportFault
-from tuning.checks.export_finding import ExportFinding
+from tuning.checks.export_finding import ExportFinding, describe_wrong_exports
 
 AXIS = """
 <mujoco model="axis">
@@ -105,6 +107,21 @@ def write_log(folder, spring, factors):
         'model = "model.xml"\n[log]\nfile = "trace.csv"\nmotors = { motor = "Cmd" }\n'
         'encoders = { enc = "Pos", beam = "Beam" }\n'
     )
+
+
+def test_many_pairs_of_encoder_and_motor_share_a_sentence():
+    """A way across the machine that the drawing hardly has is in one pair; nine are no nine units."""
+    findings = [
+        ExportFinding("d.npz", factor, (), is_certain=False, columns=f", enc{factor:g} over drive")
+        for factor in (4.8, 0.3, 55.0)
+    ]
+    assert len(describe_wrong_exports(findings[:2])) == 2
+    other = replace(findings[0], file="e.npz")
+    first, second = describe_wrong_exports([*findings, other])
+    assert "3 pairs of encoder and motor have FRFs from 1/3.3 of to 55 times the nominal" in first
+    assert "(the last, enc55 over drive)" in first
+    assert "e.npz, enc4.8 over drive: measured FRFs are 4.8 times" in second
+    assert "in its [[test]]" in second
 
 
 def find(factor, name="mm"):

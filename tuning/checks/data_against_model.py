@@ -113,7 +113,8 @@ def compare_with_model(
                 is_certain &= finding.is_level and _is_shown_by_column(
                     findings, (file, encoder, drive)
                 )
-            rows.append(replace(finding, columns=clause, is_certain=is_certain))
+            table = "under [log]" if stated[file].columns else finding.table
+            rows.append(replace(finding, columns=clause, table=table, is_certain=is_certain))
     return rows
 
 

@@ -1,10 +1,13 @@
 """Difference of a file or column from the nominal model as a whole: its reasons, in a sentence."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+from identification.words import group_by_key
 from tuning.checks.export_faults import ExportFault
 
 _MAX_REASONS = 2  # that a sentence names
+_MAX_PAIRS = 2  # of encoder and motor in a file that have a sentence each
 
 
 @dataclass(frozen=True)
@@ -16,7 +19,8 @@ class ExportFinding:
         factor: measured over nominal FRFs, in the median, with the shift that suits the best fault.
         faults: most likely faults, best first; empty where none explains the difference.
         is_certain: whether the file cannot be right as it was read.
-        columns: clause on the columns of a log; empty without.
+        columns: clause on encoder and motor; empty without.
+        table: where campaign.toml states their unit.
     """
 
     file: str
@@ -24,6 +28,7 @@ class ExportFinding:
     faults: tuple[ExportFault, ...]
     is_certain: bool
     columns: str = ""
+    table: str = "in its [[test]]"
 
     @property
     def is_level(self) -> bool:
@@ -35,12 +40,11 @@ class ExportFinding:
     def sentence(self) -> str:
         """Sentence with the fault, its reason, and the key that corrects it."""
         where = f"{self.file}{self.columns}"
-        table = "under [log]" if self.columns else "in its [[test]]"
         named = self.faults[:_MAX_REASONS]
         if not named and self.columns:
             return (
                 f"{where}: measured FRFs are {_times(self.factor)} the nominal model's in the "
-                'median over the band: state their unit under [log], or gain = "unknown" of the '
+                f'median over the band: state their unit {self.table}, or gain = "unknown" of the '
                 "motor or encoder that is in counts or volts"
             )
         if not named:
@@ -51,7 +55,7 @@ class ExportFinding:
             )
         reasons = ", or ".join(fault.reason for fault in named)
         keys = ", or ".join(dict.fromkeys(f.remedy for f in named if not f.is_elsewhere))
-        actions = [f"set {keys} {table}"] if keys else []
+        actions = [f"set {keys} {self.table}"] if keys else []
         actions += dict.fromkeys(fault.remedy for fault in named if fault.is_elsewhere)
         is_level = self.is_level
         masses = ", or correct the masses of the model" if is_level else ""
@@ -61,6 +65,25 @@ class ExportFinding:
             f"{where}: measured FRFs {level}{likely}, as if {reasons}: "
             f"{', or '.join(actions)}{masses}"
         )
+
+
+def describe_wrong_exports(findings: Iterable[ExportFinding]) -> list[str]:
+    """Return a sentence on each finding; pairs of encoder and motor share one if they are many."""
+    sentences = []
+    for file, of_file in group_by_key((finding.file, finding) for finding in findings).items():
+        if len(of_file) <= _MAX_PAIRS:
+            sentences += [finding.sentence for finding in of_file]
+            continue
+        by_factor = sorted(of_file, key=lambda finding: finding.factor)
+        low, high = by_factor[0], by_factor[-1]
+        sentences.append(
+            f"{file}: {len(of_file)} pairs of encoder and motor have FRFs from {_times(low.factor)}"
+            f" to {_times(high.factor)} the nominal model's in the median over the band (the last"
+            f"{high.columns}). A wrong unit is in all FRFs of its encoder or motor: state it "
+            f'{high.table}, or gain = "unknown" of what is in counts or volts; else the model is '
+            "far from the machine"
+        )
+    return sentences
 
 
 def _times(factor: float) -> str:
