@@ -110,7 +110,7 @@ def write_log(folder, spring, factors):
 
 
 def test_many_pairs_of_encoder_and_motor_share_a_sentence():
-    """A way across the machine that the drawing hardly has is in one pair; nine are no nine units."""
+    """A way across the machine that the drawing hardly has is in one pair."""
     findings = [
         ExportFinding("d.npz", factor, (), is_certain=False, columns=f", enc{factor:g} over drive")
         for factor in (4.8, 0.3, 55.0)
