@@ -231,10 +231,13 @@ def is_inside_band(fitted: ModalFit, freq_hz: Real) -> Mask:
 def _is_remote(fitted: ModalFit, freq_hz: Real) -> Mask:
     """Return which poles lie so far from the band that they act as residual terms; (n_mode,).
 
-    Such poles fit noise. Their frequency is not identifiable, so that the fit never converges.
+    Such poles fit noise. Their frequency is not identifiable, so that the fit never converges. Far
+    above w, 1 / (s^2 + 2 d w s + w^2) is (1 - 2 d w / s - w^2 / s^2 ...) / s^2: the damping d of a
+    free axis may count where its frequency does not.
     """
     remote: Mask = fitted.freq_hz > _MAX_BAND_DISTANCE * freq_hz[-1]
-    remote |= fitted.freq_hz < freq_hz[0] / _MAX_BAND_DISTANCE
+    below = fitted.freq_hz / freq_hz[0]
+    remote |= np.maximum(below**2, 2 * np.abs(fitted.damping) * below) < _MAX_BAND_DISTANCE**-2
     return remote
 
 

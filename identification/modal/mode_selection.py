@@ -36,6 +36,7 @@ _N_ROOTS = 120
 _QUICK_STEPS = 10  # steps of a refinement without a search for missed modes
 # Eigenvalue of a normal matrix over its largest below which only rounding is left.
 _EIGENVALUE_FLOOR = 1e-13
+_MIN_COMPONENT = 0.1  # of the unit vector of such an eigenvalue: less is rounding as well
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,9 +230,12 @@ def _standard_deviations(fitted: ModalFit, matrix: Real, fixed: Mask) -> tuple[R
         return sds[0], sds[1]
     size = np.sqrt(np.maximum(np.diag(matrix), _EIGENVALUE_FLOOR * np.diag(matrix).max()))
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    # Poles far beside the band are nearly collinear: rounding must not give negative variances.
-    scaled = vectors / size[:, None]
-    covariance = scaled / np.maximum(values, _EIGENVALUE_FLOOR * values[-1]) @ scaled.T / 2
+    # Poles far beside the band, as of a free axis, are nearly collinear with the residuals:
+    # rounding must not give negative variances, nor mix such a direction into other modes.
+    floor = _EIGENVALUE_FLOOR * values[-1]
+    is_rounding = (values < floor) & (np.abs(vectors) < _MIN_COMPONENT)
+    scaled = np.where(is_rounding, 0.0, vectors) / size[:, None]
+    covariance = scaled / np.maximum(values, floor) @ scaled.T / 2
     place = np.arange(count)
     poles = fitted.poles[~fixed]
     real, imag, size = poles.real, poles.imag, np.abs(poles)
