@@ -107,11 +107,15 @@ def estimate_continuous_frf(
             spectra.force[:, 0, 0].real, spectra.motion, spectra.cross[:, :, 0], int(spectra.count)
         )
         values = estimate_frf(single, settings.estimator)
-    bias, bias_variance = spectra.window_bias(2 * np.pi * freq / records.rate_hz, blocks)
-    values, variance = values - bias, variance + bias_variance
+    bias, bias_variance, is_bent = spectra.window_bias(2 * np.pi * freq / records.rate_hz, blocks)
+    is_kept = ~is_bent | is_bent.all()
+    values, variance = (values - bias)[is_kept], (variance + bias_variance)[is_kept]
+    freq, spectra = freq[is_kept], spectra.select(is_kept)
+    lines[lines] = is_kept
     remarks = [
         *period_remarks,
         _describe(records, blocks),
+        *_bent_sentence(records, freq, int((~is_kept).sum())),
         *_drop_sentence(records, freq, spectra.force[:, 0, 0].real, inputs),
     ]
     if blocks.kind == "random":
@@ -164,10 +168,11 @@ def _refuse_dependent(records: Records, blocks: ContinuousBlocks, spectra: Force
         )
     names = ", ".join(map(str, (records.reference, *records.further_references)))
     count, inputs = len(records.force), count_inputs(records)
-    if blocks.kind == "periodic" and 1 < count < inputs:
+    if blocks.kind == "periodic" and count < inputs:
         raise InputError(
-            f"{records.test}: {count} realisations cannot tell the {inputs} forces along {names} "
-            "apart: record as many realisations as there are forces, each with other phases"
+            f"{records.test}: {count} realisation{'s' * (count > 1)} cannot tell the {inputs} "
+            f"forces along {names} apart: record as many realisations as there are forces, each "
+            "with other phases, and state realisations of a log"
         )
     raise InputError(
         f"{records.test}: the forces along {names} are one signal, which cannot be told apart: "
@@ -186,7 +191,7 @@ def _leakage(
     """Return the square of the error by leakage; (n_freq, n_out)."""
     half = blocks.half()
     coarse = average_blocks(records, half).select(np.flatnonzero(lines) // 2)
-    bias, bias_variance = coarse.window_bias(2 * np.pi * freq_hz / records.rate_hz, half)
+    bias, bias_variance, _ = coarse.window_bias(2 * np.pi * freq_hz / records.rate_hz, half)
     noise = variance + coarse.variance()[:, :, 0] + bias_variance
     square = np.abs(coarse.values[:, :, 0] - bias - values) ** 2
     return np.asarray(np.maximum(square - noise, 0.0) / 9)
@@ -207,6 +212,17 @@ def _leakage_sentence(
         f"{records.test}, force along {records.reference}: leakage {where} is up to "
         f"{100 * share[line, row]:.2g} % of the {top} ({freq_hz[line]:.4g} Hz, "
         f"{records.outputs[row]}) and counts as noise; longer blocks (block_s) have less"
+    ]
+
+
+def _bent_sentence(records: Records, freq_hz: Real, count: int) -> list[str]:
+    """Return a sentence on lines that are left out, as those where a sweep starts and stops."""
+    if not count:
+        return []
+    return [
+        f"{records.test}, force along {records.reference}: {count} lines are left out and "
+        f"{freq_hz[0]:.4g} to {freq_hz[-1]:.4g} Hz remain, because a window bends what is excited "
+        "at an end of the record alone: record some seconds of rest before and after a sweep"
     ]
 
 

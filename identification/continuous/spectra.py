@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.fft
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 
 from identification.continuous.period_leakage import fit_leakage
 from identification.continuous.plan import ContinuousBlocks
@@ -27,10 +27,12 @@ from identification.words import Complex, InputError, Integers, Mask, Real, Reco
 _USABLE_SHARE = 0.8  # of half the sampling rate: anti-aliasing filters act above
 _MIN_LINE_POWER = 1e-6  # of the strongest line, of a periodic force: it has no power between lines
 _MIN_STRENGTH = 10.0  # of instruments over noise in the forces (Stock and Yogo 2005: F of 10)
-_NEIGHBOURS = 9  # lines whose median strength counts
+_NEIGHBOURS = 9  # lines whose median strength counts, and whose mean slope of the window
 _MIN_SLOPE_LINES = 2  # by which an FRF has a slope
 _MAX_BIAS = 0.2  # of an FRF, by a window: beyond it the first order is not enough
+_MAX_EDGE = 2.0  # cot(pi t / L) at a distance t of 0.15 L from the end of a Hann window of length L
 _MIN_SEEN = 3.0  # bias by a window, and its share, over their standard deviations
+_SECOND_ORDER = 2.5  # over the square of a relative bias: where a sweep starts on a free axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,33 +88,51 @@ class ForcedSpectra:
         kept = self.force[lines], self.cross[lines], self.motion[lines]
         return ForcedSpectra(*kept, self.count, noise, self.distortion, weak, sloped)
 
-    def window_bias(self, omega: Real, blocks: ContinuousBlocks) -> tuple[Complex, Real]:
+    def window_bias(self, omega: Real, blocks: ContinuousBlocks) -> tuple[Complex, Real, Mask]:
         r"""Return what the slope of the window adds to the FRFs of the first force.
 
         A machine answers to a force in a window w(t) by H w x + i dH/domega w' x, to first order:
         it remembers the force of an instant at which the window was another. In blocks that overlap
-        the slopes cancel, but not for what is excited at an end of the record alone, as by a sweep.
+        the slopes cancel, but not for what is excited at an end of the record alone, as by a sweep:
+        of a random force chance is left, which differs from line to line.
 
         Args:
             omega: angular frequencies of the lines [rad per sample]; (n_freq,).
             blocks: how the records were cut.
 
         Returns:
-            The bias, 0 where noise or the chance of a random force hides it, and the variance of
-            its correction; (n_freq, n_out).
+            The bias, 0 where noise or the chance of a random force hides it, and the variance that
+            its correction and its second order leave; (n_freq, n_out); and the lowest and
+            highest lines that the edge of a window bends beyond use; (n_freq,).
         """
+        none: Real = np.zeros(self.motion.shape)
         if self.sloped is None or len(omega) < _MIN_SLOPE_LINES:
-            return np.zeros(self.motion.shape, np.complex128), np.zeros(self.motion.shape)
+            return none.astype(np.complex128), none, np.zeros(len(none), bool)
         values, share = self.values, self._per_force(self.sloped)[:, :, :1]
-        bias = (1j * np.gradient(values, omega, axis=0) @ share)[:, :, 0]
+        bias = (1j * _slope(values, omega) @ share)[:, :, 0]
         spread = (np.abs(share) ** 2)[:, :, 0] / (2 * np.gradient(omega)[:, None] ** 2)
         noise = np.einsum("foi,fi->fo", self.variance(), spread)
         slope = np.gradient(blocks.window)
         chance = float(slope @ slope) / float(blocks.window @ blocks.window) / self.count
+        smooth = uniform_filter1d(share, _NEIGHBOURS, axis=0, mode="nearest")
         is_seen = np.abs(bias) ** 2 > _MIN_SEEN**2 * noise
-        is_seen &= np.abs(bias) < _MAX_BIAS * np.abs(values[:, :, 0])
-        is_seen &= np.abs(share).max(axis=1) > _MIN_SEEN * np.sqrt(chance)
-        return bias * is_seen, noise * is_seen
+        is_seen &= np.abs(smooth).max(axis=1) > _MIN_SEEN * np.sqrt(chance / _NEIGHBOURS)
+        square, bias = np.abs(bias) ** 2 * is_seen, bias * is_seen
+        power = np.abs(values[:, :, 0]) ** 2
+        is_large = square > _MAX_BIAS**2 * power
+        second = np.divide(square**2, power, out=np.zeros_like(square), where=power > 0)
+        variance = np.where(is_large, square, noise * is_seen) + _SECOND_ORDER**2 * second
+        is_edge = np.abs(share).max(axis=(1, 2)) * len(blocks.window) > 2 * np.pi * _MAX_EDGE
+        is_beside = np.logical_and.accumulate(is_edge)
+        is_beside |= np.logical_and.accumulate(is_edge[::-1])[::-1]
+        return bias * ~is_large, variance + power * is_edge[:, None], is_beside
+
+
+def _slope(values: Complex, omega: Real) -> Complex:
+    """Return dH/domega by the slope of log H, which is right for steep FRFs too."""
+    size = np.log(np.maximum(np.abs(values), np.finfo(float).tiny))
+    logarithm = size + 1j * np.unwrap(np.angle(values), axis=0)
+    return np.asarray(values * np.gradient(logarithm, omega, axis=0))
 
 
 def average_blocks(records: Records, blocks: ContinuousBlocks) -> ForcedSpectra:
