@@ -9,9 +9,10 @@ import numpy as np
 import scipy.io
 
 from identification.readers.result_files import FORMAT
-from identification.words import Loop, Real, Signal
+from identification.words import Loop, Real
 from identification.words.csv_cells import write_csv
 from mbmodel import input_unit, output_unit, refuse_difference, write_copy
+from mbw.excite.summary import find_steps
 from tuning.excitation.design import Excitation
 from tuning.excitation.prediction import predict_record
 from tuning.excitation.tested_machine import TestedMachine
@@ -74,9 +75,6 @@ def write_folder(
     (place / CAMPAIGN).write_text(text, encoding="utf-8")
 
 
-_STEPPED = ("m", "rad")  # units of encoders, which count steps
-
-
 def _kept_tables(excitation: Excitation, tested: TestedMachine) -> dict[str, Mapping[str, Any]]:
     """Return the tables of the campaign that hold for its machine in this test too."""
     tables: dict[str, Mapping[str, Any]] = {"tolerance": vars(tested.tolerance)}
@@ -86,11 +84,8 @@ def _kept_tables(excitation: Excitation, tested: TestedMachine) -> dict[str, Map
     tuning = {name: value for name, value in vars(stated).items() if name in names}
     if stated.ties:
         tuning["tie"] = stated.ties
-    request = excitation.request
-    for port, noise in zip(request.outputs, request.noise, strict=True):
-        if isinstance(port, Signal) and output_unit(tested.machine, port, "receptance") in _STEPPED:
-            step = float(noise * np.sqrt(6 * excitation.plan.rate_hz))
-            tables[f"sensor.{json.dumps(str(port))}"] = {"resolution": float(f"{step:.3g}")}
+    for port, step in find_steps(excitation).items():
+        tables[f"sensor.{json.dumps(str(port))}"] = {"resolution": float(f"{step:.3g}")}
     if tested.settings is not None:
         for kind in ("sensor", "hammer"):
             for name, table in getattr(tested.settings, kind).items():

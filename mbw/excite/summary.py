@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mbmodel import input_unit, read_nonlinear_joints
+from identification.words import Signal
+from mbmodel import input_unit, output_unit, read_nonlinear_joints
 from mbw.excite.schema import (
     EXCITATION_JSON,
     CoherenceSummary,
@@ -27,6 +28,7 @@ from tuning.excitation.prediction import (
     predict_sliding,
 )
 
+_STEPPED = ("m", "rad")  # units of encoders, which count steps
 _LISTED_INTERVALS = 5  # widest intervals that are printed, and what stays undetermined
 
 
@@ -77,6 +79,7 @@ def summarise(
             *remarks,
             *plan.remarks,
             *_remark_on_strokes(sliding),
+            *_remark_on_steps(excitation),
         ],
     )
 
@@ -148,6 +151,31 @@ def _remark_on_strokes(sliding: Sequence[SlidingRow]) -> list[str]:
     ]
 
 
+def _remark_on_steps(excitation: Excitation) -> list[str]:
+    """Return a remark on each encoder that moves by less than a step, which is no white noise."""
+    tests, steps = excitation.campaign.tests, find_steps(excitation)
+    gains = np.stack([test.estimate.frf.values[:, :, 0] for test in tests], axis=2)
+    motion = np.sqrt(np.einsum("foi,fi->o", np.abs(gains) ** 2, excitation.power))
+    moved = dict(zip(excitation.request.outputs, motion.tolist(), strict=True))
+    return [
+        f"{port} moves by {moved[port]:.3g} root mean square, less than its step of {step:.3g}: it "
+        "hardly counts, and the intervals are too narrow; raise the limits, lower the band, or use "
+        "a finer encoder"
+        for port, step in steps.items()
+        if moved[port] < step
+    ]
+
+
+def find_steps(excitation: Excitation) -> dict[Signal, float]:
+    """Return the step of each encoder for which its noise stands [m, rad]."""
+    request, machine = excitation.request, excitation.model.machine
+    return {
+        port: float(noise * np.sqrt(6 * excitation.plan.rate_hz))
+        for port, noise in zip(request.outputs, request.noise, strict=True)
+        if isinstance(port, Signal) and output_unit(machine, port, "receptance") in _STEPPED
+    }
+
+
 def describe_excitation(summary: ExcitationFile) -> Iterator[str]:
     """Yield the sentences that the terminal shows."""
     yield from summary.remarks
@@ -162,7 +190,8 @@ def describe_excitation(summary: ExcitationFile) -> Iterator[str]:
     determined = [row for row in summary.parameters if row.determined]
     for row in sorted(determined, key=_relative_width, reverse=True)[:_LISTED_INTERVALS]:
         low, high = row.interval
-        yield f"expected: {row.parameter} {low:.4g} to {high:.4g} {row.unit} (95 %)"
+        digits = max(4, int(np.ceil(2 - np.log10(max(_relative_width(row), 1e-8)))))
+        yield f"expected: {row.parameter} {low:.{digits}g} to {high:.{digits}g} {row.unit} (95 %)"
     vague = summary.undetermined
     yield from vague[:_LISTED_INTERVALS]
     if len(vague) > _LISTED_INTERVALS:

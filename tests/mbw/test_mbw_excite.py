@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -331,6 +332,21 @@ def test_the_instruments_of_a_campaign_are_those_of_its_next_test(model, tmp_pat
 def test_what_cannot_be_meant_is_refused(model, tmp_path, options, words):
     limits = ("--limits", model.with_name("limits.toml"), "--out", tmp_path / "out")
     assert words in run("excite", model, *limits, *options, code=2)
+
+
+def test_a_motion_within_one_step_of_the_encoder_is_said(model, tmp_path):
+    limits = ("--limit", "drive:force=1e-3", "--resolution", "encoder=1e-6", "--output", "encoder")
+    said = run("excite", model, "--drives", "drive", *limits, *SHORT, "--out", tmp_path / "out")
+    assert "less than its step of 1e-06: it hardly counts" in said
+
+
+def test_a_narrow_interval_has_two_ends(model, tmp_path):
+    limits = ("--limit", "drive:force=1e3", "--resolution", "encoder=1e-13")
+    limits = (*limits, "--output", "encoder", "--out", tmp_path / "out")
+    said = run("excite", model, "--drives", "drive", *limits, *SHORT)
+    ends = re.findall(r"expected: .* (\S+) to (\S+) ", said)
+    assert ends
+    assert all(low != high for low, high in ends)
 
 
 def test_a_drawn_friction_is_said_to_slide_or_stick(model, tmp_path):
