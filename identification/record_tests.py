@@ -129,6 +129,12 @@ def _bias_remark(
             "controller, which no coherence shows: record the reference or an injected "
             "disturbance, and name it under [log], or state controllers there"
         ]
+    if motors := [name for name, column in log.motors.items() if column in log.references]:
+        return [
+            f"{log.file}: references name the column of {' and '.join(motors)}, which holds what a "
+            "closed loop makes of the noise: right only where no loop was closed; else name the "
+            "reference or an injected disturbance"
+        ]
     unaided = replace(records, set_points=np.zeros((0, *records.force.shape)))
     direct = estimate_continuous_frf(unaided, setting).estimate
     estimate = continuous.estimate

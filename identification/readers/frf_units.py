@@ -190,10 +190,19 @@ def labelled_unit(
     motion, _, drive = label.rpartition("/")
     if drive == _CONTROL_UNIT and (_motion(motion, quantity) or ("", 0.0))[1] == 1:
         return None, ()  # as the drive's own unit is not known, nothing is read otherwise
+    if motion == drive:
+        return None, ()  # a ratio, as of accelerations of table and floor
+    if signals := [part for part in (motion, drive) if is_electrical_label(part)]:
+        is_unit = _motion(motion, quantity) is not None and _drive(drive) is not None
+        return label if is_unit else None, (
+            f"{path.name}: its headings name {label}: {' and '.join(signals)} count as the units "
+            'of sensors and motors in the model; if they are others, state gain = "unknown" under '
+            "[sensor.NAME] or [hammer.NAME]",
+        )
     if parse_frf_unit(label, quantity) is None:
         return None, (
             f"{path.name}: its headings name {label}, which is no single unit of {quantity}, so "
-            "that the numbers count as SI: state unit and quantity in its [[test]]",
+            "that the numbers count as SI: state unit and quantity beside its file",
         )
     return label, (
         f"{path.name}: its headings name the unit {label}: state unit beside its file if they "

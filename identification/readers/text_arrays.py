@@ -74,8 +74,10 @@ def choose_columns(table: TextTable, columns: Sequence[int | str]) -> TextTable:
         if isinstance(column, int):
             fitting = [column - 1] if 1 <= column <= len(table.names) else []
         else:
-            bare = [name.split(" [")[0] for name in table.names]
-            fitting = [k for k, name in enumerate(table.names) if column in {name, bare[k]}]
+            bare = [{name, name.split(" [")[0]} for name in table.names]
+            if not any(column in texts for texts in bare):  # a row of units gave the last word
+                bare = [{name.rpartition(" ")[0]} for name in table.names]
+            fitting = [k for k, texts in enumerate(bare) if column in texts]
         if len(fitting) != 1:
             count = "no column" if not fitting else f"{len(fitting)} columns"
             headings = [name or k for k, name in enumerate(table.names, start=1)]
@@ -171,9 +173,16 @@ def read_rate(path: Path, times: Real, unit_s: float) -> float:
     steps = np.diff(times) * unit_s
     mean = float(steps.mean()) if len(steps) else 0.0
     if mean <= 0 or np.abs(steps - mean).max() > _MAX_TIME_STEP_SPREAD * mean:
-        spread = f", {steps.min():g} to {steps.max():g} s" if len(steps) else ""
+        spread = ""
+        if len(steps):
+            worst = int(np.abs(steps - np.median(steps)).argmax())
+            spread = (
+                f", {steps.min():g} to {steps.max():g} s (step {worst + 1}, after the time "
+                f"{times[worst]:g}, is the oddest of {len(steps)})"
+            )
         raise InputError(
-            f"{path}: its times are not evenly spaced{spread}: export samples of one rate"
+            f"{path}: its times are not evenly spaced{spread}: export samples of one rate, or the "
+            "longest part without a gap"
         )
     if not _RATES_HZ[0] <= 1 / mean <= _RATES_HZ[1]:
         raise InputError(

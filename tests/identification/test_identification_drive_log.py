@@ -295,10 +295,14 @@ def test_two_motors_of_signals_apart_need_no_realisations(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("headings", "said"),
-    [("time;i_q;x_1;ref\nms;kN;mm;kN", "mm/kN"), ("time [ms];i_q [kN];x_1 [mm];ref", "mm/kN")],
+    ("headings", "has_units"),
+    [
+        ("time;i_q;x_1;ref\nms;kN;mm;kN", True),
+        ("time;i_q;x_1;ref\nms;kN;mm;kN", False),
+        ("time [ms];i_q [kN];x_1 [mm];ref", False),
+    ],
 )
-def test_units_of_the_headings_of_a_trace_count(tmp_path, record, headings, said):
+def test_units_of_the_headings_of_a_trace_count(tmp_path, record, headings, has_units):
     reference, command, position = record
     times = 1e3 * np.arange(len(command)) / RATE_HZ
     rows = np.column_stack([times, 1e-3 * command, 1e3 * position, reference])
@@ -306,7 +310,7 @@ def test_units_of_the_headings_of_a_trace_count(tmp_path, record, headings, said
     (tmp_path / "trace.csv").write_text("\n".join([headings, *lines]))
     names = headings.splitlines()
     motor, encoder, ref = (
-        " ".join(cells) if len(names) > 1 else cells[0].split(" [")[0]
+        " ".join(cells) if has_units else cells[0].split(" [")[0]
         for cells in list(zip(*(line.split(";") for line in names), strict=True))[1:]
     )
     text = LOG.format(file="trace.csv", motor=motor, encoder=encoder).replace('unit = "m/N"', "")
@@ -315,7 +319,38 @@ def test_units_of_the_headings_of_a_trace_count(tmp_path, record, headings, said
     np.testing.assert_allclose(
         campaign.tests[0].estimate.frf.values, expected.frf.values, rtol=1e-4
     )
-    assert any(f"the unit {said}" in remark for remark in campaign.remarks)
+    assert any("the unit mm/kN" in remark for remark in campaign.remarks)
+
+
+def test_a_motor_in_amperes_counts_in_the_unit_of_its_control(tmp_path, record):
+    reference, command, position = record
+    table = np.column_stack([np.arange(len(command)) / RATE_HZ, command, 1e3 * position, reference])
+    heading = "time,Cmd [A],Pos [mm],Ref"
+    np.savetxt(tmp_path / "trace.csv", table, "%.12g", ",", header=heading, comments="")
+    text = LOG.format(file="trace.csv", motor="Cmd", encoder="Pos").replace('unit = "m/N"', "")
+    campaign = read(tmp_path, text + 'references = ["Ref"]\n')
+    (said,) = [remark for remark in campaign.remarks if "headings" in remark]
+    assert "mm/A: A count as" in said
+    assert 'gain = "unknown"' in said
+    expected = estimate_continuous_frf(records_of(*record)).estimate.frf.values
+    np.testing.assert_allclose(campaign.tests[0].estimate.frf.values, expected, rtol=1e-4)
+
+
+def test_a_motor_that_is_its_own_reference_is_said(tmp_path, record):
+    table = np.column_stack([np.arange(len(record[1])) / RATE_HZ, *record[1:]])
+    np.savetxt(tmp_path / "trace.csv", table, "%.12g", ",", header="time,Cmd,Pos", comments="")
+    text = LOG.format(file="trace.csv", motor="Cmd", encoder="Pos") + 'references = ["Cmd"]\n'
+    assert any(
+        "right only where no loop was closed" in said for said in read(tmp_path, text).remarks
+    )
+
+
+def test_a_sample_that_is_missing_is_named(tmp_path, record):
+    table = np.column_stack([np.arange(len(record[1])) / RATE_HZ, *record[1:]])
+    table = np.delete(table, 4321, axis=0)
+    np.savetxt(tmp_path / "trace.csv", table, "%.12g", ",", header="time,Cmd,Pos", comments="")
+    with pytest.raises(InputError, match=r"step 4321, after the time 4.32, .*without a gap"):
+        read(tmp_path, LOG.format(file="trace.csv", motor="Cmd", encoder="Pos"))
 
 
 def test_more_realisations_than_samples_are_refused(tmp_path):

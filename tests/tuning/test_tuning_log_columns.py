@@ -80,6 +80,17 @@ def test_counts_of_an_encoder_are_a_remark(tmp_path):
     assert 'gain = "unknown"' in remarks
 
 
+def test_times_in_milliseconds_are_named_by_their_key(tmp_path):
+    write_log(tmp_path, SLIDE, {})
+    lines = (tmp_path / "trace.csv").read_text().splitlines()
+    rows = [line.split(",", 1) for line in lines[1:]]
+    rows = [f"{1e3 * float(time) + 0.5:.6f},{cells}" for time, cells in rows]
+    (tmp_path / "trace.csv").write_text("\n".join(["Time" + lines[0][6:], *rows]))
+    source, machine, campaign = open_campaign(tmp_path)
+    said = find_wrong_exports(source, as_drawn(machine), campaign)[0].sentence
+    assert 'as if times in ms were read as s: set time_unit = "ms" under [log]' in said
+
+
 def write_log(folder, spring, factors):
     """A log of a motor and two encoders, whose stiffness is 20 % off the drawing."""
     text = AXIS.format(**spring)

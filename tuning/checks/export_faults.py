@@ -199,6 +199,8 @@ def _quantity_faults(stated: StatedExport) -> list[ExportFault]:
 
 def _axis_faults(stated: StatedExport) -> list[ExportFault]:
     """Return the faults of the frequency unit."""
+    if stated.columns:  # the frequencies of a log are those of its times
+        return [ExportFault("times in ms were read as s", 'time_unit = "ms"', axis=1e-3)]
     read_as = stated.frequency_unit or "Hz"
     read_hz = FREQUENCY_UNITS_HZ[read_as]
     return [

@@ -8,6 +8,7 @@ from tuning.checks.export_faults import ExportFault
 
 _MAX_REASONS = 2  # that a sentence names
 _MAX_PAIRS = 2  # of encoder and motor in a file that have a sentence each
+_UNKNOWN_GAIN = 'gain = "unknown" of the motor or encoder that is in amperes, counts or volts'
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,7 @@ class ExportFinding:
         if not named and self.columns:
             return (
                 f"{where}: measured FRFs are {_times(self.factor)} the nominal model's in the "
-                f'median over the band: state their unit {self.table}, or gain = "unknown" of the '
-                "motor or encoder that is in counts or volts"
+                f"median over the band: state their unit {self.table}, or {_UNKNOWN_GAIN}"
             )
         if not named:
             return (
@@ -58,7 +58,8 @@ class ExportFinding:
         actions = [f"set {keys} {self.table}"] if keys else []
         actions += dict.fromkeys(fault.remedy for fault in named if fault.is_elsewhere)
         is_level = self.is_level
-        masses = ", or correct the masses of the model" if is_level else ""
+        gain = f", or {_UNKNOWN_GAIN}" if self.columns else ""
+        masses = f"{gain}, or correct the masses of the model" if is_level else ""
         level = f"are {_times(self.factor)} the nominal model's" if is_level else "fit the model"
         likely = "" if self.is_certain else " rather"
         return (
@@ -80,8 +81,7 @@ def describe_wrong_exports(findings: Iterable[ExportFinding]) -> list[str]:
             f"{file}: {len(of_file)} pairs of encoder and motor have FRFs from {_times(low.factor)}"
             f" to {_times(high.factor)} the nominal model's in the median over the band (the last"
             f"{high.columns}). A wrong unit is in all FRFs of its encoder or motor: state it "
-            f'{high.table}, or gain = "unknown" of what is in counts or volts; else the model is '
-            "far from the machine"
+            f"{high.table}, or {_UNKNOWN_GAIN}; else the model is far from the machine"
         )
     return sentences
 
