@@ -46,6 +46,8 @@ def describe_shifts(
         for k, name in enumerate(names)
         if (alone := [m for m in modes if m.number[k] >= 0 and not m.is_complete])
     ]
+    if len(partnerless) == len(names):
+        partnerless[-1] += ", perhaps modes that moved too far to be paired"
     return "; ".join([capitalise(text), *partnerless]) + "."
 
 

@@ -27,6 +27,9 @@ _MAX_ADDED_MODES, _MAX_GUARD_POLES = 12, 6
 _MIN_COST_DROP = 3.0
 # Drop of the cost that a pole beside the band must give, per parameter: just above noise.
 _MIN_GUARD_COST_DROP = 0.7
+# Drop of the reduced chi-square by a pole so far from the band that its frequency is not seen: the
+# drag of a free axis, whose receptance is 1 / (m s (s + d)).
+_MIN_REMOTE_DROP = 0.5
 # Share of the required drop that a new pole must give while all other poles stay fixed.
 _MIN_SOLO_SHARE = 0.3
 # Factor on the cost tolerance of a fit while all other poles stay fixed.
@@ -96,12 +99,11 @@ def _find_superfluous(
     if not len(fitted.poles):
         return None
     inside = is_inside_band(fitted, freq_hz)
-    relative_rise = cost_rise_without(data, fitted) / np.where(
-        inside, _MIN_COST_DROP, _MIN_GUARD_COST_DROP
-    )
+    rise = cost_rise_without(data, fitted)
+    relative_rise = rise / np.where(inside, _MIN_COST_DROP, _MIN_GUARD_COST_DROP)
     relative_rise /= _local_chi_squares(data, freq_hz, fitted)
     relative_rise[inside & ~_is_physical(fitted, criteria, growing)] = 0.0
-    relative_rise[_is_remote(fitted, freq_hz)] = 0.0
+    relative_rise[_is_remote(fitted, freq_hz) & (rise < _large_cost_drop(data))] = 0.0
     weaker = find_split_modes(fitted) & (relative_rise[:, None] <= relative_rise)
     relative_rise[inside & weaker.any(axis=1)] = 0.0
     worst = int(np.argmin(relative_rise))
@@ -123,6 +125,12 @@ def fit_roughly(data: WeightedFrfs, poles: Complex, participation: Complex) -> M
 def _rough_cost_drop(data: WeightedFrfs) -> float:
     """Return the cost tolerance of an intermediate fit."""
     return _ROUGH_COST_SHARE * _MIN_COST_DROP * _count_parameters(data)
+
+
+def _large_cost_drop(data: WeightedFrfs) -> float:
+    """Return the drop of the cost that takes ``_MIN_REMOTE_DROP`` off the reduced chi-square."""
+    count = int((data.cells > 0).sum()) * len(data.laplace)
+    return _MIN_REMOTE_DROP * count / data.correlated_lines
 
 
 def _add_poles(data: WeightedFrfs, freq_hz: Real, fitted: ModalFit, *, inside: bool) -> ModalFit:
@@ -147,7 +155,10 @@ def _add_poles(data: WeightedFrfs, freq_hz: Real, fitted: ModalFit, *, inside: b
                 fit
                 for fit in candidates
                 if (~is_inside_band(fit, freq_hz)).sum() > n_outside
-                and not _is_remote(fit, freq_hz)[-1]
+                and (
+                    not _is_remote(fit, freq_hz)[-1]
+                    or fitted.cost - fit.cost > _large_cost_drop(data)
+                )
             ]
         best = min(candidates, key=lambda fit: fit.cost, default=fitted)
         is_split = inside and best is not fitted and bool(find_split_modes(best)[-1].any())
@@ -231,13 +242,10 @@ def is_inside_band(fitted: ModalFit, freq_hz: Real) -> Mask:
 def _is_remote(fitted: ModalFit, freq_hz: Real) -> Mask:
     """Return which poles lie so far from the band that they act as residual terms; (n_mode,).
 
-    Such poles fit noise. Their frequency is not identifiable, so that the fit never converges. Far
-    above w, 1 / (s^2 + 2 d w s + w^2) is (1 - 2 d w / s - w^2 / s^2 ...) / s^2: the damping d of a
-    free axis may count where its frequency does not.
+    Such poles fit noise. Their frequency is not identifiable, so that the fit never converges.
     """
     remote: Mask = fitted.freq_hz > _MAX_BAND_DISTANCE * freq_hz[-1]
-    below = fitted.freq_hz / freq_hz[0]
-    remote |= np.maximum(below**2, 2 * np.abs(fitted.damping) * below) < _MAX_BAND_DISTANCE**-2
+    remote |= fitted.freq_hz < freq_hz[0] / _MAX_BAND_DISTANCE
     return remote
 
 

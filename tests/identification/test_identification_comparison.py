@@ -111,6 +111,10 @@ def test_a_mode_without_a_partner_is_listed_alone():
     assert shifts[1] is None
     text = describe_shifts(modes, shifts, ["march", "june"], is_one_machine=True)
     assert "march alone has 60 Hz" in text
+    assert "too far to be paired" not in text
+    moved = pair_tests([modes_of([80.0], MODES[:, :1]), modes_of([20.0], MODES[:, :1])], BAND)
+    text = describe_shifts(moved, compute_shifts(moved), ["march", "june"], is_one_machine=True)
+    assert "june alone has 20 Hz, perhaps modes that moved too far to be paired" in text
 
 
 def test_shifts_of_an_unchanged_machine_have_their_stated_deviation():
