@@ -221,8 +221,9 @@ def _bent_sentence(records: Records, freq_hz: Real, count: int) -> list[str]:
         return []
     return [
         f"{records.test}, force along {records.reference}: {count} lines are left out and "
-        f"{freq_hz[0]:.4g} to {freq_hz[-1]:.4g} Hz remain, because a window bends what is excited "
-        "at an end of the record alone: record some seconds of rest before and after a sweep"
+        f"{freq_hz[0]:.4g} to {freq_hz[-1]:.4g} Hz remain, because only the ends of the record "
+        "excite the others, where a window bends them: record some seconds of rest before and "
+        "after a sweep"
     ]
 
 

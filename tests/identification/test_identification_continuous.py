@@ -92,7 +92,7 @@ def test_a_sweep_that_starts_with_the_record_bends_no_line_of_a_free_axis():
     assert (error / np.abs(right)).max() < 0.04
     assert (error**2 / result.estimate.variance[band, 0, 0]).max() < 9
     assert freq.min() < 5
-    assert any("at an end of the record" in remark for remark in result.remarks)
+    assert any("ends of the record" in remark for remark in result.remarks)
 
 
 def test_each_force_has_its_own_column():
