@@ -190,7 +190,7 @@ def labelled_unit(
     motion, _, drive = label.rpartition("/")
     if drive == _CONTROL_UNIT and (_motion(motion, quantity) or ("", 0.0))[1] == 1:
         return None, ()  # as the drive's own unit is not known, nothing is read otherwise
-    if motion == drive:
+    if motion == drive and not is_electrical_label(drive):
         return None, ()  # a ratio, as of accelerations of table and floor
     if signals := [part for part in (motion, drive) if is_electrical_label(part)]:
         is_unit = _motion(motion, quantity) is not None and _drive(drive) is not None
