@@ -4,7 +4,8 @@ A cause that was selected before the others were known may be a proxy of them, o
 place beside them. So each earlier cause is left out in turn. It is dropped if the set without it is
 as probable, and more than the selected set. Else the score test about that set proposes other
 causes, and the best of these replaces it if the set is more probable (sequential replacement,
-Miller 2002, ch. 3).
+Miller 2002, ch. 3). What another cause has replaced may have been all that a third one stood for:
+the new set is reconsidered as well.
 
 Beside a law, sets are compared on the tests of one level, with the law held (``one_level``). A set
 without a cause is refitted on all levels unless one level shows that the cause belongs to it. So is
@@ -66,7 +67,7 @@ def reconsider_causes(
         if is_acceptable(search, refit, settings) and not is_more_probable(search, kept, refit):
             kept = refit
     if kept is not best:
-        return search, kept
+        return reconsider_causes(base, search, kept, settings)
     rivals: list[Refit] = []
     for refit, left_out in zip(shorter, kept_causes, strict=True):
         replaced = _replace_cause(base, refit, left_out, settings)
@@ -78,7 +79,7 @@ def reconsider_causes(
     search = replace(search, refits=(*search.refits, *rivals))
     for rival in rivals:
         kept = rival if is_more_probable(search, rival, kept) else kept
-    return search, kept
+    return (search, kept) if kept is best else reconsider_causes(base, search, kept, settings)
 
 
 def _list_causes_without(

@@ -53,11 +53,13 @@ def rank_by_stiffness(
     best: dict[str, list[Score]] = {}
     for score in ranked:
         best.setdefault(score.hypothesis.site, []).append(score)
-    # Those fitted to the end: some shapes of each effect and place, twice the refits of a round.
+    # Those fitted to the end: some shapes of each effect and place, twice the refits of a round,
+    # and what has further starts, as a spring whose change is far from linear below a motor.
     leading = [
         score.hypothesis
-        for of_site in list(best.values())[: 2 * scene.settings.max_refits]
+        for number, of_site in enumerate(best.values())
         for score in of_site[: scene.settings.max_variants]
+        if number < 2 * scene.settings.max_refits or score.hypothesis.otherwise
     ]
     ends = [_fit_hypothesis(base, hypothesis, thin, steps) for hypothesis in leading]
     fitted = set(map(id, leading))

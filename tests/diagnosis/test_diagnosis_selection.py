@@ -180,8 +180,11 @@ def test_peaks_of_a_scan_are_those_that_no_neighbour_exceeds():
     assert list_peaks([]) == []
 
 
-def test_elimination_drops_a_proxy_and_keeps_the_cause(tmp_path):
-    session, text = drawn(tmp_path, 72_012, "drift", ratio=6.0, lines=161)
+@pytest.fixture(scope="module")
+def drift_and_proxy(tmp_path_factory):
+    """A machine with a drift: scene, null model, the cause, a proxy, and the fit with that."""
+    folder = tmp_path_factory.mktemp("drift")
+    session, text = drawn(folder, 72_012, "drift", ratio=6.0, lines=161)
     answer = tomllib.loads(text)
     scene = early_scene(session)
     null = refit_null(scene)
@@ -189,7 +192,11 @@ def test_elimination_drops_a_proxy_and_keeps_the_cause(tmp_path):
         one for one in propose_at(scene, "drift", answer["location"]) if one.dof == answer["dof"]
     )
     proxy = propose_at(scene, "structural_damping", answer["location"])[0]
-    with_proxy = refit_with(scene, null, proxy)
+    return scene, null, cause, proxy, refit_with(scene, null, proxy)
+
+
+def test_elimination_drops_a_proxy_and_keeps_the_cause(drift_and_proxy):
+    scene, null, cause, proxy, with_proxy = drift_and_proxy
     both = refit_with(scene, with_proxy, cause)
     scores = tuple(SimpleNamespace(hypothesis=one) for one in (proxy, cause))
     search = Search(null, null, scores=scores, refits=(with_proxy, both))
@@ -197,6 +204,17 @@ def test_elimination_drops_a_proxy_and_keeps_the_cause(tmp_path):
     after, kept = reconsider_causes(base, search, both, SETTINGS)
     assert kept.keys == (cause.key,)
     assert [refit.keys for refit in after.refits[2:]] == [(cause.key,)]
+
+
+def test_a_proxy_is_dropped_once_another_one_is_replaced_by_the_cause(drift_and_proxy):
+    scene, null, cause, proxy, with_proxy = drift_and_proxy
+    further = propose_at(scene, "joint_coupling", cause.location)[0]
+    both = refit_with(scene, with_proxy, further)
+    search = Search(null, null, scores=(), refits=(with_proxy, both))
+    base = SimpleNamespace(scene=scene, proven=(), checks=SimpleNamespace(small=()))
+    after, kept = reconsider_causes(base, search, both, SETTINGS)
+    assert (further.key, cause.key) in [refit.keys for refit in after.refits]
+    assert kept.keys == (cause.key,)
 
 
 def test_a_cause_at_a_wrong_place_is_replaced_once_the_others_are_known(two_effects):
