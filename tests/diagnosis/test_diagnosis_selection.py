@@ -207,7 +207,7 @@ def test_elimination_drops_a_proxy_and_keeps_the_cause(drift_and_proxy):
 
 
 def test_a_proxy_is_dropped_once_another_one_is_replaced_by_the_cause(drift_and_proxy):
-    scene, null, cause, proxy, with_proxy = drift_and_proxy
+    scene, null, cause, _, with_proxy = drift_and_proxy
     further = propose_at(scene, "joint_coupling", cause.location)[0]
     both = refit_with(scene, with_proxy, further)
     search = Search(null, null, scores=(), refits=(with_proxy, both))
