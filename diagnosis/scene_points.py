@@ -14,8 +14,7 @@ from identification.words import (
     is_hammer_point,
     node_number,
 )
-from mbmodel import WORLD, ChannelPart, Machine, parent_bodies
-from mbmodel.ports.ports import find_ports
+from mbmodel import WORLD, ChannelPart, Machine, find_ports, parent_bodies
 
 
 def list_varying_names(scene: Scene) -> set[str]:

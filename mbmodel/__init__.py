@@ -16,7 +16,7 @@ from mbmodel.additions import (
     suspended_mass_elements,
 )
 from mbmodel.assembly import Matrices
-from mbmodel.compliance.flexible_body import BendingMode, add_bending_mode
+from mbmodel.compliance.flexible_body import BendingMode, add_bending_mode, has_bending_mode
 from mbmodel.compliance.released_directions import RigidDirection, release_rigid_directions
 from mbmodel.control_loops.loop_part import with_loops
 from mbmodel.export.branch_states import ApproximatedLaw
@@ -178,6 +178,7 @@ __all__ = [
     "find_ports",
     "hammer_gain_parts",
     "hammer_parts",
+    "has_bending_mode",
     "held_parameters",
     "input_unit",
     "joint_coupling_writer",

@@ -28,7 +28,7 @@ from diagnosis.scene_points import list_hidden_bodies, scan_resonances
 from diagnosis.stated_values import Value
 from identification import Fault, estimate_bending_shape
 from identification.words import Campaign, Dof, Real
-from mbmodel import BendingMode, Machine, add_bending_mode
+from mbmodel import BendingMode, Machine, add_bending_mode, has_bending_mode
 from mbmodel.variants.variant_parts import has_moved_stages
 from tuning import Session
 
@@ -138,8 +138,10 @@ def build_bending_hypothesis(
         fault.effect, fault.location, is_modelled=False, state=lambda _: dict(fault.parameters)
     )
     shape = estimate_bending_shape(correct_campaign, body)
-    # Where a stage stands elsewhere in some test, the body above a bending one has another lever.
-    if shape is None or has_moved_stages(session.model.machine):
+    # Where a stage stands elsewhere in some test, the body above a bending one has another lever. A
+    # machine before a change may bend already: one more mode of the body is not sought.
+    nominal = session.model.machine
+    if shape is None or has_moved_stages(nominal) or has_bending_mode(nominal, body):
         return base
 
     def reform_machine(machine: Machine) -> Machine:

@@ -55,6 +55,11 @@ def add_bending_mode(machine: Machine, body: str) -> Machine:
     return replace(bent, variants=variants)
 
 
+def has_bending_mode(machine: Machine, body: str) -> bool:
+    """Return whether a machine has a coordinate in which a body bends."""
+    return _mode_name(body) in machine.layout.bodies
+
+
 def _stage_of(axle: Axle) -> str:
     """Return the stage of an axle, as a key to group by."""
     return axle.stage

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, build_verdict, diagnose
+from diagnosis.effects.flexible_body import build_bending_hypothesis
 from diagnosis.known_cause_bound import refit_true_cause
 from diagnosis.refits.refitting import add_hypotheses
 from identification import Fault, estimate_bending_shape
@@ -58,6 +59,15 @@ def test_a_first_guess_is_the_peak_and_no_rigid_motion(case):
     places = [campaign.outputs.index(dof) for dof in channels]
     power = (np.abs(values[:, :, places] @ readings) ** 2).sum(axis=0)
     assert campaign.freq_hz[power.argmax()] == pytest.approx(seen.frequency, abs=1.5)
+
+
+def test_a_body_that_bends_before_a_change_gets_no_second_mode(case):
+    found, _ = case
+    told = Fault("flexible_body", found.present.causes[0].location, None, 1.0, {}, 1.0)
+    body = told.location.partition(":")[2]
+    for session, is_sought in ((found.session, True), (found.after.refit.session, False)):
+        hypothesis = build_bending_hypothesis(told, (body,), session, found.checks.campaign)
+        assert hypothesis.is_modelled is is_sought
 
 
 def test_the_same_parts_are_made_for_another_machine(case):
