@@ -13,14 +13,9 @@ from functools import partial, reduce
 
 import numpy as np
 
+from diagnosis.effects.appendage_part import SCAN_DAMPING_RATIO
 from diagnosis.effects.body_box import find_jacobian
-from diagnosis.effects.held_mode import (
-    MAX_SIZE,
-    START_DAMPING_RATIO,
-    HeldMode,
-    ModeFamily,
-    find_momenta,
-)
+from diagnosis.effects.held_mode import HeldMode, ModeFamily, find_momenta
 from diagnosis.effects.scales import LOG_FREQUENCY_UNIT, LOG_UNIT, MASS_SHARE_UNIT, MAX_LOG_STEPS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from diagnosis.movable import Movable
@@ -74,14 +69,14 @@ def _begin_mode(family: ModeFamily, highest: float, step: Real) -> Hypothesis | 
         return None
     mode = HeldMode(family, direction)
     name, frequency, damping, *_ = mode.names
-    widest = float(np.log(np.sqrt(0.5) / START_DAMPING_RATIO)) / LOG_UNIT
-    most = MAX_SIZE / MASS_SHARE_UNIT
+    widest = float(np.log(np.sqrt(0.5) / SCAN_DAMPING_RATIO)) / LOG_UNIT
+    most = 1 / MASS_SHARE_UNIT
     return Hypothesis(
         "flexible_body",
         family.location,
         parts=(mode.build(),),
         scored=(name,),
-        begin={name: min(size, most / 2)},
+        begin={**dict.fromkeys(mode.names, 0.0), name: min(size, most / 2)},
         bounds={
             name: (0.0, most),
             frequency: (-MAX_LOG_STEPS, MAX_LOG_STEPS),

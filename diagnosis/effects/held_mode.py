@@ -28,16 +28,13 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
+from diagnosis.effects.appendage_part import SCAN_DAMPING_RATIO
 from diagnosis.effects.resonator import build_resonator, build_resonator_slope
 from diagnosis.effects.scales import LOG_FREQUENCY_UNIT, LOG_UNIT, MASS_SHARE_UNIT
 from diagnosis.effects.spring_laws import Shape
-from diagnosis.settings import HALF_PRECISION
+from diagnosis.settings import HALF_PRECISION, NEGLIGIBLE_SHARE
 from identification.words import Integers, Real
 from mbmodel import AddedPart, Change, Machine, Parameter, parent_bodies
-
-START_DAMPING_RATIO = 0.01  # of a structure without joints
-MAX_SIZE = 0.99  # of the modal mass; the free body of a mode without bending has no frequency
-_DIRECTION_UNIT = 0.1  # of v, across its start, per unit of a parameter
 
 
 def find_momenta(machine: Machine, body: str, jacobian: Real) -> Real:
@@ -103,7 +100,7 @@ class ModeFamily:
         parameters = tuple(
             Parameter(name, 0.0, f"{MASS_SHARE_UNIT:.0%}", positive=False) for name in self.names
         )
-        resonator = build_resonator(2 * np.pi * self.frequency, START_DAMPING_RATIO)
+        resonator = build_resonator(2 * np.pi * self.frequency, SCAN_DAMPING_RATIO)
         changes = tuple(_add_inertia(self.span, core, resonator))
         return AddedPart.linear(self.location, parameters, changes)
 
@@ -149,7 +146,7 @@ class HeldMode:
     def build(self) -> AddedPart:
         """Return the Part."""
         units = [f"{MASS_SHARE_UNIT:.0%}", f"{LOG_FREQUENCY_UNIT:.0%}", f"{LOG_UNIT:.0%}"]
-        units += [f"{_DIRECTION_UNIT:g}"] * (len(self.start) - 1)
+        units += ["1"] * (len(self.start) - 1)
         parameters = tuple(
             Parameter(name, 0.0, unit, positive=False)
             for name, unit in zip(self.names, units, strict=True)
@@ -160,7 +157,7 @@ class HeldMode:
     def find_resonance(self, theta: Real) -> tuple[float, float]:
         """Return the natural frequency [rad/s] and the damping ratio, all joints held."""
         omega = 2 * np.pi * self.family.frequency * float(np.exp(LOG_FREQUENCY_UNIT * theta[1]))
-        return omega, START_DAMPING_RATIO * float(np.exp(LOG_UNIT * theta[2]))
+        return omega, SCAN_DAMPING_RATIO * float(np.exp(LOG_UNIT * theta[2]))
 
     def find_free_resonance(self, theta: Real) -> tuple[float, float]:
         """Return the natural frequency [Hz] and the damping ratio of the free body.
@@ -168,7 +165,7 @@ class HeldMode:
         Momenta that no joint shows are zero. With them the body would have higher ones.
         """
         omega, zeta = self.find_resonance(theta)
-        bending = 1 - min(MASS_SHARE_UNIT * float(theta[0]), MAX_SIZE)
+        bending = max(1 - MASS_SHARE_UNIT * float(theta[0]), NEGLIGIBLE_SHARE)
         return omega / (2 * np.pi * bending**0.5), zeta / bending**0.5
 
     def find_momentum(self, theta: Real) -> Real:
@@ -179,7 +176,7 @@ class HeldMode:
     @cached_property
     def _across(self) -> Real:
         """Changes of v at its start per unit of each parameter; (n_span, n_span - 1)."""
-        return _DIRECTION_UNIT * scipy.linalg.null_space(self.start[None])
+        return np.asarray(scipy.linalg.null_space(self.start[None]))
 
     def _find_direction(self, theta: Real) -> tuple[Real, Real]:
         """Return v and its slopes by the parameters of the direction; (n_span,), (n, n_span)."""

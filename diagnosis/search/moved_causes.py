@@ -119,7 +119,7 @@ def _list_moved(scene: Scene, fitted: Refit, cause: Hypothesis) -> Iterator[Hypo
                 member = rival.member(np.array([begin[name] for name in rival.coordinates]))
                 if member is None:
                     continue
-                rival, begin = member, {**begin, **member.begin}
+                rival, begin = member, {**member.begin, **begin}
             yield replace(rival, begin=_limit(rival, begin))
 
 

@@ -12,7 +12,7 @@ from diagnosis.levels.law_hypothesis import LawPart
 from diagnosis.levels.refit_laws import refit_laws
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
-from diagnosis.search.drawn_starts import refit_from_drawing
+from diagnosis.search.drawn_starts import refit_from_drawing, refit_members_anew
 from diagnosis.search.free_force import fit_free_forces
 from diagnosis.search.local_gap import acts_at, list_further_peaks
 from diagnosis.search.local_starts import begin_along
@@ -114,6 +114,7 @@ def refit_round(
         count = settings.max_refits if current.causes else settings.max_variants
         peaks = list_further_peaks(ranked, None if force is None else force.location, count)
         refits += search.refit([*further, *((peak, ()) for peak in peaks if peak not in shapes)])
+        refits += refit_members_anew(scene, search.seen, ranked, refits, settings)
     if search.is_on_one_level:
         hypotheses = len({score.hypothesis.site for score in ranked})
         refits = search.finish(refits, trials, hypotheses, tuple(map(key_of, base.checks.small)))

@@ -77,7 +77,7 @@ def test_it_moves_the_joints_as_a_mode_with_a_coordinate_does(machine):
     values = [
         100 * size,
         np.log(np.sqrt(bent)) / 0.05,
-        np.log(DAMPING * np.sqrt(bent) / 0.01) / 0.5,
+        np.log(DAMPING * np.sqrt(bent) / 0.03) / 0.5,
     ]
     model = Model(machine, (*spring_parts(machine), held.build()))
     whole = np.append(model.drawn[: -len(held.names)], values)
