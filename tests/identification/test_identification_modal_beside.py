@@ -72,6 +72,6 @@ def test_the_pole_of_a_free_axis_leaves_the_deviations_of_modes_inside_the_band(
 
 def test_the_drag_of_a_free_axis_counts_where_its_pole_is_far_below_the_band() -> None:
     for seed in (2, 3):
-        found = on_a_free_axis(seed, 1.2, 0.04)
-        assert found.misfit < 1.1  # above 20 without its pole
-        assert found.fit.damping[found.inside] == pytest.approx(np.sin([0.015, 0.019]), rel=0.01)
+        fitted = on_a_free_axis(seed, 1.2, 0.04)
+        assert fitted.misfit < 1.1  # above 20 without its pole
+        assert fitted.fit.damping[fitted.inside] == pytest.approx(np.sin([0.015, 0.019]), rel=0.01)
