@@ -127,11 +127,11 @@ def compute_posterior(
         fitted.keys: share for fitted, share in zip(sets, shares[2:].tolist(), strict=True)
     }
     if evidence.unknown:
-        none, unexplained = NEGLIGIBLE_SHARE, none + unexplained
+        none, unexplained = NEGLIGIBLE_SHARE, min(none + unexplained, 1.0)
     if evidence.proven:  # corrected in every set: present with certainty
         probabilities = {
             (*evidence.proven, *keys): share for keys, share in probabilities.items()
-        } | {evidence.proven: none + (0.0 if evidence.unknown else unexplained)}
+        } | {evidence.proven: min(none + (0.0 if evidence.unknown else unexplained), 1.0)}
         none, unexplained = NEGLIGIBLE_SHARE, unexplained if evidence.unknown else 0.0
     several = sum(share for keys, share in probabilities.items() if _count_causes(keys) > 1)
     groups = group_places(probabilities, evidence.interchangeable, settings.twin_nats)
