@@ -262,8 +262,8 @@ def test_a_sensor_that_is_wrong_by_no_known_fault_leaves_nothing_to_none():
 
 def test_no_probability_exceeds_one_where_all_is_unexplained():
     """The least probability of nothing missing goes to the rest, or to a proven fault."""
-    for given in ({"unknown": ("acc1",)}, {"proven": (("sensor_swap", "sensor:acc1", None),)}):
-        posterior = compute_posterior(evidence(gap=1e9, **given), CONSTANTS)
+    for further in ({"unknown": ("acc1",)}, {"proven": (("sensor_swap", "sensor:acc1", None),)}):
+        posterior = compute_posterior(evidence(gap=1e9, **further), CONSTANTS)
         assert posterior.unexplained <= 1.0
         assert all(probability <= 1.0 for _, probability in posterior.causes)
 
