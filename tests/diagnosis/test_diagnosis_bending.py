@@ -62,11 +62,11 @@ def test_a_first_guess_is_the_peak_and_no_rigid_motion(case):
 
 
 def test_a_body_that_bends_before_a_change_gets_no_second_mode(case):
-    found, _ = case
-    told = Fault("flexible_body", found.present.causes[0].location, None, 1.0, {}, 1.0)
-    body = told.location.partition(":")[2]
-    for session, is_sought in ((found.session, True), (found.after.refit.session, False)):
-        hypothesis = build_bending_hypothesis(told, (body,), session, found.checks.campaign)
+    diagnosis, _ = case
+    fault = Fault("flexible_body", diagnosis.present.causes[0].location, None, 1.0, {}, 1.0)
+    body = fault.location.partition(":")[2]
+    for session, is_sought in ((diagnosis.session, True), (diagnosis.after.refit.session, False)):
+        hypothesis = build_bending_hypothesis(fault, (body,), session, diagnosis.checks.campaign)
         assert hypothesis.is_modelled is is_sought
 
 

@@ -62,8 +62,8 @@ def on_a_free_axis(seed, drag, mobility):
 
 def test_the_pole_of_a_free_axis_leaves_the_deviations_of_modes_inside_the_band() -> None:
     results = [on_a_free_axis(seed, 1.8, 0.007) for seed in (7, 14, 31, 37)]
-    deviations = [found.freq_sd[found.inside] for found in results]
-    errors = np.array([found.fit.freq_hz[found.inside] for found in results]) - MODES_HZ
+    deviations = [each.freq_sd[each.inside] for each in results]
+    errors = np.array([each.fit.freq_hz[each.inside] for each in results]) - MODES_HZ
     # Rounding in the direction of the free axis gave deviations up to 35,000 times the scatter.
     scatter = np.sqrt(np.mean(np.square(errors), axis=0))
     assert np.all(np.max(deviations, axis=0) < 3 * scatter)
